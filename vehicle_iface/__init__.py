@@ -1,0 +1,14 @@
+"""A CAN-bus vehicle interface: state frames in, checked commands out.
+
+    CAN bus ─▶ bus ─▶ codec.decoder ─▶ tracker ─▶ control ─▶ safety.gate ─▶ codec.encoder ─▶ bus ─▶ CAN bus
+                                         trajectories ─▲           runtime.telemetry ─▶ viewer, recorder
+
+The public names are below; `CONVENTIONS.md` has frames, signs, units and time.
+"""
+
+from vehicle_iface.command import Command
+from vehicle_iface.reason import Reason
+from vehicle_iface.state import VehicleState
+from vehicle_iface.trajectory import Trajectory
+
+__all__ = ["Command", "Reason", "Trajectory", "VehicleState"]

@@ -1,0 +1,26 @@
+"""The one place where time is read. Everything else is given `now_ns`.
+
+Stamps are integer nanoseconds of CLOCK_MONOTONIC, which all processes of one machine share and no
+administrator can step. The wall clock is for log headers and for mapping kernel receive stamps.
+"""
+
+import time
+
+from vehicle_iface.units import NS_PER_S
+
+
+def monotonic_ns() -> int:
+    """Now, in nanoseconds of the machine's monotonic clock."""
+    return time.monotonic_ns()
+
+
+def wall_ns() -> int:
+    """Now, in nanoseconds since 1970 (UTC). May jump; never use it for control."""
+    return time.time_ns()
+
+
+def sleep_until(deadline_ns: int) -> None:
+    """Sleep until the monotonic clock shows `deadline_ns`; return at once when it already does."""
+    remaining_ns = deadline_ns - time.monotonic_ns()
+    if remaining_ns > 0:
+        time.sleep(remaining_ns / NS_PER_S)

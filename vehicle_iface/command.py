@@ -1,0 +1,67 @@
+"""What a controller wants the vehicle to do."""
+
+import math
+from dataclasses import dataclass
+
+from vehicle_iface import checks
+from vehicle_iface.errors import InvalidValueError
+from vehicle_iface.reason import Reason
+from vehicle_iface.status import Gear
+
+_NUMBERS = ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """A wish: acceleration, wheel angles and speed. It is not yet allowed on the bus (see `safety`).
+
+    Raises `InvalidValueError` when a number is not finite.
+    """
+
+    stamp_ns: int
+    """Stamp of the state that this was computed from."""
+    accel_mps2: float
+    """Along the body's x axis, also when reversing: positive accelerates forwards or brakes backwards."""
+    front_wheel_angle_rad: float
+    """Road-wheel angle, positive to the left."""
+    rear_wheel_angle_rad: float = 0.0
+    """Road-wheel angle, positive to the left."""
+    speed_mps: float = 0.0
+    """Speed of the reference point, negative backwards; its sign is the direction of travel wanted."""
+    reason: Reason = Reason.NOMINAL
+    """`NOMINAL`, or why this is a stop."""
+
+    def __post_init__(self) -> None:
+        for name in _NUMBERS:
+            value = getattr(self, name)
+            if type(value) is not float or not math.isfinite(value):
+                object.__setattr__(self, name, checks.finite(name, value))
+        if type(self.stamp_ns) is not int:
+            object.__setattr__(self, "stamp_ns", checks.integer("stamp_ns", self.stamp_ns))
+        if not isinstance(self.reason, Reason):
+            raise InvalidValueError(f"reason = {self.reason!r}: must be a Reason")
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether this command stops the vehicle instead of driving on."""
+        return self.reason is not Reason.NOMINAL
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafeCommand:
+    """A permission: what may be encoded. Only `safety.gate` builds one (a test of the architecture says so).
+
+    The numbers are finite, within the limits, and already multiples of what the wire can express.
+    """
+
+    stamp_ns: int
+    """Stamp of the state that this was computed from."""
+    enable: bool
+    """False lets the vehicle go."""
+    safe_stop: bool
+    accel_mps2: float
+    front_wheel_angle_rad: float
+    rear_wheel_angle_rad: float
+    speed_mps: float
+    reason: Reason
+    gear_request: Gear

@@ -1,0 +1,56 @@
+"""What the vehicle is doing at one instant."""
+
+import math
+from dataclasses import dataclass
+
+from vehicle_iface import checks
+
+_NUMBERS = (
+    "x_m",
+    "y_m",
+    "heading_rad",
+    "speed_mps",
+    "accel_mps2",
+    "yaw_rate_radps",
+    "lateral_speed_mps",
+    "front_wheel_angle_rad",
+    "rear_wheel_angle_rad",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleState:
+    """Pose and motion of the rear axle's centre at one instant (ISO 8855 signs: x forward, y left).
+
+    Raises `InvalidValueError` when a number is not finite or the frame has no name.
+    """
+
+    stamp_ns: int
+    """When this was true, nanoseconds of the monotonic clock."""
+    frame_id: str = "map"
+    """Frame of reference of `x_m`, `y_m` and `heading_rad`."""
+    x_m: float
+    y_m: float
+    heading_rad: float
+    """Of the body's x axis, counter-clockwise from the frame's x axis."""
+    speed_mps: float
+    """Along the body's x axis; negative when reversing."""
+    accel_mps2: float = 0.0
+    """Along the body's x axis, also when reversing."""
+    yaw_rate_radps: float = 0.0
+    """Positive to the left."""
+    lateral_speed_mps: float = 0.0
+    """Along the body's y axis; positive to the left."""
+    front_wheel_angle_rad: float = 0.0
+    """Road-wheel angle, positive to the left."""
+    rear_wheel_angle_rad: float = 0.0
+    """Road-wheel angle, positive to the left."""
+
+    def __post_init__(self) -> None:
+        for name in _NUMBERS:
+            value = getattr(self, name)
+            if type(value) is not float or not math.isfinite(value):
+                object.__setattr__(self, name, checks.finite(name, value))
+        if type(self.stamp_ns) is not int:
+            object.__setattr__(self, "stamp_ns", checks.integer("stamp_ns", self.stamp_ns))
+        checks.frame_id("frame_id", self.frame_id)

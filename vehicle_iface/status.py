@@ -1,0 +1,76 @@
+"""What the vehicle says about itself besides its motion: mode, gear, driver, faults."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class VehicleMode(IntEnum):
+    """Who drives; the numbers are those of the bus contract (signal MODE)."""
+
+    MANUAL = 0
+    READY = 1
+    AUTONOMOUS = 2
+    FAULT = 3
+    EMERGENCY_STOP = 4
+
+
+class Gear(IntEnum):
+    """The gear lever; the numbers are those of the bus contract (GEAR and GEAR_REQUEST)."""
+
+    PARK = 0
+    REVERSE = 1
+    NEUTRAL = 2
+    DRIVE = 3
+    NO_REQUEST = 7
+    """Only in requests: leave the gear as it is."""
+
+
+class ControllerState(IntEnum):
+    """What the controller says about itself; the numbers are those of the bus contract (signal STATE)."""
+
+    STARTING = 0
+    STANDBY = 1
+    ENGAGING = 2
+    ENGAGED = 3
+    STOPPING = 4
+    FAULT = 5
+    SHADOW = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleStatus:
+    """One status report of the vehicle."""
+
+    stamp_ns: int
+    """Kernel receive time, nanoseconds of the monotonic clock."""
+    mode: VehicleMode
+    gear: Gear
+    driver_brake: bool = False
+    driver_throttle: bool = False
+    driver_steer_torque_nm: float = 0.0
+    """Of the driver's hands on the wheel, positive to the left."""
+    fault_code: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyRequest:
+    """Lights and horn, sent at the body period."""
+
+    hazard_lights: bool = False
+    headlights: int = 0
+    turn_indicator: int = 0
+    horn: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerReport:
+    """What the controller tells the bus about itself, sent at the report period."""
+
+    state: ControllerState
+    reason: int
+    ref_spatial_index: int
+    """Saturated at the signal's greatest value."""
+    ref_temporal_index: int
+    """Saturated at the signal's greatest value."""
+    deadline_misses: int
+    """Saturated at the signal's greatest value."""

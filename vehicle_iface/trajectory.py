@@ -1,0 +1,122 @@
+"""Where the vehicle shall be, when, and how fast."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle_iface import checks
+from vehicle_iface.errors import InvalidValueError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_REQUIRED = ("x_m", "y_m", "heading_rad", "speed_mps")
+_OPTIONAL = ("accel_mps2", "yaw_rate_radps", "front_wheel_angle_rad")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trajectory:
+    """n points in time order; n = 0 means: stop.
+
+    Arrays are copied and locked; whoever passed them may go on changing theirs. Raises `InvalidValueError`
+    naming the field, the index and the value when a number is not finite, lengths differ, an array is not
+    one-dimensional, or times are negative or decrease. Equal times of neighbours are allowed.
+    """
+
+    stamp_ns: int
+    """When the trajectory's time 0 is, nanoseconds of the monotonic clock."""
+    frame_id: str = "map"
+    """Frame of reference of `x_m`, `y_m` and `heading_rad`."""
+    time_from_start_ns: IntArray
+    """(n,) never decreasing, at least 0."""
+    x_m: FloatArray
+    """(n,)"""
+    y_m: FloatArray
+    """(n,)"""
+    heading_rad: FloatArray
+    """(n,) of the body's x axis, also where the vehicle reverses."""
+    speed_mps: FloatArray
+    """(n,) negative where the vehicle reverses."""
+    accel_mps2: FloatArray = None  # type: ignore[assignment]  # zeros when not given
+    """(n,) along the body's x axis."""
+    yaw_rate_radps: FloatArray = None  # type: ignore[assignment]  # zeros when not given
+    """(n,) positive to the left."""
+    front_wheel_angle_rad: FloatArray = None  # type: ignore[assignment]  # zeros when not given
+    """(n,) road-wheel angle, positive to the left."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stamp_ns", checks.integer("stamp_ns", self.stamp_ns))
+        checks.frame_id("frame_id", self.frame_id)
+        times = _times(self.time_from_start_ns)
+        object.__setattr__(self, "time_from_start_ns", times)
+        for name in _REQUIRED + _OPTIONAL:
+            given = getattr(self, name)
+            values = np.zeros(len(times)) if given is None and name in _OPTIONAL else _floats(name, given)
+            if len(values) != len(times):
+                raise InvalidValueError(
+                    f"{name} has {len(values)} values: time_from_start_ns has {len(times)}"
+                )
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+
+    def __len__(self) -> int:
+        return len(self.time_from_start_ns)
+
+    @classmethod
+    def empty(cls, *, stamp_ns: int, frame_id: str = "map") -> Trajectory:
+        """The trajectory without points, which means: stop."""
+        return cls(
+            stamp_ns=stamp_ns,
+            frame_id=frame_id,
+            time_from_start_ns=[],
+            x_m=[],
+            y_m=[],
+            heading_rad=[],
+            speed_mps=[],
+        )  # type: ignore[arg-type]  # lists are copied into arrays like any other sequence
+
+
+def _times(given: Any) -> IntArray:
+    """`given` as a locked int64 copy, never decreasing."""
+    array = _one_dimensional("time_from_start_ns", given)
+    if array.size and array.dtype.kind not in "iu":
+        raise InvalidValueError(f"time_from_start_ns of type {array.dtype}: must be integer nanoseconds")
+    if array.size and array.dtype.kind == "u" and int(array.max()) > np.iinfo(np.int64).max:
+        raise InvalidValueError(f"time_from_start_ns = {array.max()}: must fit 63 bits")
+    times = array.astype(np.int64)
+    if times.size and times[0] < 0:
+        raise InvalidValueError(f"time_from_start_ns[0] = {times[0]}: must be at least 0")
+    falls = np.flatnonzero(times[1:] < times[:-1])
+    if falls.size:
+        i = int(falls[0])
+        raise InvalidValueError(
+            f"time_from_start_ns[{i + 1}] = {times[i + 1]}: must not be below [{i}] = {times[i]}"
+        )
+    times.setflags(write=False)
+    return times
+
+
+def _floats(name: str, given: Any) -> FloatArray:
+    """`given` as a finite float64 copy."""
+    array = _one_dimensional(name, given)
+    if array.size and array.dtype.kind not in "iuf":
+        raise InvalidValueError(f"{name} of type {array.dtype}: must be numbers")
+    values = array.astype(np.float64)
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise InvalidValueError(f"{name}[{int(bad[0])}] = {values[bad[0]]}: must be a finite number")
+    return values
+
+
+def _one_dimensional(name: str, given: Any) -> npt.NDArray[Any]:
+    try:
+        array = np.asarray(given)
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"{name} = {given!r}: must be a sequence of numbers") from None
+    if array.ndim != 1:
+        raise InvalidValueError(f"{name} of shape {array.shape}: must be (n,)")
+    return array
