@@ -3,7 +3,7 @@
 VehicleIfaceError
 ├── InvalidValueError (ValueError)     a value that a data type refuses: name, value, what is allowed
 │   └── SignalError                    the same for a CAN signal: message, signal, value, range
-├── ConfigError                        a profile, DBC or option that does not fit: file, place, what is allowed
+├── ConfigError                        a profile, DBC or option that does not fit: file, place, allowed
 ├── TrajectoryFileError                a CSV that cannot be read: file, line, column
 ├── FrameMismatchError                 state and trajectory are in different frames of reference
 ├── TrajectoryRejectedError            the controller refused a new trajectory; the old one stays in force

@@ -69,15 +69,16 @@ class Trajectory:
     @classmethod
     def empty(cls, *, stamp_ns: int, frame_id: str = "map") -> Trajectory:
         """The trajectory without points, which means: stop."""
+        none = np.zeros(0)
         return cls(
             stamp_ns=stamp_ns,
             frame_id=frame_id,
-            time_from_start_ns=[],
-            x_m=[],
-            y_m=[],
-            heading_rad=[],
-            speed_mps=[],
-        )  # type: ignore[arg-type]  # lists are copied into arrays like any other sequence
+            time_from_start_ns=np.zeros(0, dtype=np.int64),
+            x_m=none,
+            y_m=none,
+            heading_rad=none,
+            speed_mps=none,
+        )
 
 
 def _times(given: Any) -> IntArray:

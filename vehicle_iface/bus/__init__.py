@@ -1,0 +1,1 @@
+"""Whatever carries the frames: `base` is the seam, the others are its kinds."""

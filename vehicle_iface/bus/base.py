@@ -1,0 +1,36 @@
+"""The seam between the program and whatever carries its frames."""
+
+from typing import Protocol
+
+from vehicle_iface.frame import CanFrame
+
+
+class Bus(Protocol):
+    """One end of a CAN bus, used from one thread.
+
+    `BusError` from `wait`, `drain` and `send` means that the link is gone: nothing more can be had from this
+    object but `close`.
+    """
+
+    description: str
+    """What this is, for people: 'SocketCAN vcan0', 'embedded bus', …"""
+
+    def wait(self, until_ns: int) -> bool:
+        """Sleep until a frame has come (true) or the monotonic clock shows `until_ns` (false)."""
+        ...
+
+    def drain(self) -> list[CanFrame]:
+        """All frames that have come since the last call, oldest first, without waiting. Never our own."""
+        ...
+
+    def send(self, frame: CanFrame) -> bool:
+        """Hand one frame to the bus, without waiting; false when it has no room: it is lost, not kept."""
+        ...
+
+    def counters(self) -> dict[str, int]:
+        """What happened to frames here, by cause; grows only."""
+        ...
+
+    def close(self) -> None:
+        """Give the bus back. May be called twice."""
+        ...

@@ -1,0 +1,104 @@
+"""Every other CAN adapter, through python-can (https://python-can.readthedocs.io/en/stable/interfaces.html)."""
+
+from collections.abc import Iterable
+
+import can
+
+from vehicle_iface import clock
+from vehicle_iface.errors import BusError
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.units import NS_PER_MS
+
+POLL_NS = NS_PER_MS // 2
+"""How often an adapter is asked: python-can's own waiting runs on the wall clock, which may step."""
+
+
+class PythonCanBus:
+    """An adapter that python-can knows. Frames are stamped when they are read: adapters' clocks differ."""
+
+    def __init__(
+        self, interface: str, channel: str, can_ids: Iterable[int], *, bitrate: int, is_fd: bool = False
+    ) -> None:
+        self.description = f"python-can {interface} {channel}"
+        self._counters = {"received": 0, "sent": 0, "send_no_room": 0, "error_frames": 0}
+        self._next: CanFrame | None = None
+        filters = [{"can_id": can_id, "can_mask": 0x1FFFFFFF} for can_id in sorted(set(can_ids))]
+        try:
+            self._bus = can.Bus(
+                interface=interface,
+                channel=channel,
+                bitrate=bitrate,
+                can_filters=filters,
+                **({"fd": True} if is_fd else {}),  # type: ignore[arg-type]  # only adapters with FD know it
+            )
+        except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+            raise BusError(f"{self.description}: cannot be opened: {error}") from error
+
+    def wait(self, until_ns: int) -> bool:
+        """Ask the adapter every 0.5 ms until a frame has come or the clock shows `until_ns`."""
+        while self._next is None:
+            self._next = self._read()
+            now_ns = clock.monotonic_ns()
+            if self._next is not None or now_ns >= until_ns:
+                break
+            clock.sleep_until(min(until_ns, now_ns + POLL_NS))
+        return self._next is not None
+
+    def drain(self) -> list[CanFrame]:
+        """All frames that the adapter has now."""
+        frames: list[CanFrame] = []
+        frame = self._next or self._read()
+        self._next = None
+        while frame is not None:
+            frames.append(frame)
+            frame = self._read()
+        self._counters["received"] += len(frames)
+        return frames
+
+    def send(self, frame: CanFrame) -> bool:
+        """Hand one frame to the adapter; false when it refuses it."""
+        message = can.Message(
+            arbitration_id=frame.can_id,
+            data=frame.data,
+            is_extended_id=frame.is_extended,
+            is_fd=frame.is_fd,
+            bitrate_switch=frame.is_fd,
+            check=True,
+        )
+        try:
+            self._bus.send(message, timeout=0)
+        except can.CanOperationError:
+            self._counters["send_no_room"] += 1
+            return False
+        except (can.CanError, OSError) as error:
+            raise BusError(f"{self.description}: {error}") from error
+        self._counters["sent"] += 1
+        return True
+
+    def counters(self) -> dict[str, int]:
+        """Frames received, sent, refused by the adapter, and error frames."""
+        return dict(self._counters)
+
+    def close(self) -> None:
+        """Give the adapter back."""
+        self._bus.shutdown()
+
+    def _read(self) -> CanFrame | None:
+        """The next data or remote frame that is waiting; error frames are counted and passed over."""
+        while True:
+            try:
+                message = self._bus.recv(timeout=0)
+            except (can.CanError, OSError) as error:
+                raise BusError(f"{self.description}: {error}") from error
+            if message is None:
+                return None
+            if not message.is_error_frame:
+                return CanFrame(
+                    message.arbitration_id,
+                    bytes(message.data),
+                    clock.monotonic_ns(),
+                    message.is_extended_id,
+                    message.is_remote_frame,
+                    message.is_fd,
+                )
+            self._counters["error_frames"] += 1

@@ -1,0 +1,127 @@
+"""From decoded messages to the vehicle's state: knows what one complete sample is, and how old it is."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from vehicle_iface.message import Received
+from vehicle_iface.state import VehicleState
+from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
+
+FieldMap = Mapping[str, Sequence[str]]
+"""Message name → the field of each of its values, '' where it has none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """One complete and consistent look at the vehicle."""
+
+    state: VehicleState
+    pose_valid: bool
+    """What the vehicle says of its own pose."""
+    counter: int
+    """The counter value that its messages share."""
+    completed_ns: int
+    """Kernel receive time of the message that completed it; `state.stamp_ns` is that of the first one."""
+
+
+@dataclass(slots=True)
+class _Parts:
+    """The messages of one counter value that have come so far."""
+
+    first_ns: int
+    received: dict[str, Received] = field(default_factory=dict)
+
+
+class Tracker:
+    """Puts messages together that belong together: the same counter value, within `window_ns`.
+
+    Values of different cycles are never mixed. A message that is in no sample (`others`) lends its newest
+    values to the samples after it.
+    """
+
+    def __init__(
+        self,
+        *,
+        sample: FieldMap,
+        others: FieldMap,
+        frames: Mapping[int, str],
+        modes: Mapping[int, VehicleMode],
+        gears: Mapping[int, Gear],
+        window_ns: int,
+    ) -> None:
+        """`frames`, `modes` and `gears` translate wire numbers; the status message is in `others`."""
+        self._sample = {name: tuple(fields) for name, fields in sample.items()}
+        self._others = {name: tuple(fields) for name, fields in others.items()}
+        self._frames, self._modes, self._gears = dict(frames), dict(modes), dict(gears)
+        self._window_ns = window_ns
+        self._pending: dict[int, _Parts] = {}
+        self._newest_others: dict[str, float | int | None] = {}
+        self.status: VehicleStatus | None = None
+        """The newest status report."""
+        self.newest: Sample | None = None
+        """The newest complete sample."""
+        self.completed = 0
+        self.incomplete = 0
+        """Samples of which at least one message came, but not all within the window."""
+
+    def take(self, received: Received) -> Sample | None:
+        """The sample that this message completes, if it does."""
+        if received.name in self._sample:
+            return self._put_together(received)
+        if received.name in self._others:
+            self._note_others(received)
+        return None
+
+    def forget(self) -> None:
+        """Start anew after the link was lost: nothing from before it is combined with anything after it."""
+        self._pending.clear()
+        self._newest_others.clear()
+        self.status = None
+        self.newest = None
+
+    def _put_together(self, received: Received) -> Sample | None:
+        self._drop_old(received.stamp_ns)
+        parts = self._pending.setdefault(received.counter, _Parts(received.stamp_ns))
+        parts.received[received.name] = received
+        if len(parts.received) < len(self._sample):
+            return None
+        del self._pending[received.counter]
+        sample = self._sample_of(parts, received)
+        self.completed += 1
+        self.newest = sample
+        return sample
+
+    def _drop_old(self, now_ns: int) -> None:
+        """A counter value comes round again: parts of its last round must be gone by then."""
+        old = [c for c, parts in self._pending.items() if now_ns - parts.first_ns > self._window_ns]
+        for counter in old:
+            del self._pending[counter]
+        self.incomplete += len(old)
+
+    def _sample_of(self, parts: _Parts, last: Received) -> Sample:
+        values = dict(self._newest_others)
+        for name, fields in self._sample.items():
+            values.update(zip(fields, parts.received[name].values, strict=True))
+        values.pop("", None)
+        pose_frame = values.pop("pose_frame", None)
+        pose_valid = bool(values.pop("pose_valid", True))
+        frame_id = (
+            self._frames[int(pose_frame)] if pose_frame is not None else next(iter(self._frames.values()))
+        )
+        state = VehicleState(stamp_ns=parts.first_ns, frame_id=frame_id, **values)  # type: ignore[arg-type]
+        return Sample(state=state, pose_valid=pose_valid, counter=last.counter, completed_ns=last.stamp_ns)
+
+    def _note_others(self, received: Received) -> None:
+        values = dict(zip(self._others[received.name], received.values, strict=True))
+        values.pop("", None)
+        if "mode" in values:
+            self.status = VehicleStatus(
+                stamp_ns=received.stamp_ns,
+                mode=self._modes[int(values.pop("mode") or 0)],
+                gear=self._gears[int(values.pop("gear", None) or 0)],
+                driver_brake=bool(values.pop("driver_brake", False)),
+                driver_throttle=bool(values.pop("driver_throttle", False)),
+                driver_steer_torque_nm=float(values.pop("driver_steer_torque_nm", None) or 0.0),
+                fault_code=int(values.pop("fault_code", None) or 0),
+            )
+        self._newest_others.update(values)
