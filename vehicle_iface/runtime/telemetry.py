@@ -71,10 +71,10 @@ class Snapshot(NamedTuple):
     gear: int = 0
     """A `Gear`."""
 
-    has_reference: bool = False
-    """There is a trajectory, and indices in it."""
     trajectory_version: int = 0
-    """Which trajectory the indices belong to (`TelemetryWriter.publish_trajectory`)."""
+    """Which trajectory is in force (`TelemetryWriter.publish_trajectory`); 0: none yet."""
+    has_reference: bool = False
+    """There are indices in the trajectory."""
     spatial_index: int = 0
     temporal_index: int = 0
     spatial_reference_x_m: float = 0.0
