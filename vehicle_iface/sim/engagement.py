@@ -1,0 +1,104 @@
+"""Who drives the simulated vehicle, as a table, and what earns or loses the commander its place."""
+
+from collections.abc import Iterable
+from enum import Enum, auto
+
+from vehicle_iface.status import VehicleMode
+from vehicle_iface.units import NS_PER_MS
+
+WATCHDOG_NS = 100 * NS_PER_MS
+"""So long without an intact command of a kind is too long."""
+PAIRS_TO_ENGAGE = 3
+"""Consecutive intact pairs with ENABLE = 1 that a commander needs."""
+
+
+class Event(Enum):
+    """What can happen to the mode."""
+
+    PAIRS_RECEIVED = auto()
+    """The commander has shown `PAIRS_TO_ENGAGE` good pairs, and the driver does nothing."""
+    LET_GO = auto()
+    """An intact command with ENABLE = 0."""
+    OVERRIDE = auto()
+    """The driver brakes, accelerates or steers."""
+    COMMANDS_LOST = auto()
+    """The watchdog."""
+    FAULT = auto()
+    """Something of the vehicle's own broke."""
+    EMERGENCY_STOP = auto()
+    """The red button."""
+    MADE_READY = auto()
+    """The driver hands over."""
+    RESET = auto()
+    """The driver acknowledges a fault or releases the red button."""
+
+
+_MANUAL, _READY, _AUTONOMOUS, _FAULT, _EMERGENCY_STOP = (
+    VehicleMode.MANUAL,
+    VehicleMode.READY,
+    VehicleMode.AUTONOMOUS,
+    VehicleMode.FAULT,
+    VehicleMode.EMERGENCY_STOP,
+)
+
+TRANSITIONS = {
+    (_MANUAL, Event.MADE_READY): _READY,
+    (_MANUAL, Event.FAULT): _FAULT,
+    (_MANUAL, Event.EMERGENCY_STOP): _EMERGENCY_STOP,
+    (_READY, Event.PAIRS_RECEIVED): _AUTONOMOUS,
+    (_READY, Event.FAULT): _FAULT,
+    (_READY, Event.EMERGENCY_STOP): _EMERGENCY_STOP,
+    (_AUTONOMOUS, Event.LET_GO): _READY,
+    (_AUTONOMOUS, Event.OVERRIDE): _MANUAL,
+    (_AUTONOMOUS, Event.COMMANDS_LOST): _FAULT,
+    (_AUTONOMOUS, Event.FAULT): _FAULT,
+    (_AUTONOMOUS, Event.EMERGENCY_STOP): _EMERGENCY_STOP,
+    (_FAULT, Event.RESET): _MANUAL,
+    (_FAULT, Event.EMERGENCY_STOP): _EMERGENCY_STOP,
+    (_EMERGENCY_STOP, Event.RESET): _MANUAL,
+}
+"""A missing pair means: stay."""
+
+
+class CommandWatch:
+    """Counts consecutive intact pairs and sees when commands stop coming.
+
+    A pair is one command of each kind, in any order; two of one kind without the other between them break the
+    row, and so do a damaged one, one with ENABLE = 0 and a gap as long as the watchdog's. "No intact command
+    of either kind for 100 ms" is read strictly: each kind by itself must stay fresh, since a vehicle that is
+    still steered but no longer braked, or the other way round, is not being driven.
+    """
+
+    def __init__(self, kinds: Iterable[str]) -> None:
+        """`kinds`: the command messages' names."""
+        self._kinds = frozenset(kinds)
+        self._last_ns: dict[str, int] = {}
+        self._half: set[str] = set()
+        self.pairs = 0
+        """Whole pairs in an unbroken row."""
+
+    def note(self, kind: str, *, enabled: bool, seen_ns: int) -> None:
+        """An intact command of `kind` was on the bus at `seen_ns`."""
+        last_ns = self._last_ns.get(kind)
+        if last_ns is not None and seen_ns - last_ns >= WATCHDOG_NS:
+            self.break_row()
+        self._last_ns[kind] = seen_ns
+        if not enabled or kind in self._half:
+            self.break_row()
+        if enabled:
+            self._half.add(kind)
+        if self._half == self._kinds:
+            self._half.clear()
+            self.pairs += 1
+
+    def break_row(self) -> None:
+        """What came before does not count towards engaging any more."""
+        self._half.clear()
+        self.pairs = 0
+
+    @property
+    def expires_ns(self) -> int | None:
+        """When the commands are lost unless more come; None before the first of each kind."""
+        if len(self._last_ns) < len(self._kinds):
+            return None
+        return min(self._last_ns.values()) + WATCHDOG_NS

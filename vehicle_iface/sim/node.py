@@ -1,0 +1,134 @@
+"""The simulated vehicle on a real bus: waits for frames or the next due instant, whichever comes first."""
+
+import logging
+from collections.abc import Callable
+from typing import Protocol
+
+from vehicle_iface import clock as machine
+from vehicle_iface.errors import BusError
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.sim.orders import obey
+from vehicle_iface.sim.pedals import PedalSocket
+from vehicle_iface.sim.vehicle import SimulatedVehicle
+from vehicle_iface.units import NS_PER_MS
+
+log = logging.getLogger(__name__)
+
+REOPEN_EVERY_NS = 100 * NS_PER_MS
+"""How often a lost bus is tried again."""
+
+
+class VehicleBus(Protocol):
+    """What the vehicle needs of a bus; `BusError` means that the link is gone."""
+
+    def wait(self, until_ns: int) -> bool:
+        """Sleep until a frame has come or the clock shows `until_ns`."""
+        ...
+
+    def drain(self) -> list[CanFrame]:
+        """All frames that have come, oldest first."""
+        ...
+
+    def send(self, frame: CanFrame) -> bool:
+        """Hand one frame over without waiting; false when it is lost."""
+        ...
+
+    def close(self) -> None:
+        """Give the bus back."""
+        ...
+
+
+def run_vehicle(
+    vehicle: SimulatedVehicle,
+    bus: VehicleBus,
+    pedals: PedalSocket | None,
+    clock: Callable[[], int],
+    stop: Callable[[], bool],
+    *,
+    reopen: Callable[[], VehicleBus] | None = None,
+    sleep_until: Callable[[int], None] = machine.sleep_until,
+) -> None:
+    """Drive the vehicle until `stop()` says so; at the end the bus is closed, the pedals are not.
+
+    A lost bus ends this with `BusError`, unless `reopen` is given: then the vehicle goes on by itself, as a
+    vehicle with a cut cable does, and the bus is tried again every 100 ms. The pedals are polled each pass.
+    """
+    line = _Line(bus, reopen, clock, sleep_until)
+    try:
+        while not stop():
+            _one_pass(vehicle, line, pedals, clock)
+    finally:
+        line.close()
+
+
+def _one_pass(
+    vehicle: SimulatedVehicle, line: "_Line", pedals: PedalSocket | None, clock: Callable[[], int]
+) -> None:
+    """Wait, hear, feel, speak: commands that came in time count before the watchdog looks."""
+    frames = line.hear(vehicle.next_due_ns)
+    now_ns = clock()
+    for frame in frames:
+        vehicle.receive(frame, now_ns)
+    if pedals is not None:
+        pedals.poll(lambda text: obey(vehicle, text))
+    for frame in vehicle.advance(now_ns):
+        vehicle.counters["unsent"] += not line.say(frame)
+
+
+class _Line:
+    """The bus while there is one."""
+
+    def __init__(
+        self,
+        bus: VehicleBus,
+        reopen: Callable[[], VehicleBus] | None,
+        clock: Callable[[], int],
+        sleep_until: Callable[[int], None],
+    ) -> None:
+        self._bus: VehicleBus | None = bus
+        self._reopen, self._clock, self._sleep_until = reopen, clock, sleep_until
+        self._retry_ns = 0
+
+    def hear(self, until_ns: int) -> list[CanFrame]:
+        if self._bus is None:
+            self._sleep_until(until_ns)
+            self._try_again()
+            return []
+        try:
+            self._bus.wait(until_ns)
+            return self._bus.drain()
+        except BusError as error:
+            self._lose(error)
+            return []
+
+    def say(self, frame: CanFrame) -> bool:
+        if self._bus is None:
+            return False
+        try:
+            return self._bus.send(frame)
+        except BusError as error:
+            self._lose(error)
+            return False
+
+    def close(self) -> None:
+        if self._bus is not None:
+            self._bus.close()
+            self._bus = None
+
+    def _lose(self, error: BusError) -> None:
+        self.close()
+        if self._reopen is None:
+            raise error
+        log.warning("the vehicle's link is lost: %s", error)
+        self._retry_ns = self._clock() + REOPEN_EVERY_NS
+
+    def _try_again(self) -> None:
+        now_ns = self._clock()
+        if self._reopen is None or now_ns < self._retry_ns:
+            return
+        self._retry_ns = now_ns + REOPEN_EVERY_NS
+        try:
+            self._bus = self._reopen()
+        except BusError:
+            return  # said when it was lost
+        log.warning("the vehicle's link is back")

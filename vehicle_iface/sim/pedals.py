@@ -1,0 +1,182 @@
+"""The vehicle's pedals without a keyboard: a Unix stream socket, one plain line in, one plain line out.
+
+`press(path, "brake 1")` answers `ok`. What the lines mean is up to whoever polls the socket (see `orders`).
+Nothing here waits for a client, and no client can make it hold more than a few short lines.
+"""
+
+import contextlib
+import os
+import re
+import socket
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+from vehicle_iface.errors import ConfigError
+
+LONGEST_LINE = 256
+"""Bytes of one line, its end included; a longer one closes its connection."""
+MOST_CLIENTS = 8
+"""Connections at a time; the oldest makes room."""
+LINES_PER_POLL = 4
+"""Of each client, so that a chatterer cannot make a tick late."""
+_LONGEST_ANSWER = 65_536
+
+
+def default_path(channel: str) -> str:
+    """Where the pedals of the vehicle on `channel` are: the user's runtime directory, else /tmp."""
+    runtime = Path(f"/run/user/{os.getuid()}")
+    directory = runtime if runtime.is_dir() else Path("/tmp")
+    return str(directory / f"vehicle-iface-sim-{re.sub(r'[^A-Za-z0-9_.-]', '_', channel)}.sock")
+
+
+class PedalSocket:
+    """The vehicle's end: only its own user can reach it, and it is gone after `close`."""
+
+    def __init__(self, path: str) -> None:
+        """Listen at `path`; a socket that nobody listens on any more is replaced.
+
+        Raises `ConfigError` when somebody does, when something else is there, or when it cannot be made.
+        """
+        self.path = path
+        _make_room(path)
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            _bind_private(self._listener, path)
+            self._inode = os.stat(path).st_ino
+            self._listener.listen(MOST_CLIENTS)
+        except OSError as error:
+            self._listener.close()
+            raise ConfigError(f"pedals: {path}: {error.strerror or error}") from error
+        self._listener.setblocking(False)
+        self._clients: dict[socket.socket, bytearray] = {}
+
+    def fds(self) -> tuple[int, ...]:
+        """What becomes readable when there is something to poll for."""
+        return (self._listener.fileno(), *(client.fileno() for client in self._clients))
+
+    def poll(self, answer: Callable[[str], str]) -> int:
+        """Answer the lines that have come, without waiting; how many there were."""
+        self._accept()
+        return sum(self._serve(client, answer) for client in list(self._clients))
+
+    def close(self) -> None:
+        """Hang up and remove the socket, unless another has taken its place. May be called twice."""
+        for client in list(self._clients):
+            self._hang_up(client)
+        self._listener.close()
+        with contextlib.suppress(OSError):
+            if os.stat(self.path).st_ino == self._inode:
+                os.unlink(self.path)
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                client, _ = self._listener.accept()
+            except OSError:  # nobody there, or gone again, or out of descriptors: the vehicle drives on
+                return
+            client.setblocking(False)
+            if len(self._clients) >= MOST_CLIENTS:
+                self._hang_up(next(iter(self._clients)))
+            self._clients[client] = bytearray()
+
+    def _serve(self, client: socket.socket, answer: Callable[[str], str]) -> int:
+        """Read at most one line's length, answer the whole lines; hang up on the end and on noise."""
+        buffer = self._clients[client]
+        try:
+            chunk = client.recv(LONGEST_LINE)
+        except BlockingIOError:
+            chunk = None
+        except OSError:
+            chunk = b""
+        buffer += chunk or b""
+        count = 0
+        while count < LINES_PER_POLL and b"\n" in buffer and client in self._clients:
+            line, _, rest = bytes(buffer).partition(b"\n")
+            buffer[:] = rest
+            self._say(client, answer(line.decode("utf-8", "replace")))
+            count += 1
+        if len(buffer) >= LONGEST_LINE and b"\n" not in buffer:
+            self._say(client, f"error: line too long: at most {LONGEST_LINE - 1} bytes")
+            self._hang_up(client)
+        elif chunk == b"":
+            self._hang_up(client)
+        return count
+
+    def _say(self, client: socket.socket, text: str) -> None:
+        """Send one line, or hang up on a client that does not read."""
+        try:
+            whole = client.send(text.encode() + b"\n") == len(text.encode()) + 1
+        except OSError:
+            whole = False
+        if not whole:
+            self._hang_up(client)
+
+    def _hang_up(self, client: socket.socket) -> None:
+        self._clients.pop(client, None)
+        client.close()
+
+
+def press(path: str, line: str, *, timeout_s: float = 2.0) -> str:
+    """Press the pedals of the vehicle that listens at `path`; its answer, one line without its end.
+
+    Raises `ConfigError` when nobody listens there or no answer comes in `timeout_s`.
+    """
+    if "\n" in line or len(line.encode()) >= LONGEST_LINE:
+        raise ConfigError(f"pedals: {line[:40]!r}: must be one line of less than {LONGEST_LINE} bytes")
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+            client.settimeout(timeout_s)
+            client.connect(path)
+            client.sendall(line.encode() + b"\n")
+            return _read_line(client)
+    except OSError as error:
+        why = "no answer" if isinstance(error, TimeoutError) else error.strerror or str(error)
+        raise ConfigError(f"pedals: {path}: {why}; is `vehicle-iface sim` running?") from error
+
+
+def _read_line(client: socket.socket) -> str:
+    text = bytearray()
+    while b"\n" not in text and len(text) < _LONGEST_ANSWER:
+        chunk = client.recv(4096)
+        if not chunk:
+            break
+        text += chunk
+    return text.partition(b"\n")[0].decode()
+
+
+def _make_room(path: str) -> None:
+    """Remove a dead socket; refuse to touch anything else."""
+    try:
+        mode = os.lstat(path).st_mode
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise ConfigError(f"pedals: {path}: {error.strerror}") from error
+    if not stat.S_ISSOCK(mode):
+        raise ConfigError(f"pedals: {path}: there is something else; must be free or an old socket")
+    if _is_listened_on(path):
+        raise ConfigError(f"pedals: {path}: another vehicle listens there; choose another with --pedals")
+    with contextlib.suppress(FileNotFoundError):
+        os.unlink(path)
+
+
+def _is_listened_on(path: str) -> bool:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.setblocking(False)
+        try:
+            probe.connect(path)
+        except ConnectionRefusedError:
+            return False
+        except OSError:  # a full queue, or not ours to ask
+            return True
+        return True
+
+
+def _bind_private(listener: socket.socket, path: str) -> None:
+    """Bind with mode 0600 from the first moment on."""
+    mask = os.umask(0o177)
+    try:
+        listener.bind(path)
+    finally:
+        os.umask(mask)
