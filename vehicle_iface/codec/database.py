@@ -1,0 +1,509 @@
+"""A DBC and the profile that gives it a meaning, loaded together and checked against each other both ways.
+
+`load_database(profile)` gives the `VehicleDatabase` of bound messages: for each signal of a message the program's
+name of it, so that decoder and encoder never look one up again. Everything that does not fit is a `ConfigError`
+with file, line and what is allowed, before the first frame.
+"""
+
+import difflib
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from pathlib import Path
+
+import msgspec
+from cantools.database import Message, Signal
+from cantools.database.can import Database
+
+from vehicle_iface.codec.compiled import MessageCodec
+from vehicle_iface.codec.dbc_file import DbcFile, read_dbc
+from vehicle_iface.codec.e2e import Protection
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.profile import Profile
+from vehicle_iface.reason import Reason
+from vehicle_iface.status import ControllerState, Gear, VehicleMode
+
+
+class Role(Enum):
+    """What a message is to the program."""
+
+    SAMPLE = "sample"
+    """Received: a part of one sample of the state."""
+    STATUS = "status"
+    """Received: mode, gear, driver."""
+    EXTRA = "extra"
+    """Received: further fields of state or status."""
+    COMMAND = "command"
+    """Sent, one frame for each computed command."""
+    BODY = "body"
+    """Sent: lights and horn."""
+    REPORT = "report"
+    """Sent: what the controller says about itself."""
+
+
+_SENT = (Role.COMMAND, Role.BODY, Role.REPORT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoundMessage:
+    """A message of the DBC with the program's names for its signals."""
+
+    name: str
+    role: Role
+    can_id: int
+    is_extended: bool
+    is_fd: bool
+    length: int
+    """Payload, bytes."""
+    codec: MessageCodec
+    fields: tuple[str, ...]
+    """The program's name of each value, in the order of `codec.names`; "" where it has none."""
+    constants: tuple[float | int, ...]
+    """What is sent where there is no field; checksum and counter are written afterwards."""
+    to_program: tuple[Mapping[int, int] | None, ...]
+    """For each value the program's number of the DBC's, None where they are the same."""
+    to_bus: tuple[Mapping[int, int] | None, ...]
+    """For each value the DBC's number of the program's, None where they are the same."""
+    protection: Protection | None
+    max_counter_step: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleDatabase:
+    """All that the program knows about one vehicle's messages."""
+
+    profile: Profile
+    sample: tuple[BoundMessage, ...]
+    """One sample: these, with the same counter; in the order of the profile."""
+    status: BoundMessage
+    """The message with the vehicle's mode."""
+    extra: tuple[BoundMessage, ...]
+    """Further received messages with fields of state or status."""
+    commands: tuple[BoundMessage, ...]
+    body: BoundMessage | None
+    report: BoundMessage | None
+    frames: Mapping[int, str]
+    """Number of `pose_frame` on the bus = frame of reference."""
+    resolutions: Mapping[str, float]
+    """Of each command field, in its unit."""
+
+    @property
+    def received(self) -> tuple[BoundMessage, ...]:
+        """What the vehicle sends."""
+        return (*self.sample, self.status, *self.extra)
+
+    @property
+    def sent(self) -> tuple[BoundMessage, ...]:
+        """What the program sends."""
+        return (*self.commands, *(message for message in (self.body, self.report) if message is not None))
+
+    def resolution(self, field: str) -> float:
+        """The step of a command field on the wire, in its unit; 0 for a float. `ConfigError` when unbound."""
+        if field not in self.resolutions:
+            raise ConfigError(f"{self.profile.name}: command field {field!r} is bound to no signal")
+        return self.resolutions[field]
+
+
+def load_database(profile: Profile) -> VehicleDatabase:
+    """The profile's DBC, bound and checked; `ConfigError` for the first thing that does not fit."""
+    return _Binder(profile, read_dbc(Path(profile.dbc))).database()
+
+
+class _Binder:
+    """Binds one profile to one DBC."""
+
+    def __init__(self, profile: Profile, file: DbcFile) -> None:
+        self._profile = profile
+        self._file = file
+        self._dbc: Database = file.database
+        self._where = Path(profile.file).name or profile.name
+        self._fields: dict[str, str] = {}
+
+    def database(self) -> VehicleDatabase:
+        profile = self._profile
+        state, status = _named(profile.state.signals), _named(profile.status.signals)
+        command = _named(profile.command.signals)
+        body = _named(profile.body.signals) if profile.body else {}
+        report = _named(profile.report.signals) if profile.report else {}
+        for section, bindings in (
+            ("state", state),
+            ("status", status),
+            ("command", command),
+            ("body", body),
+            ("report", report),
+        ):
+            self._claim(section, bindings)
+        self._check_named_messages()
+        roles = self._roles(state | status, command, body, report)
+        self._check_senders(roles)
+        self._check_periods(roles)
+        self._check_limits()
+        bound = {name: self._bound(name, role) for name, role in roles.items()}
+        return VehicleDatabase(
+            profile=profile,
+            sample=tuple(bound[name] for name in profile.state.sample),
+            status=next(message for message in bound.values() if message.role is Role.STATUS),
+            extra=tuple(message for message in bound.values() if message.role is Role.EXTRA),
+            commands=tuple(message for message in bound.values() if message.role is Role.COMMAND),
+            body=next((message for message in bound.values() if message.role is Role.BODY), None),
+            report=next((message for message in bound.values() if message.role is Role.REPORT), None),
+            frames=self._frames(),
+            resolutions={field: self._resolution(places) for field, places in command.items()},
+        )
+
+    # --- names
+
+    def _fault(self, place: str, text: str) -> ConfigError:
+        return ConfigError(f"{self._where}: {place}: {text}")
+
+    def _message(self, name: str, place: str) -> Message:
+        names = [message.name for message in self._dbc.messages]
+        if name not in names:
+            raise self._fault(place, f"no message {name!r} in {self._file.name}{_nearest(name, names)}")
+        return self._dbc.get_message_by_name(name)
+
+    def _signal(self, dotted: str, place: str) -> Signal:
+        message_name, _, name = dotted.partition(".")
+        message = self._message(message_name, place)
+        names = [signal.name for signal in message.signals]
+        if name not in names:
+            raise self._fault(place, f"no signal {name!r} in {message_name}{_nearest(name, names)}")
+        return message.get_signal_by_name(name)
+
+    def _claim(self, section: str, bindings: Mapping[str, tuple[str, ...]]) -> None:
+        """Give every signal its one field."""
+        for field, signals in bindings.items():
+            place = f"$.{section}.signals.{field}"
+            for dotted in signals:
+                signal = self._signal(dotted, place)
+                if dotted in self._fields:
+                    raise self._fault(place, f"{dotted} is already bound to {self._fields[dotted]}")
+                if signal.multiplexer_signal is not None or signal.is_multiplexer:
+                    raise self._fault(place, f"{dotted} is multiplexed; bound signals must not be")
+                self._check_range(dotted, signal)
+                self._fields[dotted] = field
+
+    def _check_range(self, dotted: str, signal: Signal) -> None:
+        if signal.length > 1 and (signal.minimum is None or signal.maximum is None):
+            raise self._file.fault(dotted, "no range; a signal that the program uses must have [min|max]")
+
+    def _check_named_messages(self) -> None:
+        """Names that are not signals' fields: sample, data ids, ignored, constants."""
+        profile = self._profile
+        for index, name in enumerate(profile.state.sample):
+            self._message(name, f"$.state.sample[{index}]")
+            if name in profile.state.sample[:index]:
+                raise self._fault(f"$.state.sample[{index}]", f"{name} is there twice")
+        for name in profile.e2e.data_ids if profile.e2e else ():
+            self._message(name, f"$.e2e.data_ids.{name}")
+        for place, names in (("$.ignored", profile.ignored), ("$.constants", tuple(profile.constants))):
+            for dotted in names:
+                self._signal(dotted, place)
+                if dotted in self._fields:
+                    raise self._fault(place, f"{dotted} is bound to {self._fields[dotted]}")
+
+    # --- roles
+
+    def _roles(
+        self,
+        received: Mapping[str, tuple[str, ...]],
+        command: Mapping[str, tuple[str, ...]],
+        body: Mapping[str, tuple[str, ...]],
+        report: Mapping[str, tuple[str, ...]],
+    ) -> dict[str, Role]:
+        """Every bound message with its one role, in the order of the DBC within a role."""
+        roles: dict[str, Role] = dict.fromkeys(self._profile.state.sample, Role.SAMPLE)
+        mode_message = self._profile.status.signals.mode.partition(".")[0]
+        wanted = [(mode_message, Role.STATUS)]
+        wanted += [(name, Role.EXTRA) for name in self._messages_of(received)]
+        wanted += [(name, Role.COMMAND) for name in self._messages_of(command)]
+        wanted += [(name, Role.BODY) for name in self._messages_of(body)]
+        wanted += [(name, Role.REPORT) for name in self._messages_of(report)]
+        for name, role in wanted:
+            known = roles.setdefault(name, role)
+            if known is not role and (role in _SENT or known in _SENT):
+                raise self._fault(f"$.{role.value}", f"{name} is already a message of {known.value}")
+            if role is Role.STATUS and known is not role:
+                raise self._fault("$.status.signals.mode", f"{name} is a part of the state sample")
+        for role in (Role.BODY, Role.REPORT):
+            names = [name for name, known in roles.items() if known is role]
+            if len(names) > 1:
+                raise self._fault(f"$.{role.value}.signals", f"must be one message: {', '.join(names)}")
+        return roles
+
+    def _messages_of(self, bindings: Mapping[str, tuple[str, ...]]) -> list[str]:
+        used = {dotted.partition(".")[0] for signals in bindings.values() for dotted in signals}
+        return [message.name for message in self._dbc.messages if message.name in used]
+
+    def _check_senders(self, roles: Mapping[str, Role]) -> None:
+        """Nobody sends both what the program receives and what it sends."""
+        sent = {node for name, role in roles.items() if role in _SENT for node in self._senders(name)}
+        for name, role in roles.items():
+            both = sent.intersection(self._senders(name)) if role not in _SENT else set()
+            if both:
+                raise self._file.fault(name, f"is received, but its sender {min(both)} sends the commands")
+
+    def _senders(self, name: str) -> list[str]:
+        return self._dbc.get_message_by_name(name).senders
+
+    def _check_periods(self, roles: Mapping[str, Role]) -> None:
+        timing = self._profile.timing
+        keys = {
+            Role.SAMPLE: "sample_period_s",
+            Role.STATUS: "status_period_s",
+            Role.COMMAND: "command_period_s",
+            Role.BODY: "body_period_s",
+            Role.REPORT: "report_period_s",
+        }
+        for name, role in roles.items():
+            cycle_ms = self._dbc.get_message_by_name(name).cycle_time
+            if role not in keys or not cycle_ms:
+                continue
+            period_s = getattr(timing, keys[role])
+            if not math.isclose(period_s, cycle_ms / 1000, rel_tol=1e-9):
+                text = f"{period_s} s, but {name} has a cycle of {cycle_ms} ms in {self._file.name}"
+                raise self._fault(f"$.timing.{keys[role]}", text)
+
+    def _check_limits(self) -> None:
+        """What may be commanded must lie in the range of the signal that says it."""
+        limits, signals = self._profile.limits, _named(self._profile.command.signals)
+        checks: tuple[tuple[str, str, tuple[float, ...]], ...] = (
+            ("front_wheel_angle_rad", "front_wheel_angle_rad", _both(limits.front_wheel_angle_rad)),
+            ("rear_wheel_angle_rad", "rear_wheel_angle_rad", _both(limits.rear_wheel_angle_rad)),
+            ("accel_max_mps2", "accel_mps2", (limits.accel_max_mps2,)),
+            ("accel_min_mps2", "accel_mps2", (limits.accel_min_mps2,)),
+            ("speed_max_mps", "speed_mps", _both(limits.speed_max_mps)),
+        )
+        for key, field, values in checks:
+            for dotted in signals.get(field, ()):
+                low, high = _expressible(self._signal(dotted, ""))
+                if any(not low <= value <= high for value in values):
+                    text = f"{values[0]}: {dotted} is in [{low:.10g}, {high:.10g}]"
+                    raise self._fault(f"$.limits.{key}", text)
+
+    # --- messages
+
+    def _bound(self, name: str, role: Role) -> BoundMessage:
+        message = self._dbc.get_message_by_name(name)
+        try:
+            codec = MessageCodec(message)
+        except ConfigError as error:
+            raise self._file.fault(name, str(error)) from None
+        protection = self._protection(message)
+        if role is Role.SAMPLE and protection is None and len(self._profile.state.sample) > 1:
+            raise self._fault(f"$.e2e.data_ids.{name}", "missing; the parts of a sample need a counter")
+        fields = tuple(self._fields.get(f"{name}.{signal}", "") for signal in codec.names)
+        self._check_complete(message, role, protection)
+        to_program = tuple(
+            self._translation(f"{name}.{signal}", field)
+            for signal, field in zip(codec.names, fields, strict=True)
+        )
+        return BoundMessage(
+            name=name,
+            role=role,
+            can_id=message.frame_id,
+            is_extended=message.is_extended_frame,
+            is_fd=message.is_fd,
+            length=message.length,
+            codec=codec,
+            fields=fields,
+            constants=tuple(self._constant(message, signal) for signal in message.signals),
+            to_program=to_program,
+            to_bus=tuple(_inverted(table) for table in to_program),
+            protection=protection,
+            max_counter_step=self._profile.e2e.max_counter_step if self._profile.e2e else 1,
+        )
+
+    def _constant(self, message: Message, signal: Signal) -> float | int:
+        """What an unbound signal is sent as: its constant, or the allowed value nearest to 0."""
+        value = self._profile.constants.get(f"{message.name}.{signal.name}")
+        if value is not None:
+            return value
+        low, high = _expressible(signal)
+        return min(max(0, low), high)
+
+    def _check_complete(self, message: Message, role: Role, protection: Protection | None) -> None:
+        """Every signal is bound, or protects the message, or is named as of no use."""
+        profile = self._profile
+        known = set(self._fields) | set(profile.constants)
+        known |= set(profile.ignored)
+        if protection is not None and profile.e2e is not None:
+            known |= {
+                f"{message.name}.{profile.e2e.crc_signal}",
+                f"{message.name}.{profile.e2e.counter_signal}",
+            }
+        for signal in message.signals:
+            dotted = f"{message.name}.{signal.name}"
+            if dotted not in known:
+                wanted = (
+                    "bind it or give it under constants"
+                    if role in _SENT
+                    else "bind it or list it under ignored"
+                )
+                raise self._file.fault(dotted, f"means nothing to {self._where}; {wanted}")
+
+    def _protection(self, message: Message) -> Protection | None:
+        rules = self._profile.e2e
+        if rules is None or message.name not in rules.data_ids:
+            return None
+        place = f"$.e2e.data_ids.{message.name}"
+        data_id = rules.data_ids[message.name]
+        attribute = (message.dbc.attributes if message.dbc else {}).get("E2EDataId")
+        if attribute is not None and isinstance(data_id, int) and attribute.value != data_id:
+            raise self._fault(
+                place, f"{data_id:#x}, but E2EDataId is {attribute.value:#x} in {self._file.name}"
+            )
+        try:
+            protection = Protection(rules.profile, data_id, message.length, rules.data_id_mode)
+        except ConfigError as error:
+            raise self._fault(place, str(error)) from None
+        if rules.max_counter_step > protection.counter_states - 2:
+            limit = protection.counter_states - 2
+            raise self._fault("$.e2e.max_counter_step", f"{rules.max_counter_step}: must be at most {limit}")
+        for key, name, bits in (
+            ("crc_signal", rules.crc_signal, protection.crc_bits),
+            ("counter_signal", rules.counter_signal, protection.counter_bits),
+        ):
+            dotted = f"{message.name}.{name}"
+            signal = self._signal(dotted, f"$.e2e.{key}")
+            if (_first_bit(signal), signal.length) != bits:
+                text = f"bits {signal.start}|{signal.length}, but E2E profile {rules.profile} has {bits[0]}|{bits[1]}"
+                raise self._file.fault(dotted, text)
+            if dotted in self._fields:
+                raise self._fault(f"$.e2e.{key}", f"{dotted} is bound to {self._fields[dotted]}")
+        self._check_nibble(message)
+        return protection
+
+    def _check_nibble(self, message: Message) -> None:
+        """In data-id mode NIBBLE the high nibble of byte 1 is the data id's."""
+        if self._profile.e2e is None or self._profile.e2e.data_id_mode != "NIBBLE":
+            return
+        for signal in message.signals:
+            if set(_bits(signal)).intersection(range(12, 16)):
+                raise self._file.fault(f"{message.name}.{signal.name}", "bits 12|4 hold the data id's nibble")
+
+    # --- enumerations
+
+    def _translation(self, dotted: str, field: str) -> Mapping[int, int] | None:
+        """DBC's number → program's number of an enumerated field; None when they are the same."""
+        vocabulary = _VOCABULARIES.get(field)
+        if vocabulary is None:
+            return None
+        members, needed = vocabulary
+        names = self._renamed(field)
+        table = self._table(dotted)
+        numbers: dict[int, int] = {}
+        for number, name in table.items():
+            ours = names.get(name, name)
+            if ours not in members:
+                allowed = ", ".join(members)
+                raise self._file.fault(dotted, f"{number} {name!r} means nothing; must be one of: {allowed}")
+            if members[ours] in numbers.values():
+                raise self._file.fault(dotted, f"{number} {name!r}: {ours} has two numbers")
+            numbers[number] = members[ours]
+        missing = [name for name in needed if members[name] not in numbers.values()]
+        if missing:
+            raise self._file.fault(dotted, f"VAL_ table without {', '.join(missing)}")
+        return None if all(ours == theirs for theirs, ours in numbers.items()) else numbers
+
+    def _renamed(self, field: str) -> Mapping[str, str]:
+        status = self._profile.status
+        return {"mode": status.modes, "gear": status.gears, "gear_request": status.gears}.get(field, {})
+
+    def _table(self, dotted: str) -> dict[int, str]:
+        choices = self._signal(dotted, "").choices
+        if not choices:
+            raise self._file.fault(dotted, "no VAL_ table; the program needs its names")
+        return {int(number): str(name) for number, name in choices.items()}
+
+    def _frames(self) -> dict[int, str]:
+        frames, dotted = self._profile.state.frames, self._profile.state.signals.pose_frame
+        if dotted is None:
+            return {}
+        table = self._table(dotted)
+        for name in frames:
+            if name not in table.values():
+                raise self._fault(
+                    f"$.state.frames.{name}", f"not in {dotted}{_nearest(name, table.values())}"
+                )
+        for number, name in table.items():
+            if name not in frames:
+                raise self._fault("$.state.frames", f"{dotted} = {number} {name!r} has no frame")
+        return {number: frames[name] for number, name in table.items()}
+
+    def _resolution(self, signals: tuple[str, ...]) -> float:
+        found = [self._signal(dotted, "") for dotted in signals]
+        return max(0.0 if signal.is_float else abs(float(signal.scale)) for signal in found)
+
+
+def _members(kind: type[IntEnum]) -> dict[str, int]:
+    return {member.name: int(member) for member in kind}
+
+
+_LIGHTS = {"OFF": 0, "LOW": 1, "HIGH": 2}
+_TURNS = {"OFF": 0, "LEFT": 1, "RIGHT": 2}
+_VOCABULARIES: dict[str, tuple[dict[str, int], tuple[str, ...]]] = {
+    "mode": (_members(VehicleMode), ("READY", "AUTONOMOUS")),
+    "gear": (_members(Gear), ("REVERSE", "DRIVE")),
+    "gear_request": (_members(Gear), ("REVERSE", "DRIVE", "NO_REQUEST")),
+    "reason": (_members(Reason), tuple(_members(Reason))),
+    "state": (_members(ControllerState), tuple(_members(ControllerState))),
+    "headlights": (_LIGHTS, ("OFF", "LOW")),
+    "turn_indicator": (_TURNS, tuple(_TURNS)),
+}
+"""Enumerated fields: the program's names and numbers, and those that a DBC must have."""
+
+
+def _named(signals: msgspec.Struct) -> dict[str, tuple[str, ...]]:
+    """Field → its signals, without those that are not bound."""
+    places = {field: getattr(signals, field) for field in signals.__struct_fields__}
+    return {
+        field: (value,) if isinstance(value, str) else tuple(value)
+        for field, value in places.items()
+        if value is not None
+    }
+
+
+def _nearest(name: str, names: Iterable[str]) -> str:
+    found = difflib.get_close_matches(name, list(names), n=3, cutoff=0.4)
+    return f"; nearest: {', '.join(found)}" if found else ""
+
+
+def _both(limit: float) -> tuple[float, float]:
+    return limit, -limit
+
+
+def _expressible(signal: Signal) -> tuple[float, float]:
+    """Smallest and greatest value that both the bits and the range allow, with the tolerance of a decimal limit."""
+    if signal.is_float:
+        low, high = -math.inf, math.inf
+    else:
+        raw_low = -(1 << signal.length - 1) if signal.is_signed else 0
+        raw_high = (1 << signal.length - bool(signal.is_signed)) - 1
+        low, high = sorted(raw * signal.scale + signal.offset for raw in (raw_low, raw_high))
+    if signal.minimum is not None:
+        low = max(low, signal.minimum)
+    if signal.maximum is not None:
+        high = min(high, signal.maximum)
+    return low, high
+
+
+def _bits(signal: Signal) -> Iterator[int]:
+    """The signal's bits in little-endian numbering, the one that comes first on the wire's byte order first."""
+    bit = signal.start
+    for _ in range(signal.length):
+        yield bit
+        if signal.byte_order == "little_endian":
+            bit += 1
+        else:
+            bit = bit - 1 if bit % 8 else bit + 15
+
+
+def _first_bit(signal: Signal) -> int:
+    """Lowest bit of a signal in little-endian numbering; within one byte the byte orders agree."""
+    return min(_bits(signal)) if signal.length <= 8 else signal.start
+
+
+def _inverted(table: Mapping[int, int] | None) -> Mapping[int, int] | None:
+    return None if table is None else {ours: theirs for theirs, ours in table.items()}

@@ -1,0 +1,144 @@
+"""Frames from the bus to messages that can be believed: whole, intact, in sequence, in range. Or nothing.
+
+A frame that is not so is dropped whole and counted by cause and message; no frame makes this raise.
+"""
+
+from collections.abc import Iterable, Mapping
+from enum import Enum
+
+from vehicle_iface.codec.compiled import Value
+from vehicle_iface.codec.database import BoundMessage
+from vehicle_iface.codec.e2e import CounterCheck, Sequence
+from vehicle_iface.errors import SignalError
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.message import Received
+
+
+class DropCause(Enum):
+    """Why a frame was dropped, in the order in which it is looked at."""
+
+    UNKNOWN_ID = "unknown id"
+    """Not one of our messages; counted without a name."""
+    WRONG_TYPE = "wrong type"
+    """A remote, error, extended or FD frame where the message is none."""
+    WRONG_LENGTH = "wrong length"
+    BAD_CRC = "bad CRC"
+    BAD_COUNTER = "bad counter"
+    """A counter that does not exist."""
+    REPEATED = "repeated"
+    WRONG_SEQUENCE = "wrong sequence"
+    OUT_OF_RANGE = "out of range"
+    """A value that the DBC does not allow. The frame was its sender's next one: the sequence advances."""
+
+
+_EXTENDED = 1 << 31
+"""Set in the keys of extended identifiers, which may have the same numbers as standard ones."""
+_SEQUENCE_DROPS = {
+    Sequence.REPEATED: DropCause.REPEATED,
+    Sequence.WRONG: DropCause.WRONG_SEQUENCE,
+    Sequence.INVALID: DropCause.BAD_COUNTER,
+}
+
+
+class _Input:
+    """What the decoder keeps of one message."""
+
+    __slots__ = ("counters", "decode", "is_fd", "length", "name", "protection", "translate", "translated")
+
+    def __init__(self, message: BoundMessage) -> None:
+        self.name = message.name
+        self.length = message.length
+        self.is_fd = message.is_fd
+        self.decode = message.codec.decode
+        self.protection = message.protection
+        self.counters: CounterCheck | None = None
+        if message.protection is not None:
+            self.counters = CounterCheck(message.protection.counter_states, message.max_counter_step)
+        self.translate = message.to_program
+        self.translated = any(table is not None for table in message.to_program)
+
+
+class Decoder:
+    """Decodes the given messages; keeps the sequence of each.
+
+    `decode(frame)` gives the message, or None when the frame is not ours or was dropped.
+    """
+
+    __slots__ = ("_inputs", "accepted", "drops")
+
+    def __init__(self, messages: Iterable[BoundMessage]) -> None:
+        self._inputs = {
+            message.can_id | (_EXTENDED if message.is_extended else 0): _Input(message)
+            for message in messages
+        }
+        self.accepted = 0
+        """Frames that became messages."""
+        self.drops: dict[tuple[DropCause, str], int] = {}
+        """Frames dropped, by cause and message name ("" for unknown ones)."""
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Frames of each message that were sent but never arrived, as far as the counters tell."""
+        checks = ((entry.name, entry.counters) for entry in self._inputs.values())
+        return {name: check.lost for name, check in checks if check is not None}
+
+    def decode(self, frame: CanFrame) -> Received | None:
+        """The message in `frame`, or None when it is not ours or not to be believed."""
+        entry = self._inputs.get(frame.can_id | _EXTENDED if frame.is_extended else frame.can_id)
+        if entry is None:
+            self._drop_stranger(frame)
+            return None
+        if frame.is_remote or frame.is_error or frame.is_fd is not entry.is_fd:
+            self._drop(DropCause.WRONG_TYPE, entry.name)
+            return None
+        data = frame.data
+        if len(data) != entry.length:
+            self._drop(DropCause.WRONG_LENGTH, entry.name)
+            return None
+        counter = -1
+        if entry.protection is not None and entry.counters is not None:
+            if not entry.protection.intact(data):
+                self._drop(DropCause.BAD_CRC, entry.name)
+                return None
+            counter = entry.protection.counter_of(data)
+            verdict = entry.counters.step(counter)
+            if verdict is not Sequence.OK and verdict is not Sequence.INITIAL:
+                self._drop(_SEQUENCE_DROPS[verdict], entry.name)
+                return None
+        try:
+            values = entry.decode(data)
+        except SignalError:
+            self._drop(DropCause.OUT_OF_RANGE, entry.name)
+            return None
+        if entry.translated:
+            values = _translated(values, entry.translate)
+        self.accepted += 1
+        return Received(entry.name, frame.stamp_ns, counter, values)
+
+    def reset(self) -> None:
+        """Forget all sequences, as after the bus was opened anew; the counts stay."""
+        for entry in self._inputs.values():
+            if entry.counters is not None:
+                entry.counters.reset()
+
+    def _drop_stranger(self, frame: CanFrame) -> None:
+        """A frame whose identifier is none of ours, or ours in the other format."""
+        other = self._inputs.get(frame.can_id if frame.is_extended else frame.can_id | _EXTENDED)
+        if frame.is_error:
+            self._drop(DropCause.WRONG_TYPE, "")
+        elif other is not None:
+            self._drop(DropCause.WRONG_TYPE, other.name)
+        else:
+            self._drop(DropCause.UNKNOWN_ID, "")
+
+    def _drop(self, cause: DropCause, name: str) -> None:
+        key = (cause, name)
+        self.drops[key] = self.drops.get(key, 0) + 1
+
+
+def _translated(values: tuple[Value, ...], tables: tuple[Mapping[int, int] | None, ...]) -> tuple[Value, ...]:
+    """The program's numbers for the DBC's; the codec has already refused numbers without a name."""
+    return tuple(
+        value if table is None or value is None else table[int(value)]
+        for value, table in zip(values, tables, strict=True)
+    )

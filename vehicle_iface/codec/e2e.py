@@ -1,0 +1,170 @@
+"""AUTOSAR end-to-end protection: a checksum that knows the message's data id, and a counter that must step.
+
+Profiles 1, 2, 5 and 11 (AUTOSAR PRS E2E Protocol). The checksums are computed by the autosar-e2e package; the rule
+for the counter is here.
+"""
+
+from collections.abc import Callable
+from enum import Enum
+
+import e2e.p01
+import e2e.p02
+import e2e.p05
+import e2e.p11
+
+from vehicle_iface.errors import ConfigError
+
+_HEADER_BYTES = {1: 2, 2: 2, 5: 3, 11: 2}
+_COUNTER_BYTE = {1: 1, 2: 1, 5: 2, 11: 1}
+_COUNTER_MASK = {1: 0x0F, 2: 0x0F, 5: 0xFF, 11: 0x0F}
+_COUNTER_STATES = {1: 15, 2: 16, 5: 256, 11: 15}
+_CRC_BITS = {1: 8, 2: 8, 5: 16, 11: 8}
+_MODES = {
+    1: {
+        "BOTH": e2e.p01.E2E_P01_DATAID_BOTH,
+        "ALT": e2e.p01.E2E_P01_DATAID_ALT,
+        "LOW": e2e.p01.E2E_P01_DATAID_LOW,
+        "NIBBLE": e2e.p01.E2E_P01_DATAID_NIBBLE,
+    },
+    11: {"BOTH": e2e.p11.E2E_P11_DATAID_BOTH, "NIBBLE": e2e.p11.E2E_P11_DATAID_NIBBLE},
+}
+
+
+class Protection:
+    """The protection of one message.
+
+    Raises `ConfigError` for a profile, data id or mode that does not exist, or a payload shorter than the header.
+    """
+
+    __slots__ = ("_check", "_seal", "counter_byte", "counter_mask", "counter_states", "profile")
+
+    def __init__(
+        self, profile: int, data_id: int | tuple[int, ...], length: int, data_id_mode: str = "BOTH"
+    ) -> None:
+        if profile not in _HEADER_BYTES:
+            raise ConfigError(f"E2E profile {profile}: must be one of 1, 2, 5, 11")
+        if length < _HEADER_BYTES[profile]:
+            raise ConfigError(f"{length} bytes: E2E profile {profile} needs {_HEADER_BYTES[profile]}")
+        self.profile = profile
+        self.counter_byte = _COUNTER_BYTE[profile]
+        self.counter_mask = _COUNTER_MASK[profile]
+        self.counter_states = _COUNTER_STATES[profile]
+        """Valid counters are 0 … counter_states − 1."""
+        self._seal, self._check = _functions(profile, data_id, data_id_mode)
+
+    @property
+    def crc_bits(self) -> tuple[int, int]:
+        """Start and length of the checksum, little-endian numbering."""
+        return 0, _CRC_BITS[self.profile]
+
+    @property
+    def counter_bits(self) -> tuple[int, int]:
+        """Start and length of the counter, little-endian numbering."""
+        return 8 * self.counter_byte, self.counter_mask.bit_length()
+
+    def protect(self, data: bytearray, counter: int) -> None:
+        """Write counter and checksum into `data`, in place."""
+        data[self.counter_byte] = data[self.counter_byte] & ~self.counter_mask | counter
+        self._seal(data)
+
+    def intact(self, data: bytes) -> bool:
+        """Whether the checksum in `data`, a payload of full length, is the one of its bytes and the data id."""
+        return self._check(data)
+
+    def counter_of(self, data: bytes) -> int:
+        """The counter in `data`; it may be an invalid one (15 in profiles 1 and 11)."""
+        return data[self.counter_byte] & self.counter_mask
+
+    def next_counter(self, counter: int) -> int:
+        """The counter after `counter`."""
+        return (counter + 1) % self.counter_states
+
+
+def _functions(
+    profile: int, data_id: int | tuple[int, ...], mode: str
+) -> tuple[Callable[[bytearray], None], Callable[[bytes], bool]]:
+    """The two functions of a profile with its data id and mode bound; the package's check wants mutable bytes."""
+    if profile == 2:
+        return _functions_p02(data_id)
+    if not isinstance(data_id, int) or not 0 <= data_id <= 0xFFFF:
+        raise ConfigError(f"E2E data id {data_id!r}: must be a number of 16 bits")
+    if profile == 5:
+        return (
+            lambda data: e2e.p05.e2e_p05_protect(data, data_id, increment_counter=False),
+            lambda data: e2e.p05.e2e_p05_check(data, data_id),
+        )
+    if mode not in _MODES[profile]:
+        raise ConfigError(f"E2E data-id mode {mode!r}: profile {profile} has {', '.join(_MODES[profile])}")
+    number = _MODES[profile][mode]
+    module_protect = e2e.p01.e2e_p01_protect if profile == 1 else e2e.p11.e2e_p11_protect
+    module_check = e2e.p01.e2e_p01_check if profile == 1 else e2e.p11.e2e_p11_check
+    return (
+        lambda data: module_protect(data, data_id, data_id_mode=number, increment_counter=False),
+        lambda data: module_check(bytearray(data), data_id, data_id_mode=number),
+    )
+
+
+def _functions_p02(
+    data_id: int | tuple[int, ...],
+) -> tuple[Callable[[bytearray], None], Callable[[bytes], bool]]:
+    if isinstance(data_id, int) or len(data_id) != 16:
+        raise ConfigError(f"E2E data id {data_id!r}: profile 2 needs a list of 16 bytes")
+    ids = bytes(data_id)
+    return (
+        lambda data: e2e.p02.e2e_p02_protect(data, ids, increment_counter=False),
+        lambda data: e2e.p02.e2e_p02_check(data, ids, length=0),
+    )
+
+
+class Sequence(Enum):
+    """What a frame's counter says about the frame."""
+
+    INITIAL = "initial"
+    """The first one: nothing to compare with; accepted."""
+    OK = "ok"
+    """The next one, or a few lost between; accepted."""
+    REPEATED = "repeated"
+    """The same again; dropped."""
+    WRONG = "wrong sequence"
+    """Too great a step; dropped, but the next one is counted from it."""
+    INVALID = "invalid counter"
+    """A counter that does not exist; dropped, and as if it had not been."""
+
+
+class CounterCheck:
+    """The sequence rule of one message: steps of 1 … `max_step` are good.
+
+    A wrong step is dropped but remembered, so that one jump costs one frame, or two, and not the connection.
+    """
+
+    __slots__ = ("_last", "_states", "_steps", "lost")
+
+    def __init__(self, states: int, max_step: int) -> None:
+        if not 1 <= max_step < states - 1:
+            raise ConfigError(f"max_counter_step = {max_step}: must be in [1, {states - 2}]")
+        self._states = states
+        self._steps = (
+            Sequence.REPEATED,
+            *(Sequence.OK for _ in range(max_step)),
+            *(Sequence.WRONG for _ in range(states - 1 - max_step)),
+        )
+        self._last = -1
+        self.lost = 0
+        """Frames that must have been sent between accepted ones."""
+
+    def step(self, counter: int) -> Sequence:
+        """Judge the next frame by its counter, and remember it."""
+        if not 0 <= counter < self._states:
+            return Sequence.INVALID
+        last, self._last = self._last, counter
+        if last < 0:
+            return Sequence.INITIAL
+        step = (counter - last) % self._states
+        verdict = self._steps[step]
+        if verdict is Sequence.OK:
+            self.lost += step - 1
+        return verdict
+
+    def reset(self) -> None:
+        """Forget the last frame: the next one is the first."""
+        self._last = -1

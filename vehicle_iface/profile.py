@@ -1,0 +1,326 @@
+"""A vehicle's profile: what its DBC's signals mean to the program, and what the vehicle can do.
+
+`load_profile("reference")` reads `dbc/reference.toml` of this package; a path ending in `.toml` reads that file.
+Every key is checked: an unknown one, a wrong type, a number that is not finite or of the wrong sign is a
+`ConfigError` with the file and the place in it, like `reference.toml: $.limits.speed_max_mps: Expected float`.
+Units are in the keys. Whether the profile fits its DBC is checked by `codec.database`.
+"""
+
+import math
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from vehicle_iface.errors import ConfigError
+
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
+Negative = Annotated[float, msgspec.Meta(lt=0.0)]
+SignalName = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z_]\w*\.[A-Za-z_]\w*$")]
+"""MESSAGE.SIGNAL."""
+SignalNames = SignalName | Annotated[tuple[SignalName, ...], msgspec.Meta(min_length=1)]
+"""One signal, or several that carry the same value."""
+
+
+class Geometry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The vehicle's dimensions; the reference point is the rear axle's centre."""
+
+    wheelbase_m: Positive
+    length_m: Positive
+    width_m: Positive
+    height_m: Positive
+    rear_overhang_m: NonNegative
+    """From the rear axle to the rear end."""
+    track_m: Positive
+    wheel_radius_m: Positive
+
+
+class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What may be commanded."""
+
+    front_wheel_angle_rad: Positive
+    """To either side."""
+    front_wheel_rate_radps: Positive
+    rear_wheel_angle_rad: NonNegative
+    """To either side; 0 where the rear wheels do not steer."""
+    rear_wheel_rate_radps: NonNegative
+    accel_max_mps2: Positive
+    accel_min_mps2: Negative
+    accel_rate_mps3: Positive
+    speed_max_mps: Positive
+    """Forwards and backwards."""
+    gear_change_speed_mps: Positive
+    """Above it the vehicle refuses another gear."""
+    driver_steer_torque_nm: Positive
+    """From here on the driver steers."""
+
+
+class Timing(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Periods of the messages and what counts as late."""
+
+    sample_period_s: Positive
+    status_period_s: Positive
+    command_period_s: Positive
+    body_period_s: Positive
+    report_period_s: Positive
+    state_stale_s: Positive
+    """Without a complete sample for so long: stop."""
+    state_silent_s: Positive
+    """Without a complete sample for so long: send nothing."""
+    answer_age_s: Positive
+    """An older sample is never answered."""
+    status_stale_s: Positive
+    engage_fresh_s: Positive
+    """Samples must have been fresh for so long before engaging."""
+    engage_give_up_s: Positive
+    shutdown_s: Positive
+    """Longest time to brake to standstill at the end of a run."""
+
+
+class Behavior(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the vehicle is stopped."""
+
+    safe_deceleration_mps2: Positive
+    time_step_s: Positive
+
+
+class Bus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The bus that the vehicle is on."""
+
+    bitrate: Annotated[int, msgspec.Meta(gt=0)]
+    """Bits per second; of the arbitration phase on CAN FD."""
+    fd: bool = False
+
+
+class EndToEnd(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """AUTOSAR end-to-end protection of the messages in `data_ids`."""
+
+    profile: Literal[1, 2, 5, 11]
+    data_id_mode: Literal["BOTH", "ALT", "LOW", "NIBBLE"] = "BOTH"
+    """Profiles 1 and 11 (BOTH or NIBBLE); the others have one way only."""
+    crc_signal: str = "CRC"
+    counter_signal: str = "COUNTER"
+    max_counter_step: Annotated[int, msgspec.Meta(ge=1)] = 3
+    """A greater step of the counter is a wrong sequence."""
+    data_ids: dict[
+        str,
+        Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)]
+        | tuple[Annotated[int, msgspec.Meta(ge=0, le=255)], ...],
+    ]
+    """Of each protected message; 16 bytes each in profile 2."""
+
+
+class StateSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the numbers of a `VehicleState` come from; what is left out is 0."""
+
+    x_m: SignalName
+    y_m: SignalName
+    heading_rad: SignalName
+    speed_mps: SignalName
+    accel_mps2: SignalName | None = None
+    yaw_rate_radps: SignalName | None = None
+    lateral_speed_mps: SignalName | None = None
+    front_wheel_angle_rad: SignalName | None = None
+    rear_wheel_angle_rad: SignalName | None = None
+    pose_frame: SignalName | None = None
+    """The enumeration that `frames` translates."""
+    pose_valid: SignalName | None = None
+    """0: the pose is not to be driven by."""
+
+
+class State(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The messages that together are one sample of the vehicle's state."""
+
+    sample: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+    signals: StateSignals
+    frames: dict[str, str] = {}
+    """Name in the VAL_ table of `pose_frame` = frame of reference."""
+    frame_id: str = "map"
+    """The frame of reference where there is no `pose_frame`."""
+
+
+class StatusSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where a `VehicleStatus` comes from."""
+
+    mode: SignalName
+    gear: SignalName | None = None
+    driver_brake: SignalName | None = None
+    driver_throttle: SignalName | None = None
+    driver_steer_torque_nm: SignalName | None = None
+    fault_code: SignalName | None = None
+
+
+class Status(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the vehicle says about itself besides its motion."""
+
+    signals: StatusSignals
+    modes: dict[str, str] = {}
+    """Name in the DBC = name of `VehicleMode`; what is left out has the same name."""
+    gears: dict[str, str] = {}
+    """Name in the DBC = name of `Gear`; what is left out has the same name."""
+
+
+class CommandSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the fields of a `SafeCommand` go."""
+
+    enable: SignalNames
+    accel_mps2: SignalNames
+    front_wheel_angle_rad: SignalNames
+    safe_stop: SignalNames | None = None
+    speed_mps: SignalNames | None = None
+    rear_wheel_angle_rad: SignalNames | None = None
+    reason: SignalNames | None = None
+    gear_request: SignalNames | None = None
+
+
+class Command(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the program commands."""
+
+    signals: CommandSignals
+
+
+class BodySignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the fields of a `BodyRequest` go."""
+
+    hazard_lights: SignalNames | None = None
+    headlights: SignalNames | None = None
+    turn_indicator: SignalNames | None = None
+    horn: SignalNames | None = None
+
+
+class Body(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Lights and horn."""
+
+    signals: BodySignals
+
+
+class ReportSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the fields of a `ControllerReport` go."""
+
+    state: SignalNames | None = None
+    reason: SignalNames | None = None
+    ref_spatial_index: SignalNames | None = None
+    ref_temporal_index: SignalNames | None = None
+    deadline_misses: SignalNames | None = None
+
+
+class Report(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the program says about itself."""
+
+    signals: ReportSignals
+
+
+class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One vehicle: its DBC, what the signals mean, and its limits."""
+
+    name: str
+    description: str = ""
+    dbc: str
+    """The DBC file; in the profile relative to it, here an absolute path."""
+    file: str = ""
+    """The file that this was read from; not a key of it."""
+    reviewed: bool = False
+    """Whether somebody has checked limits and signs against the real vehicle."""
+    ignored: tuple[SignalName, ...] = ()
+    """Signals of bound messages that the program has no use for."""
+    constants: dict[SignalName, float] = {}
+    """Signals of sent messages that always have one value, in the DBC's units."""
+    geometry: Geometry
+    limits: Limits
+    timing: Timing
+    behavior: Behavior
+    bus: Bus
+    e2e: EndToEnd | None = None
+    state: State
+    status: Status
+    command: Command
+    body: Body | None = None
+    report: Report | None = None
+
+
+def load_profile(name_or_path: str | Path) -> Profile:
+    """The profile of that name, or in that file when it ends in `.toml`; `ConfigError` with file and place."""
+    path = _find(name_or_path)
+    document = _read(path)
+    for place, number in _numbers(document, "$"):
+        if not math.isfinite(number):
+            raise ConfigError(f"{path.name}: {place}: {number}: must be finite")
+    if "file" in document:
+        raise ConfigError(f"{path.name}: $.file: unknown key")
+    try:
+        profile = msgspec.convert(document, Profile)
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"{path.name}: {_placed(str(error))}") from None
+    _check_order(path, profile)
+    dbc = (path.parent / profile.dbc).resolve()
+    return msgspec.structs.replace(profile, dbc=str(dbc), file=str(path))
+
+
+def profile_names() -> tuple[str, ...]:
+    """The profiles that can be loaded by name, sorted."""
+    return tuple(sorted(path.stem for folder in _folders() for path in folder.glob("*.toml")))
+
+
+def _folders() -> Iterator[Path]:
+    """Where profiles are: inside the installed package, or beside it in a source checkout."""
+    package = Path(__file__).resolve().parent
+    return (folder for folder in (package / "dbc", package.parent / "dbc") if folder.is_dir())
+
+
+def _find(name_or_path: str | Path) -> Path:
+    text = str(name_or_path)
+    if text.endswith(".toml"):
+        return Path(text).resolve()
+    for folder in _folders():
+        path = folder / f"{text}.toml"
+        if text in profile_names() and path.is_file():
+            return path
+    known = ", ".join(profile_names()) or "none"
+    raise ConfigError(f"profile {text!r}: must be a path ending in .toml or one of: {known}")
+
+
+def _read(path: Path) -> dict[str, object]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path.name}: byte {error.start}: must be UTF-8 text") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path.name}: not TOML: {error}") from None
+
+
+def _numbers(value: object, place: str) -> Iterator[tuple[str, float]]:
+    """Every float in a TOML document with its place."""
+    if isinstance(value, float):
+        yield place, value
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _numbers(inner, f"{place}.{key}")
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            yield from _numbers(inner, f"{place}[{index}]")
+
+
+def _placed(message: str) -> str:
+    """msgspec's message with the place in front."""
+    text, _, place = message.replace("`", "").rpartition(" - at ")
+    return f"{place}: {text}" if text else f"$: {message.replace('`', '')}"
+
+
+def _check_order(path: Path, profile: Profile) -> None:
+    """Times that must follow one another."""
+    timing = profile.timing
+    for smaller, greater in (
+        ("sample_period_s", "state_stale_s"),
+        ("state_stale_s", "state_silent_s"),
+        ("status_period_s", "status_stale_s"),
+    ):
+        low, high = getattr(timing, smaller), getattr(timing, greater)
+        if not low < high:
+            raise ConfigError(f"{path.name}: $.timing.{greater}: {high}: must be above {smaller} = {low}")
+    if profile.geometry.wheelbase_m + profile.geometry.rear_overhang_m > profile.geometry.length_m:
+        raise ConfigError(f"{path.name}: $.geometry.length_m: must hold wheelbase_m and rear_overhang_m")
