@@ -1,0 +1,260 @@
+"""What every controller does in the same way: when to stop, how far the vehicle has come, and how it
+stops."""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import final
+
+from vehicle_iface import checks
+from vehicle_iface.command import Command
+from vehicle_iface.control.tracking import Progress
+from vehicle_iface.errors import (
+    FrameMismatchError,
+    InvalidValueError,
+    NoTrajectoryError,
+    TrajectoryRejectedError,
+    VehicleIfaceError,
+)
+from vehicle_iface.reason import Reason
+from vehicle_iface.state import VehicleState
+from vehicle_iface.trajectory import Trajectory
+
+
+class ControlReference(StrEnum):
+    """Which trajectory point is the reference: the one for this place, or the one for this instant."""
+
+    SPATIAL = "spatial"
+    TEMPORAL = "temporal"
+
+
+class StopSteering(StrEnum):
+    """Where the wheels go while the vehicle stops."""
+
+    STRAIGHT = "straight"
+    """To 0."""
+    HOLD = "hold"
+    """They stay where the state says they are."""
+    TRACK = "track"
+    """Where the controller would steer, as long as it can; straight when it cannot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BehaviorConfig:
+    """How a controller stops and which point it refers to. Raises `InvalidValueError`."""
+
+    safe_deceleration_mps2: float = 3.0
+    """The hardest braking of a stop command; above 0."""
+    time_step_s: float = 0.1
+    """Until the next command, at most; a stop brakes no harder than brings the vehicle to rest in it; above
+    0."""
+    reference: ControlReference = ControlReference.SPATIAL
+    stop_steering: StopSteering = StopSteering.STRAIGHT
+
+    def __post_init__(self) -> None:
+        for name in ("safe_deceleration_mps2", "time_step_s"):
+            object.__setattr__(self, name, checks.positive(name, getattr(self, name)))
+        for name, kind in (("reference", ControlReference), ("stop_steering", StopSteering)):
+            if not isinstance(getattr(self, name), kind):
+                raise InvalidValueError(f"{name} = {getattr(self, name)!r}: must be a {kind.__name__}")
+
+
+class ControllerBase(ABC):
+    """Follows a trajectory, or stops.
+
+    A child writes `compute_command_impl`, and may override the hooks `check_new_trajectory`,
+    `handle_new_trajectory` and `stop_steering_impl`. On every `compute_command(state)`, in this order:
+
+    1. No trajectory, or one without points: stop command, before any look at the frame.
+    2. State and trajectory in different frames: `FrameMismatchError`, and the indices stay.
+    3. Both indices advance to the last point that the state is past or level with (see `tracking`).
+    4. Past the end in time, or else in space: stop command.
+    5. Otherwise the child's command, under the state's stamp.
+
+    A stop command brakes with −sign(v) · min(|v| / time step, safe deceleration): never against a vehicle
+    at rest, and never so hard that it would be moving the other way one time step later.
+    """
+
+    def __init__(self, behavior: BehaviorConfig | None = None) -> None:
+        self.behavior = BehaviorConfig() if behavior is None else behavior
+        self._progress: Progress | None = None
+        self._is_stopping = True
+
+    @final
+    def set_trajectory(self, trajectory: Trajectory) -> None:
+        """Follow `trajectory` from now on; one without points means stop. Both indices are 0 again.
+
+        Calls `check_new_trajectory`, then `handle_new_trajectory`, then takes what that returned. Raises
+        `TrajectoryRejectedError` when the check says no, `InvalidValueError` for what is not a trajectory,
+        and whatever the two raise; then the old trajectory stays in force and the indices stay.
+        """
+        _require_trajectory("trajectory", trajectory)
+        if not self.check_new_trajectory(trajectory):
+            raise TrajectoryRejectedError(
+                f"{type(self).__name__} refused a trajectory of {len(trajectory)} points, "
+                f"stamp {trajectory.stamp_ns}"
+            )
+        handled = self.handle_new_trajectory(trajectory)
+        _require_trajectory("what handle_new_trajectory returned", handled)
+        self._progress = Progress(handled)
+
+    @final
+    def clear_trajectory(self) -> None:
+        """Forget the trajectory, which means: stop."""
+        self._progress = None
+
+    @final
+    def compute_command(self, state: VehicleState) -> Command:
+        """The command for `state`; see the class for what decides it.
+
+        Raises `FrameMismatchError`, and whatever `compute_command_impl` raises (the indices have advanced
+        then).
+        """
+        progress = self._progress
+        if progress is None:
+            return self.compute_stop_command(state, Reason.NO_TRAJECTORY)
+        if progress.last < 0:
+            return self.compute_stop_command(state, Reason.EMPTY_TRAJECTORY)
+        if state.frame_id != progress.trajectory.frame_id:
+            raise FrameMismatchError(
+                f"state in frame {state.frame_id!r}, trajectory in {progress.trajectory.frame_id!r}"
+            )
+        progress.advance(state.stamp_ns, state.x_m, state.y_m)
+        if progress.is_past_end_in_time(state.stamp_ns):
+            return self.compute_stop_command(state, Reason.PAST_END_TIME)
+        if progress.is_past_end_in_space(state.x_m, state.y_m):
+            return self.compute_stop_command(state, Reason.PAST_END_SPACE)
+        return self._stamped(self.compute_command_impl(state), state.stamp_ns)
+
+    @final
+    def compute_stop_command(self, state: VehicleState, reason: Reason | None = None) -> Command:
+        """The command that stops the vehicle, wheels by `BehaviorConfig.stop_steering`. Always an answer.
+
+        Needs no trajectory and looks at no frame. `reason` says why; without one (or with `NOMINAL`, which
+        no stop can have) it is `NO_TRAJECTORY` or `EMPTY_TRAJECTORY` where that is so, and `SHUTDOWN`
+        otherwise: somebody ordered it.
+        """
+        if reason is None or reason is Reason.NOMINAL:
+            reason = self._reason_to_stop()
+        front_rad, rear_rad = self._stop_steering(state)
+        self._is_stopping = True
+        return Command(
+            stamp_ns=state.stamp_ns,
+            accel_mps2=self.stop_acceleration(state.speed_mps),
+            front_wheel_angle_rad=front_rad,
+            rear_wheel_angle_rad=rear_rad,
+            speed_mps=0.0,
+            reason=reason,
+        )
+
+    @final
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """The one in force, as `handle_new_trajectory` returned it; None without one."""
+        return None if self._progress is None else self._progress.trajectory
+
+    @final
+    @property
+    def spatial_index(self) -> int:
+        """The last point that the vehicle is past or level with; 0 from the start on.
+
+        Raises `NoTrajectoryError` without a trajectory, and for one without points.
+        """
+        return self._progress_with_points().spatial_index
+
+    @final
+    @property
+    def temporal_index(self) -> int:
+        """The last point whose time has come; 0 from the start on. Raises as `spatial_index` does."""
+        return self._progress_with_points().temporal_index
+
+    @final
+    @property
+    def reference_index(self) -> int:
+        """The spatial or the temporal index, by `BehaviorConfig.reference`. Raises as `spatial_index`
+        does."""
+        progress = self._progress_with_points()
+        in_space = self.behavior.reference is ControlReference.SPATIAL
+        return progress.spatial_index if in_space else progress.temporal_index
+
+    @final
+    @property
+    def is_stopping(self) -> bool:
+        """Whether the last command was a stop; true before the first one."""
+        return self._is_stopping
+
+    @final
+    def stop_acceleration(self, speed_mps: float) -> float:
+        """The acceleration of a stop at this speed (m/s², along the body): −sign(v) · min(|v| / step,
+        safe)."""
+        if speed_mps == 0.0:
+            return 0.0
+        deceleration_mps2 = min(
+            abs(speed_mps) / self.behavior.time_step_s, self.behavior.safe_deceleration_mps2
+        )
+        return math.copysign(deceleration_mps2, -speed_mps)
+
+    @abstractmethod
+    def compute_command_impl(self, state: VehicleState) -> Command:
+        """The command for a state that is on the trajectory: the one method that a controller must have.
+
+        Called only with a trajectory that has points, in the state's frame, with `spatial_index` and
+        `temporal_index` up to date and neither past the end. The stamp of what it returns is overwritten
+        with the state's. It may return `self.compute_stop_command(state, reason)` when it finds that it has
+        to stop.
+        """
+
+    def check_new_trajectory(self, trajectory: Trajectory) -> bool:  # noqa: ARG002  # a hook: the default takes all
+        """Whether this controller can follow `trajectory`. Must change nothing."""
+        return True
+
+    def handle_new_trajectory(self, trajectory: Trajectory) -> Trajectory:
+        """The trajectory to take in place of the given one, after the check has passed; the same by
+        default."""
+        return trajectory
+
+    def stop_steering_impl(self, state: VehicleState) -> tuple[float, float]:  # noqa: ARG002  # a hook
+        """Front and rear road-wheel angle (rad, positive to the left) of a stop with `StopSteering.TRACK`.
+
+        Called at any time, also without a trajectory or with one in another frame. Straight by default, and
+        straight as well when this raises one of this package's errors or an arithmetic one, or returns what
+        is not finite.
+        """
+        return 0.0, 0.0
+
+    def _stop_steering(self, state: VehicleState) -> tuple[float, float]:
+        if self.behavior.stop_steering is StopSteering.STRAIGHT:
+            return 0.0, 0.0
+        if self.behavior.stop_steering is StopSteering.HOLD:
+            return state.front_wheel_angle_rad, state.rear_wheel_angle_rad
+        try:
+            front_rad, rear_rad = self.stop_steering_impl(state)
+            return checks.finite("front_wheel_angle_rad", front_rad), checks.finite(
+                "rear_wheel_angle_rad", rear_rad
+            )
+        except (VehicleIfaceError, ArithmeticError):
+            return 0.0, 0.0
+
+    def _stamped(self, command: Command, stamp_ns: int) -> Command:
+        if not isinstance(command, Command):
+            raise InvalidValueError(f"compute_command_impl returned {command!r}: must be a Command")
+        self._is_stopping = command.is_stop
+        return command if command.stamp_ns == stamp_ns else replace(command, stamp_ns=stamp_ns)
+
+    def _reason_to_stop(self) -> Reason:
+        if self._progress is None:
+            return Reason.NO_TRAJECTORY
+        return Reason.EMPTY_TRAJECTORY if self._progress.last < 0 else Reason.SHUTDOWN
+
+    def _progress_with_points(self) -> Progress:
+        if self._progress is None:
+            raise NoTrajectoryError("no trajectory is set, so there is no index in it")
+        if self._progress.last < 0:
+            raise NoTrajectoryError("the trajectory has no points, so there is no index in it")
+        return self._progress
+
+
+def _require_trajectory(what: str, value: object) -> None:
+    if not isinstance(value, Trajectory):
+        raise InvalidValueError(f"{what} = {value!r}: must be a Trajectory")

@@ -1,0 +1,222 @@
+"""Where the vehicle stands on its trajectory, and how far off.
+
+Two indices say where: one in space, one in time. Both only increase, one point at a time, and a step costs
+the points that it advances over. Points are read through memory views, which give plain Python floats and
+cost nothing to make; a long jump goes on in NumPy blocks with the very same arithmetic.
+"""
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, cast
+
+import numpy as np
+
+from vehicle_iface.errors import FrameMismatchError, InvalidValueError
+from vehicle_iface.state import VehicleState
+from vehicle_iface.trajectory import Trajectory
+from vehicle_iface.units import wrapped_rad
+
+PASSED_TOLERANCE = 1e-7
+"""How far below zero a half-plane's product may be and still count as past it, in the product's own unit."""
+
+_SCALAR_STEPS = 32
+_FIRST_BLOCK, _GREATEST_BLOCK = 64, 16384
+
+
+def plain_values(array: np.typing.NDArray[Any]) -> Sequence[Any]:
+    """`array` (n,) as a sequence of plain Python numbers, without a copy."""
+    return cast("Sequence[Any]", memoryview(array))  # type: ignore[arg-type]  # arrays are buffers at run time
+
+
+def advanced_in_space(
+    xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float
+) -> int:
+    """The last point from `index` on that (x_m, y_m) is past or level with.
+
+    Past point i+1: (p_{i+1} − p_i) · (s − p_{i+1}) ≥ −`PASSED_TOLERANCE`; the walk ends at the first point
+    that is not passed. Neighbours at one place give 0 and are passed together. A product that overflows to
+    NaN (from coordinates beyond 1e150) decides nothing, so that point is not passed.
+    """
+    last = len(xs_m) - 1
+    stop = min(index + _SCALAR_STEPS, last)
+    x0, y0 = xs_m[index], ys_m[index]
+    while index < stop:
+        x1, y1 = xs_m[index + 1], ys_m[index + 1]
+        if not (x1 - x0) * (x_m - x1) + (y1 - y0) * (y_m - y1) >= -PASSED_TOLERANCE:
+            return index
+        index += 1
+        x0, y0 = x1, y1
+    return advanced_in_blocks(xs_m, ys_m, index, x_m, y_m) if index < last else index
+
+
+def advanced_in_blocks(
+    xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float
+) -> int:
+    """The same as `advanced_in_space`, for far jumps: growing blocks, so that the cost follows the way
+    jumped."""
+    last, size = len(xs_m) - 1, _FIRST_BLOCK
+    with np.errstate(over="ignore", invalid="ignore"):
+        while index < last:
+            stop = min(index + size, last)
+            x, y = np.asarray(xs_m[index : stop + 1]), np.asarray(ys_m[index : stop + 1])  # (m + 1,)
+            product = (x[1:] - x[:-1]) * (x_m - x[1:]) + (y[1:] - y[:-1]) * (y_m - y[1:])  # (m,)
+            passed = product >= -PASSED_TOLERANCE
+            if not passed.all():
+                return index + int(passed.argmin())
+            index, size = stop, min(2 * size, _GREATEST_BLOCK)
+    return index
+
+
+def advanced_in_time(times_ns: Sequence[int], index: int, elapsed_ns: int) -> int:
+    """The last point from `index` on whose time is not after `elapsed_ns`; `index` itself when there is none.
+
+    Exact integers. Steps of doubling length, then halving: the cost follows the logarithm of the way
+    advanced.
+    """
+    end, step = len(times_ns), 1
+    while index + step < end and times_ns[index + step] <= elapsed_ns:
+        index += step
+        step *= 2
+    return bisect_right(times_ns, elapsed_ns, index + 1, min(index + step, end)) - 1
+
+
+class Progress:
+    """One trajectory and how far the vehicle has come on it. Made anew for each trajectory, at a constant
+    cost."""
+
+    __slots__ = (
+        "end_ns",
+        "last",
+        "spatial_index",
+        "speeds_mps",
+        "temporal_index",
+        "times_ns",
+        "trajectory",
+        "xs_m",
+        "ys_m",
+    )
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory
+        self.last = len(trajectory) - 1
+        """Index of the last point; −1 when there is none."""
+        self.xs_m: Sequence[float] = plain_values(trajectory.x_m)
+        self.ys_m: Sequence[float] = plain_values(trajectory.y_m)
+        self.speeds_mps: Sequence[float] = plain_values(trajectory.speed_mps)
+        self.times_ns: Sequence[int] = plain_values(trajectory.time_from_start_ns)
+        self.end_ns = trajectory.stamp_ns + (self.times_ns[-1] if self.last >= 0 else 0)
+        """Stamp of the last point."""
+        self.spatial_index = 0
+        self.temporal_index = 0
+
+    def advance(self, stamp_ns: int, x_m: float, y_m: float) -> None:
+        """Moves both indices on to where this instant and place are."""
+        elapsed_ns = stamp_ns - self.trajectory.stamp_ns
+        self.temporal_index = advanced_in_time(self.times_ns, self.temporal_index, elapsed_ns)
+        self.spatial_index = advanced_in_space(self.xs_m, self.ys_m, self.spatial_index, x_m, y_m)
+
+    def is_past_end_in_time(self, stamp_ns: int) -> bool:
+        """Whether the last point's time has come."""
+        return stamp_ns >= self.end_ns
+
+    def is_past_end_in_space(self, x_m: float, y_m: float) -> bool:
+        """Whether the last point is reached and the plane through it, along its heading, is passed."""
+        last = self.last
+        if self.spatial_index != last:
+            return False
+        heading_rad = float(self.trajectory.heading_rad[last])
+        past_m = math.cos(heading_rad) * (x_m - self.xs_m[last])
+        past_m += math.sin(heading_rad) * (y_m - self.ys_m[last])
+        return past_m >= -PASSED_TOLERANCE
+
+
+class Reference(Protocol):
+    """What `tracking_error` compares with: a `ReferencePoint`, a `VehicleState`, or anything of that
+    shape."""
+
+    @property
+    def x_m(self) -> float: ...
+    @property
+    def y_m(self) -> float: ...
+    @property
+    def heading_rad(self) -> float: ...
+    @property
+    def speed_mps(self) -> float: ...
+    @property
+    def accel_mps2(self) -> float: ...
+    @property
+    def yaw_rate_radps(self) -> float: ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferencePoint:
+    """One point of a trajectory, in plain floats."""
+
+    stamp_ns: int
+    """When the vehicle shall be here, nanoseconds of the monotonic clock."""
+    frame_id: str = "map"
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_mps: float
+    """Negative where the vehicle reverses."""
+    accel_mps2: float = 0.0
+    yaw_rate_radps: float = 0.0
+    front_wheel_angle_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackingError:
+    """State minus reference, the position in the reference point's own axes."""
+
+    lateral_m: float
+    """Positive when the vehicle is left of the reference."""
+    longitudinal_m: float
+    """Positive when the vehicle is ahead, along the reference's heading, also where it reverses."""
+    heading_rad: float
+    """Positive when the vehicle points further left; in [−π, π]."""
+    speed_mps: float
+    """Positive when the vehicle is faster forwards."""
+    accel_mps2: float
+    yaw_rate_radps: float
+
+
+def point_at(trajectory: Trajectory, index: int) -> ReferencePoint:
+    """Point `index` of a trajectory, counted from 0. Raises `InvalidValueError` when there is no such
+    point."""
+    if not 0 <= index < len(trajectory):
+        raise InvalidValueError(f"index = {index}: must be in 0..{len(trajectory) - 1}")
+    return ReferencePoint(
+        stamp_ns=trajectory.stamp_ns + int(trajectory.time_from_start_ns[index]),
+        frame_id=trajectory.frame_id,
+        x_m=float(trajectory.x_m[index]),
+        y_m=float(trajectory.y_m[index]),
+        heading_rad=float(trajectory.heading_rad[index]),
+        speed_mps=float(trajectory.speed_mps[index]),
+        accel_mps2=float(trajectory.accel_mps2[index]),
+        yaw_rate_radps=float(trajectory.yaw_rate_radps[index]),
+        front_wheel_angle_rad=float(trajectory.front_wheel_angle_rad[index]),
+    )
+
+
+def tracking_error(state: VehicleState, reference_point: Reference) -> TrackingError:
+    """How far the state is off the reference: state minus reference.
+
+    The difference in position is turned into the reference point's axes (x along its heading, y to its left);
+    the heading error is wrapped. Raises `FrameMismatchError` when the reference names another frame.
+    """
+    frame_id = getattr(reference_point, "frame_id", state.frame_id)
+    if frame_id != state.frame_id:
+        raise FrameMismatchError(f"state in frame {state.frame_id!r}, reference in {frame_id!r}")
+    dx_m, dy_m = state.x_m - reference_point.x_m, state.y_m - reference_point.y_m
+    cos, sin = math.cos(reference_point.heading_rad), math.sin(reference_point.heading_rad)
+    return TrackingError(
+        lateral_m=cos * dy_m - sin * dx_m,
+        longitudinal_m=cos * dx_m + sin * dy_m,
+        heading_rad=wrapped_rad(state.heading_rad - reference_point.heading_rad),
+        speed_mps=state.speed_mps - reference_point.speed_mps,
+        accel_mps2=state.accel_mps2 - reference_point.accel_mps2,
+        yaw_rate_radps=state.yaw_rate_radps - reference_point.yaw_rate_radps,
+    )
