@@ -2,9 +2,12 @@
 
 import argparse
 import contextlib
+import ctypes
 import json
 import os
+import random
 import re
+import resource
 import select
 import shlex
 import shutil
@@ -78,7 +81,7 @@ class Streams:
     """What the caller's three standard streams are."""
 
     kinds: list[str]
-    """Of input, output, errors each: tty, pipe (anything else that is open), null (closed), same (as output)."""
+    """Each of input, output, errors: tty, pipe (any other that is open), null (closed), same (as output)."""
     interactive: bool
     """The terminal is ours to switch to raw: keys, job control and colours then come from inside."""
 
@@ -312,7 +315,7 @@ def build_command_line(options: Options, folder: Path) -> Kernel:
 
 
 def choose_memory(wanted: int | None) -> tuple[str, int]:
-    """Returns the folder for the kernel's memory file, tmpfs if it fits there, and the size, if need be less."""
+    """Returns the folder for the kernel's memory file, tmpfs if it fits there, and the file's size."""
     free = {place: free_bytes(place) for place in ("/dev/shm", tempfile.gettempdir(), "/tmp", "/var/tmp")}
     mem = wanted if wanted is not None else min(4 << 30, available_memory() * 3 // 4)
     roomiest = max(free, key=lambda place: free[place])
@@ -459,16 +462,15 @@ def keep(
 
 
 def before_kernel() -> None:
-    import resource
-
     signal.pthread_sigmask(signal.SIG_SETMASK, [])
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    # It and its processes take turns, one system call after the other. If each turn wakes another processor,
+    # a system call takes 80 µs instead of 8 (measured on a virtual machine with two).
+    os.sched_setaffinity(0, {random.choice(sorted(os.sched_getaffinity(0)))})
 
 
 def become_subreaper() -> None:
     """Makes the kernel's helpers ours when it dies; nobody else may be there to bury them."""
-    import ctypes
-
     ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER, <linux/prctl.h>
 
 

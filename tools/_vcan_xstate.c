@@ -1,10 +1,10 @@
 /*
  * Preloaded into the user-mode kernel on CPUs with AMX.
  *
- * User-mode Linux before 6.13 keeps 2696 bytes of floating point state for each of its threads: all that existed when it
- * was written. Where the CPU has AMX, the host's state is four times as long, and the host refuses a shorter one with
- * EFAULT, which kills the first process. What is missing is tile data, which no process in there can own: the permission
- * is asked for by arch_prctl, and the user-mode kernel does not pass that on. So zeros are what it always holds.
+ * User-mode Linux before 6.13 keeps 2696 bytes of floating point state for each of its threads, all there was
+ * when it was written. Where the CPU has AMX, the host's state is four times as long, and the host refuses a
+ * shorter one with EFAULT, which kills the first process. What is missing is tile data. No process in there can
+ * own any: the permission is asked for by arch_prctl, which the user-mode kernel does not pass on. So it is zeros.
  *
  * No headers: a bare compiler is enough to build it.
  */
