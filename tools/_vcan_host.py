@@ -293,9 +293,7 @@ class Kernel:
 
 def build_command_line(options: Options, folder: Path) -> Kernel:
     if os.uname().machine != "x86_64":
-        raise VcanError(
-            "this kernel has no SocketCAN, and only x86-64 can boot its own; try: sudo modprobe vcan"
-        )
+        raise VcanError("this kernel has no SocketCAN, and only x86-64 can boot its own; try: sudo modprobe vcan")
     program = install("user-mode-linux", "linux.uml")
     tempdir, mem = choose_memory(options.mem)
     arguments = [
@@ -362,9 +360,7 @@ def write_script(path: Path, line: str) -> None:
     path.chmod(0o755)
 
 
-def describe(
-    options: Options, folder: Path, streams: Streams, ignored: list[signal.Signals]
-) -> dict[str, Any]:
+def describe(options: Options, folder: Path, streams: Streams, ignored: list[signal.Signals]) -> dict[str, Any]:
     umask = os.umask(0)
     os.umask(umask)
     terminal = next((fd for fd, kind in enumerate(streams.kinds) if kind == "tty"), None)
@@ -501,6 +497,7 @@ class Visit:
         self._control = Control(machine.lines[0].fileno())
         self._settings: list[Any] | None = None
         self._outputs: list[threading.Thread] = []
+        self._interrupted: signal.Signals | None = None
 
     def run(self) -> int:
         threading.Thread(target=self._pass_signals, daemon=True).start()
@@ -527,10 +524,18 @@ class Visit:
         poll.register(self._machine.lines[0], select.POLLIN)
         if not poll.poll(BOOT_LIMIT_S * 1000):
             raise VcanError(f"the kernel did not come up within {BOOT_LIMIT_S:.0f} s{self._last_words()}")
-        message = self._control.receive()
+        message = self._receive()
+        if self._interrupted is not None:
+            return {"exit": 128 + self._interrupted}
         if message is None:
             raise VcanError(f"the kernel did not come up{self._last_words()}")
         return message
+
+    def _receive(self) -> dict[str, Any] | None:
+        try:
+            return self._control.receive()
+        except ConnectionError:
+            return None
 
     def _start_streams(self) -> None:
         self._machine.ready.set()
@@ -547,13 +552,12 @@ class Visit:
 
     def _follow(self) -> dict[str, Any]:
         """Returns the last message."""
-        with contextlib.suppress(ConnectionError):
-            while (message := self._control.receive()) is not None:
-                if "exit" in message:
-                    return message
-                if "stopped" in message:
-                    self._leave_raw()
-                    os.killpg(0, signal.SIGSTOP)  # all in front of a terminal stop together
+        while (message := self._receive()) is not None:
+            if "exit" in message:
+                return message
+            if "stopped" in message:
+                self._leave_raw()
+                os.killpg(0, signal.SIGSTOP)  # all in front of a terminal stop together
         raise VcanError(f"the kernel died{self._last_words()}")
 
     def _carry_input(self) -> None:
@@ -586,8 +590,8 @@ class Visit:
 
     def _signal_while_booting(self, number: signal.Signals) -> None:
         if number in ENDING:
-            self._release()
-            os._exit(128 + number)
+            self._interrupted = number
+            self._machine.lines[0].shutdown(socket.SHUT_RDWR)  # wakes who waits for the first message
 
     def _pass_signal(self, number: signal.Signals, from_terminal: bool) -> None:
         if number == signal.SIGCONT and self._streams.interactive:
