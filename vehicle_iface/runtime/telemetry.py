@@ -205,9 +205,7 @@ _CRC = struct.Struct("=I")
 _RECORD = struct.Struct("@" + "".join(_FIELDS))
 _SLOT_BYTES = -(-(_RECORD.size + _CRC.size) // 64) * 64
 _HEADER = struct.Struct("@8sQ8sQQqQ")  # magic, version, layout, session, pid, start_ns, length of the info
-_TRAJECTORY = struct.Struct(
-    f"@qqqq{_FRAME_BYTES}s"
-)  # version, stamp_ns, points here, points of the original, frame
+_TRAJECTORY = struct.Struct(f"@qqqq{_FRAME_BYTES}s")  # version, stamp_ns, points here, points of the original, frame
 _TRAJECTORY_BYTES = _TRAJECTORY.size + MAX_POINTS * len(_COLUMNS) * 8
 _DETAILS = struct.Struct("@QQ")  # number, length
 
@@ -255,9 +253,7 @@ class TelemetryWriter:
         self.path = telemetry_path(address)
         self._map, self._file = _created(self.path, address, info)
         view = memoryview(self._map)
-        self._slots = [
-            view[at : at + _RECORD.size + _CRC.size] for at in range(_RING_AT, _TRAJECTORY_AT, _SLOT_BYTES)
-        ]
+        self._slots = [view[at : at + _RECORD.size + _CRC.size] for at in range(_RING_AT, _TRAJECTORY_AT, _SLOT_BYTES)]
         # Item assignment through a cast view is one aligned 8-byte store; struct would store byte by byte.
         self._head = view[_HEAD_AT : _HEAD_AT + 8].cast("Q")
         self._ended = view[_ENDED_AT : _ENDED_AT + 8].cast("Q")
@@ -489,8 +485,7 @@ def _created(path: Path, address: str, info: SessionInfo) -> tuple[mmap.mmap, in
 
 def _taken(path: Path, address: str) -> ConfigError:
     return ConfigError(
-        f"telemetry {address!r}: another loop writes to {path}; end it, or choose another address "
-        "with --telemetry"
+        f"telemetry {address!r}: another loop writes to {path}; end it, or choose another address with --telemetry"
     )
 
 
@@ -537,9 +532,7 @@ def _new_file(path: Path, info: SessionInfo) -> int | None:
         if len(text) > _JSON_BYTES:
             raise ConfigError(f"session info of {len(text)} bytes: at most {_JSON_BYTES}")
         session = int.from_bytes(os.urandom(8), sys.byteorder) | 1
-        header = _HEADER.pack(
-            _MAGIC, _VERSION, _LAYOUT, session, os.getpid(), clock.monotonic_ns(), len(text)
-        )
+        header = _HEADER.pack(_MAGIC, _VERSION, _LAYOUT, session, os.getpid(), clock.monotonic_ns(), len(text))
         os.pwrite(file, header + _CRC.pack(zlib.crc32(text, zlib.crc32(header))), 0)
         os.pwrite(file, text, _INFO_AT)
         os.link(draft, path)
@@ -596,9 +589,7 @@ def _unpacked_trajectory(area: bytes, version: int) -> DrawnTrajectory | None:
         return None
     points = np.frombuffer(area, offset=_TRAJECTORY.size, count=MAX_POINTS * len(_COLUMNS))
     columns = dict(zip(_COLUMNS, points.reshape(len(_COLUMNS), MAX_POINTS)[:, :count], strict=True))
-    return DrawnTrajectory(
-        version=version, stamp_ns=stamp_ns, frame_id=_text(frame), original_count=total, **columns
-    )
+    return DrawnTrajectory(version=version, stamp_ns=stamp_ns, frame_id=_text(frame), original_count=total, **columns)
 
 
 def _unpacked_details(area: bytes) -> tuple[int, dict[str, Any]]:

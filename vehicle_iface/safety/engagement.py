@@ -87,7 +87,7 @@ TABLE: dict[tuple[Mode, Event], tuple[Mode, Reason]] = {
 """A missing pair means: stay."""
 
 _WIRE_STATE = {
-    Mode.LISTENING: ControllerState.STANDBY,
+    Mode.LISTENING: ControllerState.SHADOW,
     Mode.STARTING: ControllerState.STARTING,
     Mode.STANDBY: ControllerState.STANDBY,
     Mode.ENGAGING: ControllerState.ENGAGING,

@@ -1,10 +1,11 @@
 """From a wish to a permission: the one place where a `SafeCommand` is made."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from vehicle_iface.command import Command, SafeCommand
+from vehicle_iface.profile import Limits
 from vehicle_iface.reason import Reason
 from vehicle_iface.safety.limits import Channel, limited_raw
 from vehicle_iface.state import VehicleState
@@ -102,29 +103,27 @@ class Gate:
         return raw
 
 
-def gate_channels(limits: Mapping[str, float], lsb: Mapping[str, float]) -> GateChannels:
-    """The gate's channels from a profile's `limits` and the wire's `lsb` per field, both in SI units."""
+def gate_channels(limits: Limits, lsb: Callable[[str], float]) -> GateChannels:
+    """The gate's channels from a profile's limits; `lsb(field)` is what the wire can tell apart, in SI units."""
 
-    def symmetric(name: str, limit: str, rate: float) -> Channel:
-        return Channel(
-            name=name, lsb=lsb[name], lowest=-limits[limit], highest=limits[limit], rate_per_s=rate
-        )
+    def symmetric(name: str, limit: float, rate_per_s: float) -> Channel:
+        return Channel(name=name, lsb=lsb(name), lowest=-limit, highest=limit, rate_per_s=rate_per_s)
 
     return GateChannels(
         accel_mps2=Channel(
             name="accel_mps2",
-            lsb=lsb["accel_mps2"],
-            lowest=limits["accel_min_mps2"],
-            highest=limits["accel_max_mps2"],
-            rate_per_s=limits["accel_rate_mps3"],
+            lsb=lsb("accel_mps2"),
+            lowest=limits.accel_min_mps2,
+            highest=limits.accel_max_mps2,
+            rate_per_s=limits.accel_rate_mps3,
         ),
         front_wheel_angle_rad=symmetric(
-            "front_wheel_angle_rad", "front_wheel_angle_rad", limits["front_wheel_rate_radps"]
+            "front_wheel_angle_rad", limits.front_wheel_angle_rad, limits.front_wheel_rate_radps
         ),
         rear_wheel_angle_rad=symmetric(
-            "rear_wheel_angle_rad", "rear_wheel_angle_rad", limits["rear_wheel_rate_radps"]
+            "rear_wheel_angle_rad", limits.rear_wheel_angle_rad, limits.rear_wheel_rate_radps
         ),
-        speed_mps=symmetric("speed_mps", "speed_max_mps", math.inf),
+        speed_mps=symmetric("speed_mps", limits.speed_max_mps, math.inf),
     )
 
 

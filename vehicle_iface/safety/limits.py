@@ -28,8 +28,8 @@ class Channel:
 
     def __post_init__(self) -> None:
         checks.positive(f"{self.name}: lsb", self.lsb)
-        if not self.rate_per_s > 0.0:
-            raise InvalidValueError(f"{self.name}: rate_per_s = {self.rate_per_s}: must be above 0")
+        if not self.rate_per_s >= 0.0:
+            raise InvalidValueError(f"{self.name}: rate_per_s = {self.rate_per_s}: must be at least 0")
         lowest = checks.finite(f"{self.name}: lowest", self.lowest)
         highest = checks.finite(f"{self.name}: highest", self.highest)
         if not lowest <= 0.0 <= highest:

@@ -1,0 +1,105 @@
+"""Trajectories from other threads and other processes."""
+
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle_iface import Trajectory, VehicleState
+from vehicle_iface.errors import TrajectoryFileError
+from vehicle_iface.trajectories.mailbox import Mailbox, PostedTrajectories, fetch, post
+
+STATE = VehicleState(stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0)
+
+
+def line(stamp_ns: int = 0, n: int = 3) -> Trajectory:
+    zeros = np.zeros(n)
+    return Trajectory(
+        stamp_ns=stamp_ns,
+        frame_id="odom",
+        time_from_start_ns=np.arange(n),
+        x_m=np.arange(n, dtype=float),
+        y_m=zeros,
+        heading_rad=zeros,
+        speed_mps=zeros + 1.0,
+    )
+
+
+def test_only_the_newest_trajectory_is_taken_and_only_once() -> None:
+    mailbox = Mailbox()
+    mailbox.put(line(1))
+    newest = line(2)
+    mailbox.put(newest)
+    assert mailbox.next(0, STATE) is newest
+    assert mailbox.next(0, STATE) is None
+
+
+def test_nothing_put_by_another_thread_is_taken_twice_or_out_of_order() -> None:
+    mailbox = Mailbox()
+    put = [line(stamp_ns) for stamp_ns in range(2000)]
+    thread = threading.Thread(target=lambda: [mailbox.put(trajectory) for trajectory in put])
+    thread.start()
+    taken = []
+    while thread.is_alive() or mailbox._newest:
+        trajectory = mailbox.next(0, STATE)
+        if trajectory is not None:
+            taken.append(trajectory.stamp_ns)
+    thread.join()
+    assert taken == sorted(set(taken))
+    assert taken[-1] == 1999
+
+
+def test_what_is_posted_comes_out_as_it_was(tmp_path: Path) -> None:
+    post(tmp_path / "t", line(7))
+    fetched = fetch(tmp_path / "t")
+    assert (fetched.stamp_ns, fetched.frame_id, fetched.x_m.tolist()) == (7, "odom", [0.0, 1.0, 2.0])
+    assert [file.name for file in tmp_path.iterdir()] == ["t"]
+
+
+def test_another_process_posts_and_the_loop_takes_it(tmp_path: Path) -> None:
+    source = PostedTrajectories(tmp_path / "t")
+    script = f"""
+from vehicle_iface import Trajectory
+from vehicle_iface.trajectories.mailbox import post
+post({str(tmp_path / "t")!r}, Trajectory(stamp_ns=9, time_from_start_ns=[0], x_m=[1.0], y_m=[2.0],
+     heading_rad=[0.0], speed_mps=[0.0]))
+"""
+    subprocess.run([sys.executable, "-c", script], check=True)
+    trajectory = None
+    deadline = time.monotonic() + 20
+    while trajectory is None and time.monotonic() < deadline:
+        trajectory = source.next(0, STATE)
+    source.close()
+    assert trajectory is not None
+    assert trajectory.stamp_ns == 9
+
+
+@given(st.binary(max_size=300))
+def test_a_file_that_is_no_trajectory_is_refused_by_name(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes
+) -> None:
+    path = tmp_path_factory.mktemp("posted") / "t"
+    path.write_bytes(content)
+    with pytest.raises(TrajectoryFileError, match="t: "):
+        fetch(path)
+
+
+@given(st.data())
+def test_a_damaged_post_is_refused_or_whole(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    path = tmp_path_factory.mktemp("posted") / "t"
+    post(path, line(7))
+    content = bytearray(path.read_bytes())
+    content[data.draw(st.integers(0, len(content) - 1))] ^= data.draw(st.integers(1, 255))
+    path.write_bytes(content)
+    try:
+        assert len(fetch(path)) == 3
+    except TrajectoryFileError:
+        pass

@@ -1,0 +1,348 @@
+"""The `vehicle-iface` command."""
+
+import argparse
+import logging
+import logging.handlers
+import os
+import queue
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from types import FrameType
+
+from vehicle_iface import clock, compose, demo
+from vehicle_iface.bus.base import Bus
+from vehicle_iface.codec.database import VehicleDatabase, load_database
+from vehicle_iface.errors import BusError, ConfigError, TrajectoryFileError, VehicleIfaceError
+from vehicle_iface.profile import load_profile
+from vehicle_iface.runtime import realtime
+from vehicle_iface.runtime.loop import Loop
+from vehicle_iface.runtime.summary import save_summary, table
+from vehicle_iface.runtime.telemetry import SessionInfo, TelemetryWriter
+from vehicle_iface.sim.embedded import EmbeddedBus
+from vehicle_iface.sim.model import BicycleState
+from vehicle_iface.sim.node import run_vehicle
+from vehicle_iface.sim.pedals import PedalSocket, default_path, press
+from vehicle_iface.sim.wire import simulated_vehicle
+from vehicle_iface.trajectories.csv_file import load_csv
+from vehicle_iface.trajectories.mailbox import PostedTrajectories
+from vehicle_iface.trajectories.receding import RecedingRoute
+from vehicle_iface.trajectories.route import RouteConfig
+from vehicle_iface.trajectories.shapes import ROUTES, make_route
+from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
+from vehicle_iface.units import ns_from_s
+
+log = logging.getLogger("vehicle_iface")
+
+DONE, BAD_USAGE, NO_BUS, LATCHED_FAULT = 0, 2, 3, 4
+EMBEDDED = "embedded"
+"""The interface that needs nothing outside the process."""
+EMBEDDED_HINT = "for a real bus: vehicle-iface run --channel can0, or tools/vcan for a virtual one"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; 0 done, 2 bad usage, configuration or file, 3 no bus, 4 ended in a latched fault."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given[:1] == ["view"]:  # the viewer is another process and knows its own options
+        os.execv(sys.executable, [sys.executable, "-m", "viewer", *given[1:]])
+    options = _parser().parse_args(given)
+    command: Callable[[argparse.Namespace], int] = options.command
+    try:
+        with _logging(options.verbose):
+            return command(options)
+    except BusError as error:
+        print(f"vehicle-iface: {error}", file=sys.stderr)
+        return NO_BUS
+    except (ConfigError, TrajectoryFileError) as error:
+        print(f"vehicle-iface: {error}", file=sys.stderr)
+        return BAD_USAGE
+    except VehicleIfaceError as error:
+        print(f"vehicle-iface: {type(error).__name__}: {error}", file=sys.stderr)
+        return BAD_USAGE
+
+
+def run(options: argparse.Namespace) -> int:
+    """The loop."""
+    database = load_database(load_profile(options.profile))
+    source = _source(options, database)
+    controller = compose.build_controller(options.controller, database.profile)
+    with _telemetry(options, database) as telemetry:
+        loop = compose.build_loop(
+            database=database,
+            open_bus=_bus_opener(options, database),
+            controller=controller,
+            source=source,
+            telemetry=telemetry,
+            armed=options.arm,
+        )
+        log.info("%s, %s: %s", loop.link.description, _arming(options), _wanted(options))
+        for lack in realtime.claim():
+            log.warning("%s", lack)
+        signal.signal(signal.SIGUSR1, lambda *_: loop.request_arming())
+        _on_end_signals(loop.request_end)
+        _run_for(loop, options.duration)
+        loop.link.close()
+    summary = loop.summary()
+    print(table(summary), flush=True)
+    if options.summary:
+        save_summary(options.summary, summary)
+    return LATCHED_FAULT if loop.ended_in_fault else DONE
+
+
+def sim(options: argparse.Namespace) -> int:
+    """The simulated vehicle."""
+    database = load_database(load_profile(options.profile))
+    if options.interface == EMBEDDED:
+        raise ConfigError("sim needs a bus of its own; the embedded one has its vehicle in `run`")
+    vehicle = simulated_vehicle(
+        database.profile, start_ns=clock.monotonic_ns(), start=_start(options.start), frame_id=options.frame
+    )
+    end = _Flag()
+    _on_end_signals(end.set)
+    deadline_ns = clock.monotonic_ns() + ns_from_s(options.duration) if options.duration else None
+    path = options.pedals or default_path(options.channel)
+
+    def over() -> bool:
+        return end.is_set or (deadline_ns is not None and clock.monotonic_ns() >= deadline_ns)
+
+    def opened() -> Bus:
+        return compose.open_bus(options.interface, options.channel, database.profile, database.sent)
+
+    with closing(PedalSocket(path)) as pedals:
+        bus = opened()
+        log.info("simulated vehicle on %s, pedals at %s", bus.description, path)
+        for lack in realtime.claim():
+            log.warning("%s", lack)
+        run_vehicle(vehicle, bus, pedals, clock.monotonic_ns, over, reopen=opened)
+    counters = ", ".join(f"{name} {count}" for name, count in sorted(vehicle.counters.items()) if count)
+    print(f"  vehicle ended {vehicle.mode.name} at {vehicle.state.speed_mps:.2f} m/s: {counters}", flush=True)
+    return DONE
+
+
+def press_pedal(options: argparse.Namespace) -> int:
+    """One line to the simulated vehicle's pedals."""
+    answer = press(options.path, " ".join(options.line))
+    print(answer)
+    return BAD_USAGE if answer.startswith("error") else DONE
+
+
+def run_demo(options: argparse.Namespace) -> int:
+    """Simulated vehicle, loop and viewer together."""
+    return demo.run(
+        route=options.route,
+        start=make_route(options.route).start,
+        port=options.port,
+        duration_s=options.duration,
+        summary=options.summary,
+        viewer=not options.no_viewer,
+        open_page=options.open,
+    )
+
+
+class _Flag:
+    """Set by a signal handler."""
+
+    def __init__(self) -> None:
+        self.is_set = False
+
+    def set(self) -> None:
+        self.is_set = True
+
+
+def _run_for(loop: Loop, duration_s: float | None) -> None:
+    """Pass after pass; the end of the duration is a request to end like any other."""
+    if duration_s is None:
+        loop.run()
+        return
+    deadline_ns = clock.monotonic_ns() + ns_from_s(duration_s)
+    while not loop.done and clock.monotonic_ns() < deadline_ns:
+        loop.step()
+    loop.request_end()
+    loop.run()
+
+
+def _on_end_signals(end: Callable[[], None]) -> None:
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        end()
+
+    signal.signal(signal.SIGINT, handle)
+    signal.signal(signal.SIGTERM, handle)
+
+
+def _source(options: argparse.Namespace, database: VehicleDatabase) -> TrajectorySource:
+    if options.trajectory:
+        return FixedTrajectory(load_csv(options.trajectory))
+    if options.trajectory_post:
+        return PostedTrajectories(options.trajectory_post)
+    return RecedingRoute(make_route(options.route, _route_config(database)), frame_id=options.frame)
+
+
+def _route_config(database: VehicleDatabase) -> RouteConfig:
+    geometry = database.profile.geometry
+    return RouteConfig(vehicle_width_m=geometry.width_m, wheelbase_m=geometry.wheelbase_m)
+
+
+def _bus_opener(options: argparse.Namespace, database: VehicleDatabase) -> Callable[[], Bus]:
+    if options.interface != EMBEDDED:
+        # The sent ones too, to notice another commander.
+        hears = (*database.received, *database.sent)
+        return lambda: compose.open_bus(options.interface, options.channel, database.profile, hears)
+    start = make_route(options.route, _route_config(database)).start if options.route else (0.0, 0.0, 0.0)
+    vehicle = simulated_vehicle(
+        database.profile, start_ns=clock.monotonic_ns(), start=_pose(start), frame_id=options.frame
+    )
+    return lambda: EmbeddedBus(vehicle, clock.monotonic_ns, clock.sleep_until)
+
+
+@contextmanager
+def _telemetry(options: argparse.Namespace, database: VehicleDatabase) -> Iterator[TelemetryWriter]:
+    embedded = options.interface == EMBEDDED
+    bus = f"{options.interface} {options.channel}"
+    info = SessionInfo(
+        channel=options.channel,
+        bus="embedded bus (no SocketCAN used)" if embedded else bus.replace("socketcan", "SocketCAN"),
+        bus_hint=EMBEDDED_HINT if embedded else "",
+        profile=database.profile.name,
+        route=_wanted(options),
+        arming=_arming(options),
+        period_s=database.profile.timing.sample_period_s,
+        shape=compose.vehicle_shape(database.profile),
+    )
+    with TelemetryWriter(options.telemetry, info) as writer:
+        yield writer
+
+
+def _arming(options: argparse.Namespace) -> str:
+    return "armed" if options.arm else "shadow" if options.shadow else "listen-only"
+
+
+def _wanted(options: argparse.Namespace) -> str:
+    return str(options.trajectory or options.trajectory_post or options.route)
+
+
+def _start(text: str) -> BicycleState:
+    try:
+        x_m, y_m, heading_rad = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ConfigError(f"--start {text!r}: must be X,Y,HEADING in metres and radians, like 0,0,1.57") from None
+    return _pose((x_m, y_m, heading_rad))
+
+
+def _pose(start: tuple[float, float, float]) -> BicycleState:
+    return BicycleState(x_m=start[0], y_m=start[1], heading_rad=start[2])
+
+
+@contextmanager
+def _logging(verbose: bool) -> Iterator[None]:
+    """Log to the terminal from a thread of its own: a terminal that hangs must not hold up the loop."""
+    terminal = logging.StreamHandler()
+    terminal.setFormatter(logging.Formatter("%(asctime)s.%(msecs)03d %(levelname)-7s %(message)s", "%H:%M:%S"))
+    lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
+    listener = logging.handlers.QueueListener(lines, terminal)
+    handler = logging.handlers.QueueHandler(lines)
+    log.addHandler(handler)
+    log.setLevel(logging.DEBUG if verbose else logging.INFO)
+    listener.start()
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        listener.stop()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="vehicle-iface",
+        description="A CAN-bus vehicle interface: state frames in, checked commands out, watched in the browser.",
+    )
+    parser.set_defaults(verbose=False)
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    _add_demo(_command(commands, "demo", "simulated vehicle, loop and viewer, with one command"))
+    _add_run(_command(commands, "run", "the loop: reads the vehicle's state and commands it"))
+    _add_sim(_command(commands, "sim", "the simulated vehicle, as a node on a bus"))
+    _add_pedals(_command(commands, "pedals", "press a simulated vehicle's pedals"))
+    commands.add_parser("view", add_help=False, help="the browser viewer (vehicle-iface view --help)")
+    return parser
+
+
+def _command(
+    commands: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, text: str
+) -> argparse.ArgumentParser:
+    return commands.add_parser(
+        name,
+        help=text,
+        description=f"{text[0].upper()}{text[1:]}.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+
+
+def _add_run(parser: argparse.ArgumentParser) -> None:
+    _add_bus(parser)
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument(
+        "--trajectory", metavar="FILE.csv", help="drive this once; its time 0 is the instant of engagement"
+    )
+    what.add_argument("--route", choices=sorted(ROUTES), help="drive along this, a few seconds ahead at a time")
+    what.add_argument("--trajectory-post", metavar="FILE", help="drive what another process posts to this file")
+    parser.add_argument(
+        "--controller", default="pure_pursuit", metavar="NAME", help="pure_pursuit, or your own FILE.py:CLASS"
+    )
+    arming = parser.add_mutually_exclusive_group()
+    arming.add_argument(
+        "--arm", action="store_true", help="engage once, when the vehicle is READY; without it not one frame leaves"
+    )
+    arming.add_argument("--shadow", action="store_true", help="listen and compute only, by intent")
+    parser.add_argument(
+        "--duration", type=_positive, metavar="S", help="stop the vehicle and end after so many seconds"
+    )
+    parser.add_argument(
+        "--telemetry", default="default", metavar="ADDRESS", help="name, or path, that `view` connects to"
+    )
+    parser.add_argument("--summary", metavar="FILE.json", help="write the run's counts and latencies there")
+    parser.add_argument("--frame", default="map", help="frame of reference of the route")
+    parser.add_argument("--verbose", action="store_true", help="say more")
+    parser.set_defaults(command=run)
+
+
+def _add_sim(parser: argparse.ArgumentParser) -> None:
+    _add_bus(parser)
+    parser.add_argument("--start", default="0,0,0", metavar="X,Y,HEADING", help="start pose in m, m, rad")
+    parser.add_argument("--frame", default="map", help="frame of reference of its pose")
+    parser.add_argument("--duration", type=_positive, metavar="S", help="end after so many seconds")
+    parser.add_argument(
+        "--pedals", metavar="PATH", help="its pedals' socket; in the user's runtime directory, else /tmp"
+    )
+    parser.add_argument("--verbose", action="store_true", help="say more")
+    parser.set_defaults(command=sim)
+
+
+def _add_pedals(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("path", help="the socket that `sim` names at its start")
+    parser.add_argument("line", nargs="+", help="what to do: brake 1, steer 4.0, ready, reset, status, help, …")
+    parser.set_defaults(command=press_pedal)
+
+
+def _add_demo(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--route", default="figure8", choices=sorted(ROUTES), help="what to drive")
+    parser.add_argument("--port", type=int, default=8080, help="TCP port of the page on 127.0.0.1")
+    parser.add_argument("--duration", type=_positive, metavar="S", help="end after so many seconds")
+    parser.add_argument("--summary", metavar="FILE.json", help="write the run's counts and latencies there")
+    parser.add_argument("--no-viewer", action="store_true", help="without the page")
+    parser.add_argument("--open", action="store_true", help="open the page in this machine's browser")
+    parser.set_defaults(command=run_demo)
+
+
+def _add_bus(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--channel", default="vcan0", help="the bus: vcan0, can0, or what the interface calls it")
+    parser.add_argument(
+        "--interface", default="socketcan", help="socketcan, embedded, or the name of a python-can interface"
+    )
+    parser.add_argument("--profile", default="reference", help="the vehicle: a profile's name, or a .toml file")
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: must be a number of seconds above 0")
+    return value

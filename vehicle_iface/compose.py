@@ -1,0 +1,177 @@
+"""Where concrete parts meet: from a profile and a few words to a loop, or to a simulated vehicle."""
+
+import importlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import ModuleType
+
+from vehicle_iface import clock
+from vehicle_iface.bus.base import Bus
+from vehicle_iface.bus.socketcan import SocketCanBus
+from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
+from vehicle_iface.codec.decoder import Decoder
+from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.control.base import BehaviorConfig, ControllerBase
+from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.profile import Profile
+from vehicle_iface.runtime.counts import Counts
+from vehicle_iface.runtime.loop import Loop, Parts
+from vehicle_iface.runtime.pilot import Pilot
+from vehicle_iface.runtime.telemetry import TelemetryWriter, VehicleShape
+from vehicle_iface.runtime.teller import Teller
+from vehicle_iface.safety.engagement import Engagement, EngagementTiming
+from vehicle_iface.safety.gate import Gate, gate_channels
+from vehicle_iface.status import Gear, VehicleMode
+from vehicle_iface.tracker import Tracker
+from vehicle_iface.trajectories.source import TrajectorySource
+from vehicle_iface.units import ns_from_s
+
+UNBOUND_LSB = 1e-6
+"""Step of a command field that the vehicle does not take or takes as a float: finer than any actuator."""
+
+
+def open_bus(interface: str, channel: str, profile: Profile, hears: Iterable[BoundMessage]) -> Bus:
+    """The bus of that name, filtered to `hears`; `BusError` with the mending command when it cannot be used."""
+    can_ids = [message.can_id for message in hears]
+    if interface == "socketcan":
+        return SocketCanBus(channel, can_ids)
+    from vehicle_iface.bus.python_can import PythonCanBus  # 0.2 s to import, and SocketCAN does not need it
+
+    return PythonCanBus(interface, channel, can_ids, bitrate=profile.bus.bitrate, is_fd=profile.bus.fd)
+
+
+def build_controller(name: str, profile: Profile) -> ControllerBase:
+    """`pure_pursuit`, or somebody's own as `FILE.py:CLASS` or `MODULE:CLASS`; `ConfigError` when there is none.
+
+    An own class is called with the `BehaviorConfig`; one with a class method `from_profile(profile, behavior)`
+    is made by that.
+    """
+    behavior = BehaviorConfig(
+        safe_deceleration_mps2=profile.behavior.safe_deceleration_mps2,
+        time_step_s=profile.behavior.time_step_s,
+    )
+    if name == "pure_pursuit":
+        return PurePursuit(PurePursuitConfig(wheelbase_m=profile.geometry.wheelbase_m), behavior=behavior)
+    kind = _loaded_class(name)
+    make: Callable[[], object] = lambda: kind(behavior)  # noqa: E731
+    if hasattr(kind, "from_profile"):
+        make = lambda: kind.from_profile(profile, behavior)  # noqa: E731
+    controller = make()
+    if not isinstance(controller, ControllerBase):
+        raise ConfigError(f"--controller {name}: {kind.__name__} is no ControllerBase")
+    return controller
+
+
+def build_loop(
+    *,
+    database: VehicleDatabase,
+    open_bus: Callable[[], Bus],
+    controller: ControllerBase,
+    source: TrajectorySource,
+    telemetry: TelemetryWriter | None,
+    armed: bool,
+    now_ns: Callable[[], int] = clock.monotonic_ns,
+    sleep_until: Callable[[int], None] = clock.sleep_until,
+) -> Loop:
+    """A loop on an open bus; `BusError` when that cannot be opened."""
+    profile, counts = database.profile, Counts()
+    timing = profile.timing
+    engagement = Engagement(
+        EngagementTiming(
+            fresh_ns=ns_from_s(timing.engage_fresh_s),
+            stale_ns=ns_from_s(timing.state_stale_s),
+            lost_ns=ns_from_s(timing.state_silent_s),
+            give_up_ns=ns_from_s(timing.engage_give_up_s),
+            end_ns=ns_from_s(timing.shutdown_s),
+            steer_torque_nm=profile.limits.driver_steer_torque_nm,
+        ),
+        armed=armed,
+    )
+    pilot = Pilot(
+        controller,
+        Gate(gate_channels(profile.limits, lambda field: _lsb(database, field))),
+        engagement,
+        gear_change_speed_mps=profile.limits.gear_change_speed_mps,
+        status_stale_ns=ns_from_s(timing.status_stale_s),
+        counts=counts,
+    )
+    return Loop(
+        Parts(
+            open_bus=open_bus,
+            decoder=Decoder(database.received),
+            tracker=build_tracker(database),
+            pilot=pilot,
+            engagement=engagement,
+            encoder=Encoder(database.sent),
+            source=source,
+            teller=Teller(telemetry, controller, counts),
+            counts=counts,
+            timing=timing,
+            command_ids=frozenset(message.can_id for message in database.sent),
+            body_message=database.body.name if database.body else None,
+            report_message=database.report.name if database.report else None,
+            now_ns=now_ns,
+            sleep_until=sleep_until,
+        )
+    )
+
+
+def build_tracker(database: VehicleDatabase) -> Tracker:
+    """A tracker for the profile's sample."""
+    timing = database.profile.timing
+    return Tracker(
+        sample={message.name: message.fields for message in database.sample},
+        others={message.name: message.fields for message in (database.status, *database.extra)},
+        frames=database.frames or {0: database.profile.state.frame_id},
+        modes={int(mode): mode for mode in VehicleMode},
+        gears={int(gear): gear for gear in Gear},
+        window_ns=ns_from_s(timing.state_stale_s),
+    )
+
+
+def vehicle_shape(profile: Profile) -> VehicleShape:
+    """What the viewer draws the vehicle as."""
+    geometry = profile.geometry
+    return VehicleShape(
+        wheelbase_m=geometry.wheelbase_m,
+        length_m=geometry.length_m,
+        width_m=geometry.width_m,
+        height_m=geometry.height_m,
+        rear_overhang_m=geometry.rear_overhang_m,
+    )
+
+
+def _lsb(database: VehicleDatabase, field: str) -> float:
+    return database.resolutions.get(field, 0.0) or UNBOUND_LSB
+
+
+def _loaded_class(name: str) -> type:
+    place, _, class_name = name.rpartition(":")
+    if not place:
+        raise ConfigError(f"--controller {name}: must be pure_pursuit, FILE.py:CLASS or MODULE:CLASS")
+    module = _loaded_file(Path(place)) if place.endswith(".py") else _imported(place)
+    kind = getattr(module, class_name, None)
+    if not inspect.isclass(kind):
+        raise ConfigError(f"--controller {name}: there is no class {class_name} in {place}")
+    return kind
+
+
+def _loaded_file(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if not path.is_file() or spec is None or spec.loader is None:
+        raise ConfigError(f"--controller {path}: no such file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _imported(name: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise ConfigError(f"--controller {name}: {error}") from error

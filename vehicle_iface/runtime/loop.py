@@ -1,0 +1,334 @@
+"""The corridor: frames in, a command computed from each complete sample and sent within the same pass."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from vehicle_iface.bus.base import Bus
+from vehicle_iface.codec.decoder import Decoder
+from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.errors import TrajectoryRejectedError
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.profile import Timing
+from vehicle_iface.reason import Reason
+from vehicle_iface.runtime.counts import Counts
+from vehicle_iface.runtime.link import Link
+from vehicle_iface.runtime.pilot import STANDSTILL_MPS, Answer, Pilot
+from vehicle_iface.runtime.rate import Grid
+from vehicle_iface.runtime.teller import Teller
+from vehicle_iface.safety.engagement import Engagement, Event, Mode
+from vehicle_iface.status import BodyRequest, ControllerReport, VehicleMode
+from vehicle_iface.tracker import Sample, Tracker
+from vehicle_iface.trajectories.source import TrajectorySource
+from vehicle_iface.units import NS_PER_MS, ns_from_s, s_from_ns
+
+log = logging.getLogger(__name__)
+
+LETTING_GO_NS = 200 * NS_PER_MS
+"""How long ENABLE = 0 is repeated at the end for a vehicle that does not say that it has let go."""
+END_OF_TRAJECTORY = (Reason.PAST_END_SPACE, Reason.PAST_END_TIME)
+MAX_INDEX, MAX_MISSES = 0xFFFF, 0xFF
+MAX_TRANSITIONS = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """What the loop is made of; `cli` puts it together."""
+
+    open_bus: Callable[[], Bus]
+    decoder: Decoder
+    tracker: Tracker
+    pilot: Pilot
+    engagement: Engagement
+    encoder: Encoder
+    source: TrajectorySource
+    teller: Teller
+    counts: Counts
+    timing: Timing
+    command_ids: frozenset[int]
+    """Identifiers that only we may send."""
+    body_message: str | None
+    """The message that carries a `BodyRequest`; None where the vehicle has none."""
+    report_message: str | None
+    """The message that carries a `ControllerReport`; None where the vehicle has none."""
+    now_ns: Callable[[], int]
+    sleep_until: Callable[[int], None]
+
+
+class Loop:
+    """One thread, no locks. `run` ends when it was asked to and the vehicle was let go."""
+
+    def __init__(self, parts: Parts) -> None:
+        """Opens the bus; `BusError` when that is not possible."""
+        self._parts = parts
+        self._decoder, self._tracker, self._engagement = parts.decoder, parts.tracker, parts.engagement
+        self._pilot, self._encoder, self._counts = parts.pilot, parts.encoder, parts.counts
+        self._now_ns = parts.now_ns
+        self.link = Link(
+            parts.open_bus,
+            parts.counts,
+            now_ns=parts.now_ns,
+            sleep_until=parts.sleep_until,
+            on_lost=self._on_link_lost,
+        )
+        now_ns = parts.now_ns()
+        timing = parts.timing
+        self.grid = Grid(ns_from_s(timing.command_period_s), now_ns)
+        self._body_grid = Grid(ns_from_s(timing.body_period_s), now_ns)
+        self._report_grid = Grid(ns_from_s(timing.report_period_s), now_ns)
+        self._stale_ns = ns_from_s(timing.state_stale_s)
+        self._answer_age_ns = ns_from_s(timing.answer_age_s)
+        self._late_ns = ns_from_s(timing.command_period_s)
+        self._answer: Answer | None = None
+        self._end_requests = 0
+        self._ends_heard = 0
+        self._arm_requested = False
+        self._released_ns: int | None = None
+        self._started_ns = now_ns
+        self._last_reason = Reason.NOT_ENGAGED
+        self._transitions: list[dict[str, Any]] = []
+        self.ended_in_fault = False
+        self.done = False
+
+    def run(self) -> None:
+        """Pass after pass until the end."""
+        while not self.done:
+            self.step()
+
+    def step(self) -> None:
+        """One pass: hear, answer each complete sample, keep time."""
+        for frame in self.link.hear(self.grid.next_ns):
+            received = self._decoder.decode(frame)
+            if received is None:
+                self._look_at_foreign(frame)
+                continue
+            sample = self._tracker.take(received)
+            if sample is not None:
+                self._answer_sample(sample)
+            else:
+                self._look_at_status(received.stamp_ns)
+        now_ns = self._now_ns()
+        if self.grid.due(now_ns):
+            self._keep_time(now_ns)
+
+    def request_end(self) -> None:
+        """Stop the vehicle and end; asked a second time, let it go at once. Safe in a signal handler."""
+        self._end_requests += 1
+
+    def request_arming(self) -> None:
+        """Engage (again) when everything is well. Safe in a signal handler."""
+        self._arm_requested = True
+
+    @property
+    def reason(self) -> Reason:
+        """What decided the last command; where none is enabled, why the mode is as it is."""
+        if self._engagement.mode in (Mode.ENGAGING, Mode.ENGAGED, Mode.LISTENING) and self._answer is not None:
+            return self._answer.safe.reason
+        return self._engagement.reason
+
+    def details(self) -> dict[str, Any]:
+        """Every counter there is, by room and cause."""
+        return {
+            "loop": self._counts.as_dict() | {"grid_overruns": self.grid.overruns},
+            "samples": {"complete": self._tracker.completed, "incomplete": self._tracker.incomplete},
+            "drops": {f"{cause.value} {name}".strip(): n for (cause, name), n in self._decoder.drops.items()},
+            "lost": dict(self._decoder.lost),
+            "limited": dict(self._pilot.gate.limited),
+            "bus": self.link.counters(),
+        }
+
+    def summary(self) -> dict[str, Any]:
+        """What the run came to; counts, and latencies in seconds."""
+        details = self.details()
+        return {
+            "bus": self.link.description,
+            "controller_state": self._engagement.wire_state(stopping=self._is_stopping).name,
+            "reason": self.reason.name,
+            "duration_s": s_from_ns(self._now_ns() - self._started_ns),
+            "samples": self._tracker.completed,
+            "incomplete_samples": self._tracker.incomplete,
+            "commands": self._counts.commands,
+            "deadline_misses": self._counts.deadline_misses,
+            "latency": self._counts.latency.summary(),
+            "drops": details["drops"],
+            "lost": details["lost"],
+            "limited": details["limited"],
+            "counts": details["loop"],
+            "bus_counters": details["bus"],
+            "transitions": self._transitions,
+        }
+
+    def _answer_sample(self, sample: Sample) -> None:
+        """Decide, send, and only then tell."""
+        now_ns = self._now_ns()
+        self._counts.samples += 1
+        self._engagement.see_sample(sample.state.stamp_ns, now_ns)
+        if now_ns - sample.state.stamp_ns > self._answer_age_ns:
+            self._counts.too_old_to_answer += 1
+            return
+        if self._answer is None:
+            self._take_trajectory()
+        if self._engagement.mode is Mode.ENDING and abs(sample.state.speed_mps) < STANDSTILL_MPS:
+            self._engagement.happened(Event.STANDSTILL, now_ns)
+        self._answer = self._pilot.answer(sample, self._tracker.status, now_ns)
+        sent = self._send_command(self._answer)
+        latency_ns = self._now_ns() - sample.completed_ns
+        if sent:
+            self._counts.latency.add(latency_ns)
+            self._counts.answered_late += latency_ns > self._late_ns
+        self._tell(now_ns, sent=sent, latency_ns=latency_ns)
+        self._take_trajectory()
+
+    def _send_command(self, answer: Answer) -> bool:
+        """All command frames of one answer, each at most once; whether all of them left."""
+        if not self._engagement.sends:
+            return False
+        frames = self._encoder.encode_command(answer.safe)
+        left = sum(self.link.send(frame) for frame in frames)
+        self._counts.commands += left == len(frames)
+        return left == len(frames)
+
+    def _look_at_foreign(self, frame: CanFrame) -> None:
+        """Our own frames do not come back to us, so this one is another node's command."""
+        if frame.can_id in self._parts.command_ids and not frame.is_extended:
+            self._counts.foreign_commands += 1
+            self._engagement.happened(Event.DUPLICATE_COMMANDER, self._now_ns())
+
+    def _look_at_status(self, stamp_ns: int) -> None:
+        """A vehicle that is autonomous, or not any more, changes the mode before the next answer."""
+        status, engagement = self._tracker.status, self._engagement
+        if status is None or status.stamp_ns != stamp_ns:
+            return
+        before = engagement.mode
+        engagement.see_status(status, self._now_ns())
+        if engagement.mode is not before and engagement.mode in (Mode.ENGAGING, Mode.ENGAGED):
+            self._parts.source.restart()  # its time 0 is the instant of engagement
+            self._take_trajectory()
+
+    def _take_trajectory(self) -> None:
+        """The source's new trajectory, if it has one; one that is refused leaves the old one in force."""
+        if self._tracker.newest is None:
+            return
+        trajectory = self._parts.source.next(self._now_ns(), self._tracker.newest.state)
+        if trajectory is None:
+            return
+        try:
+            self._pilot.controller.set_trajectory(trajectory)
+        except TrajectoryRejectedError as error:
+            self._counts.trajectories_rejected += 1
+            log.warning("trajectory rejected, the old one stays in force: %s", error)
+            return
+        self._counts.trajectories += 1
+        self._parts.teller.tell_trajectory()
+
+    def _keep_time(self, now_ns: int) -> None:
+        """What happens on the grid and not on arrival: noticing what did not come, reports, the end."""
+        self._hear_requests(now_ns)
+        self._engagement.see_time(now_ns)
+        self._note_transitions()
+        newest = self._tracker.newest
+        if newest is not None and now_ns - newest.state.stamp_ns > self._stale_ns:
+            self._answer_silence(newest, now_ns)
+        if self._engagement.sends:
+            self._send_periodic(now_ns)
+        if self._parts.teller.is_quiet(now_ns):
+            self._tell(now_ns)
+        self._parts.teller.tell_details(now_ns, self.details)
+        if self._ends_heard:
+            self._end_when_let_go(now_ns)
+
+    def _answer_silence(self, newest: Sample, now_ns: int) -> None:
+        """No sample: an engaged vehicle is stopped from its last state, at the command period."""
+        if not self._engagement.enables:
+            return
+        self._answer = self._pilot.answer_without_sample(newest.state, self._tracker.status, now_ns)
+        sent = self._send_command(self._answer)
+        self._counts.stale_stops += sent
+        self._tell(now_ns, sent=sent)
+
+    def _send_periodic(self, now_ns: int) -> None:
+        """Lights and the controller's own report."""
+        body, report = self._parts.body_message, self._parts.report_message
+        if body is not None and self._body_grid.due(now_ns):
+            hazard = self._is_stopping and self.reason not in END_OF_TRAJECTORY
+            self.link.send(self._encoder.encode(body, BodyRequest(hazard_lights=hazard)))
+        if report is not None and self._report_grid.due(now_ns):
+            spatial, temporal = self._parts.teller.indices
+            content = ControllerReport(
+                state=self._engagement.wire_state(stopping=self._is_stopping),
+                reason=self.reason,
+                ref_spatial_index=min(spatial, MAX_INDEX),
+                ref_temporal_index=min(temporal, MAX_INDEX),
+                deadline_misses=min(self._counts.deadline_misses, MAX_MISSES),
+            )
+            self.link.send(self._encoder.encode(report, content))
+
+    @property
+    def _is_stopping(self) -> bool:
+        return self._answer is not None and self._answer.safe.safe_stop
+
+    def _note_transitions(self) -> None:
+        """Say each change of mode once, and keep the first ones for the summary."""
+        for when_ns, mode, reason in self._engagement.transitions:
+            log.info("%s (%s)", mode.name, reason.name)
+            if len(self._transitions) < MAX_TRANSITIONS:
+                at_s = s_from_ns(when_ns - self._started_ns)
+                self._transitions.append({"at_s": at_s, "mode": mode.name, "reason": reason.name})
+        self._engagement.transitions.clear()
+        if self.reason is not self._last_reason:
+            log.info("reason: %s", self.reason.name)
+            self._last_reason = self.reason
+
+    def _hear_requests(self, now_ns: int) -> None:
+        if self._arm_requested:
+            self._arm_requested = False
+            self._engagement.happened(Event.ARMED, now_ns)
+        while self._ends_heard < self._end_requests:
+            self._ends_heard += 1
+            if self._ends_heard == 1:
+                self.ended_in_fault = self._engagement.latched
+                self._engagement.happened(Event.END, now_ns)
+            else:
+                self._let_go_at_once(now_ns)
+
+    def _let_go_at_once(self, now_ns: int) -> None:
+        """Asked to end twice: one ENABLE = 0, and out."""
+        self.done = True
+        self._engagement.happened(Event.STANDSTILL, now_ns)
+        if self._engagement.mode is Mode.RELEASED and self._tracker.newest is not None:
+            state = self._tracker.newest.state
+            self._send_command(self._pilot.answer_without_sample(state, self._tracker.status, now_ns))
+
+    def _end_when_let_go(self, now_ns: int) -> None:
+        """Done when the vehicle says that it has let go, was told so long enough, or hears nothing from us."""
+        if not self._engagement.sends:
+            self.ended_in_fault = self.ended_in_fault or self._engagement.latched
+            self.done = True
+        elif self._engagement.mode is Mode.RELEASED:
+            if self._released_ns is None:
+                self._released_ns = now_ns
+            status = self._tracker.status
+            let_go = (
+                status is not None and status.stamp_ns > self._released_ns and status.mode is not VehicleMode.AUTONOMOUS
+            )
+            self.done = self.done or let_go or now_ns - self._released_ns >= LETTING_GO_NS
+
+    def _tell(self, now_ns: int, *, sent: bool = False, latency_ns: int = 0) -> None:
+        newest = self._tracker.newest
+        self._parts.teller.tell(
+            now_ns,
+            controller_state=self._engagement.wire_state(stopping=self._is_stopping),
+            reason=self.reason,
+            state=newest.state if newest is not None else None,
+            status=self._tracker.status,
+            answer=self._answer,
+            sent=sent,
+            latency_ns=latency_ns,
+            drops=sum(self._decoder.drops.values()),
+        )
+
+    def _on_link_lost(self) -> None:
+        self._engagement.happened(Event.LINK_DOWN, self._now_ns())
+        self._decoder.reset()
+        self._tracker.forget()

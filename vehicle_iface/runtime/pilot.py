@@ -1,0 +1,116 @@
+"""What to answer: from a sample, through the controller and the gate, to a permission."""
+
+import logging
+from dataclasses import dataclass
+
+from vehicle_iface.command import Command, SafeCommand
+from vehicle_iface.control.base import ControllerBase
+from vehicle_iface.errors import FrameMismatchError
+from vehicle_iface.reason import Reason
+from vehicle_iface.runtime.counts import Counts
+from vehicle_iface.safety.engagement import Engagement, Mode
+from vehicle_iface.safety.gate import Gate
+from vehicle_iface.state import VehicleState
+from vehicle_iface.status import Gear, VehicleStatus
+from vehicle_iface.tracker import Sample
+
+log = logging.getLogger(__name__)
+
+STANDSTILL_MPS = 0.05
+"""Slower than this the vehicle stands, as far as its own speed signal can tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What the controller wished and what may be sent for it."""
+
+    wish: Command
+    safe: SafeCommand
+
+
+class Pilot:
+    """Decides the command for one sample; the reason that decided goes with it."""
+
+    def __init__(
+        self,
+        controller: ControllerBase,
+        gate: Gate,
+        engagement: Engagement,
+        *,
+        gear_change_speed_mps: float,
+        status_stale_ns: int,
+        counts: Counts,
+    ) -> None:
+        self.controller = controller
+        self.gate = gate
+        self._engagement = engagement
+        self._gear_change_speed_mps = gear_change_speed_mps
+        self._status_stale_ns = status_stale_ns
+        self._counts = counts
+        self._was_enabled = False
+
+    def answer(self, sample: Sample, status: VehicleStatus | None, now_ns: int) -> Answer:
+        """The answer to a fresh sample."""
+        return self._permitted(self._wish(sample, status, now_ns), sample.state, status, now_ns)
+
+    def answer_without_sample(self, last: VehicleState, status: VehicleStatus | None, now_ns: int) -> Answer:
+        """A stop from the last known state, because no sample came."""
+        shutting_down = self._engagement.mode is Mode.ENDING
+        reason = Reason.SHUTDOWN if shutting_down else Reason.STATE_STALE
+        return self._permitted(self.controller.compute_stop_command(last, reason), last, status, now_ns)
+
+    def _wish(self, sample: Sample, status: VehicleStatus | None, now_ns: int) -> Command:
+        state, stop = sample.state, self.controller.compute_stop_command
+        if self._engagement.mode is Mode.ENDING:
+            return stop(state, Reason.SHUTDOWN)
+        if not sample.pose_valid:
+            return stop(state, Reason.STATE_INVALID)
+        if status is not None and now_ns - status.stamp_ns > self._status_stale_ns:
+            return stop(state, Reason.STATE_STALE)
+        try:
+            return self.controller.compute_command(state)
+        except FrameMismatchError:
+            return stop(state, Reason.FRAME_MISMATCH)
+        except Exception:  # a controller is the user's code: whatever it raises stops the vehicle
+            self._counts.controller_errors += 1
+            if self._counts.controller_errors == 1:
+                log.exception("the controller raised; the vehicle is stopped (further ones are counted)")
+            return stop(state, Reason.CONTROLLER_ERROR)
+
+    def _permitted(self, wish: Command, state: VehicleState, status: VehicleStatus | None, now_ns: int) -> Answer:
+        engagement = self._engagement
+        driving = engagement.enables or engagement.mode is Mode.LISTENING
+        if driving and not self._was_enabled:
+            self.gate.start_from(state, now_ns)
+        self._was_enabled = driving
+        if not driving:
+            return Answer(wish=wish, safe=self.gate.release(stamp_ns=state.stamp_ns, reason=engagement.reason))
+        gear = status.gear if status is not None else Gear.NO_REQUEST
+        wanted = wanted_gear(wish, state)
+        may_change = abs(state.speed_mps) < self._gear_change_speed_mps
+        request = wanted if may_change and wanted is not gear else Gear.NO_REQUEST
+        safe = self.gate.permit(wish, now_ns=now_ns, reversing=_is_reversing(state, wanted, gear), gear_request=request)
+        return Answer(wish=wish, safe=safe)
+
+
+def wanted_gear(wish: Command, state: VehicleState) -> Gear:
+    """DRIVE or REVERSE by the direction of the command, NO_REQUEST for a stop or where it has none.
+
+    The direction is the sign of the reference speed; at a standing start, where that speed is still 0, it is
+    the direction in which the command accelerates.
+    """
+    if wish.is_stop:
+        return Gear.NO_REQUEST
+    direction = wish.speed_mps
+    if direction == 0.0 and abs(state.speed_mps) < STANDSTILL_MPS:
+        direction = wish.accel_mps2
+    if direction == 0.0:
+        return Gear.NO_REQUEST
+    return Gear.DRIVE if direction > 0.0 else Gear.REVERSE
+
+
+def _is_reversing(state: VehicleState, wanted: Gear, gear: Gear) -> bool:
+    """Which way driving and braking point: by motion, else by the gear that is wanted or in."""
+    if abs(state.speed_mps) >= STANDSTILL_MPS:
+        return state.speed_mps < 0.0
+    return (wanted if wanted is not Gear.NO_REQUEST else gear) is Gear.REVERSE

@@ -1,0 +1,41 @@
+"""What a run came to: as JSON for programs, as a table for people."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from vehicle_iface.errors import ConfigError
+
+
+def save_summary(path: str, summary: dict[str, Any]) -> None:
+    """Write the summary as JSON; `ConfigError` naming the file when that fails."""
+    try:
+        Path(path).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"--summary {path}: cannot be written: {error.strerror}") from error
+
+
+def table(summary: dict[str, Any]) -> str:
+    """The summary for the terminal: one line for each thing that is not zero."""
+    latency = summary["latency"]
+    rows = [
+        ("bus", summary["bus"]),
+        ("ended", f"{summary['controller_state']}, {summary['reason']}"),
+        ("duration", f"{summary['duration_s']:.1f} s"),
+        ("samples", f"{summary['samples']} complete, {summary['incomplete_samples']} incomplete"),
+        ("commands", f"{summary['commands']} sent"),
+        ("deadline misses", str(summary["deadline_misses"])),
+    ]
+    if latency["count"]:
+        rows.append(("latency state→command", "  ".join(_quantiles(latency))))
+    for name in ("drops", "lost", "limited"):
+        rows += [(f"{name}: {cause}", str(count)) for cause, count in summary[name].items() if count]
+    for name in ("stale_stops", "frames_not_sent", "foreign_commands", "controller_errors", "link_losses"):
+        if summary["counts"][name]:
+            rows.append((name.replace("_", " "), str(summary["counts"][name])))
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"  {name:<{width}}  {value}" for name, value in rows)
+
+
+def _quantiles(latency: dict[str, Any]) -> list[str]:
+    return [f"{name} {latency[f'{name}_s'] * 1e3:.2f} ms" for name in ("p50", "p95", "p99", "max")]

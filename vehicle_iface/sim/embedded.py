@@ -1,0 +1,58 @@
+"""A vehicle inside the loop's own process: the bus of a machine that has none."""
+
+from collections.abc import Callable
+
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.sim.vehicle import SimulatedVehicle
+
+
+class EmbeddedBus:
+    """A `Bus` whose other end is a simulated vehicle; waiting is what makes the vehicle move on.
+
+    `now_ns` and `sleep_until` are the machine's clock in the demo and a virtual one in tests.
+    """
+
+    description = "embedded bus (simulated vehicle in the loop's process)"
+
+    def __init__(
+        self, vehicle: SimulatedVehicle, now_ns: Callable[[], int], sleep_until: Callable[[int], None]
+    ) -> None:
+        self.vehicle = vehicle
+        self._now_ns, self._sleep_until = now_ns, sleep_until
+        self._inbox: list[CanFrame] = []
+        self._counters = {"received": 0, "sent": 0}
+
+    def wait(self, until_ns: int) -> bool:
+        """Let the vehicle drive until it sends something or `until_ns` has come."""
+        while not self._inbox:
+            due_ns = min(until_ns, self.vehicle.next_due_ns)
+            self._sleep_until(due_ns)
+            self._let_drive()
+            if due_ns >= until_ns:
+                break
+        return bool(self._inbox)
+
+    def drain(self) -> list[CanFrame]:
+        """What the vehicle has sent."""
+        frames, self._inbox = self._inbox, []
+        self._counters["received"] += len(frames)
+        return frames
+
+    def send(self, frame: CanFrame) -> bool:
+        """The vehicle hears it at once."""
+        self.vehicle.receive(frame, self._now_ns())
+        self._counters["sent"] += 1
+        return True
+
+    def counters(self) -> dict[str, int]:
+        """Frames received and sent."""
+        return dict(self._counters)
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+    def _let_drive(self) -> None:
+        now_ns = self._now_ns()
+        for frame in self.vehicle.advance(now_ns):
+            stamped = CanFrame(frame.can_id, frame.data, now_ns, frame.is_extended, frame.is_remote, frame.is_fd)
+            self._inbox.append(stamped)
