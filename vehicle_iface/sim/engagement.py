@@ -82,6 +82,7 @@ class CommandWatch:
         last_ns = self._last_ns.get(kind)
         if last_ns is not None and seen_ns - last_ns >= WATCHDOG_NS:
             self.break_row()
+            self._last_ns.clear()  # one gap breaks one row, though the other kind will show it too
         self._last_ns[kind] = seen_ns
         if not enabled or kind in self._half:
             self.break_row()

@@ -115,9 +115,7 @@ class Actuation:
 class Bicycle:
     """The car itself: `step` it with what its actuators are asked for, then look at its `state`."""
 
-    def __init__(
-        self, parameters: BicycleParameters | None = None, state: BicycleState | None = None
-    ) -> None:
+    def __init__(self, parameters: BicycleParameters | None = None, state: BicycleState | None = None) -> None:
         self.parameters = parameters if parameters is not None else BicycleParameters()
         self.state = state if state is not None else BicycleState()
         self._actuator_mps2 = self.state.accel_mps2
@@ -160,13 +158,9 @@ class Bicycle:
     def _turning(self, speed_mps: float, front_rad: float, rear_rad: float) -> tuple[float, float]:
         """Lateral speed and yaw rate of wheels that do not slip."""
         tan_rear = math.tan(rear_rad)
-        return speed_mps * tan_rear, speed_mps * (
-            math.tan(front_rad) - tan_rear
-        ) / self.parameters.wheelbase_m
+        return speed_mps * tan_rear, speed_mps * (math.tan(front_rad) - tan_rear) / self.parameters.wheelbase_m
 
-    def _steered(
-        self, front_rad: float, rear_rad: float, actuation: Actuation, h_s: float
-    ) -> tuple[float, float]:
+    def _steered(self, front_rad: float, rear_rad: float, actuation: Actuation, h_s: float) -> tuple[float, float]:
         """Both wheel angles after `h_s`."""
         p = self.parameters
         share = 1.0 - math.exp(-h_s / p.wheel_lag_s)

@@ -61,9 +61,7 @@ def run_vehicle(
         line.close()
 
 
-def _one_pass(
-    vehicle: SimulatedVehicle, line: "_Line", pedals: PedalSocket | None, clock: Callable[[], int]
-) -> None:
+def _one_pass(vehicle: SimulatedVehicle, line: "_Line", pedals: PedalSocket | None, clock: Callable[[], int]) -> None:
     """Wait, hear, feel, speak: commands that came in time count before the watchdog looks."""
     frames = line.hear(vehicle.next_due_ns)
     now_ns = clock()

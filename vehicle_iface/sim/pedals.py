@@ -81,15 +81,9 @@ class PedalSocket:
             self._clients[client] = bytearray()
 
     def _serve(self, client: socket.socket, answer: Callable[[str], str]) -> int:
-        """Read at most one line's length, answer the whole lines; hang up on the end and on noise."""
+        """Answer a few whole lines; hang up at the end and on what is no line."""
         buffer = self._clients[client]
-        try:
-            chunk = client.recv(LONGEST_LINE)
-        except BlockingIOError:
-            chunk = None
-        except OSError:
-            chunk = b""
-        buffer += chunk or b""
+        is_over = self._is_over_after_reading(client, buffer)
         count = 0
         while count < LINES_PER_POLL and b"\n" in buffer and client in self._clients:
             line, _, rest = bytes(buffer).partition(b"\n")
@@ -98,10 +92,23 @@ class PedalSocket:
             count += 1
         if len(buffer) >= LONGEST_LINE and b"\n" not in buffer:
             self._say(client, f"error: line too long: at most {LONGEST_LINE - 1} bytes")
-            self._hang_up(client)
-        elif chunk == b"":
+            is_over = True
+        if is_over:
             self._hang_up(client)
         return count
+
+    def _is_over_after_reading(self, client: socket.socket, buffer: bytearray) -> bool:
+        """Fill the buffer to one line's length, once it has no line to answer; whether nothing more comes."""
+        if b"\n" in buffer:
+            return False
+        try:
+            chunk = client.recv(LONGEST_LINE - len(buffer))
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+        buffer += chunk
+        return not chunk
 
     def _say(self, client: socket.socket, text: str) -> None:
         """Send one line, or hang up on a client that does not read."""

@@ -33,9 +33,6 @@ TORQUE_LIMIT_NM = 12.7
 """What the status message can express, to either side."""
 _DIRECTION = {Gear.DRIVE: 1.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.PARK: 0.0}
 
-Value = float | int | str
-"""Of one field: a number in SI units, an enumeration's member, or the name of a frame of reference."""
-
 
 @dataclass(frozen=True, slots=True)
 class Heard:
@@ -43,21 +40,45 @@ class Heard:
 
     kind: str
     """The message's name."""
-    values: Mapping[str, Value]
+    values: Mapping[str, float | int]
     """By the field's name: `enable`, `accel_mps2`, `gear_request`, …"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleReport:
+    """Everything that the vehicle can say at one instant, under the names that profiles use."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_mps: float
+    accel_mps2: float
+    yaw_rate_radps: float
+    lateral_speed_mps: float
+    front_wheel_angle_rad: float
+    rear_wheel_angle_rad: float
+    pose_frame: int
+    """The frame of reference's number on the bus."""
+    pose_valid: bool
+    mode: VehicleMode
+    gear: Gear
+    driver_brake: bool
+    driver_throttle: bool
+    driver_steer_torque_nm: float
+    fault_code: int
 
 
 class Wire(Protocol):
     """Between the vehicle's fields and the bytes on its bus."""
 
-    commands: Sequence[str]
+    commands: tuple[str, ...]
     """Messages that a commander must keep sending."""
-    sample: Sequence[str]
+    sample: tuple[str, ...]
     """Messages of one state sample, in the order in which they are sent."""
-    status: Sequence[str]
+    status: tuple[str, ...]
     """Messages that carry the status."""
-    frame_ids: Sequence[str]
-    """Frames of reference that it can express."""
+    frame_ids: Mapping[str, int]
+    """Frames of reference that it can express, and their numbers."""
 
     def is_command(self, frame: CanFrame) -> bool:
         """Whether the frame claims to be one of `commands`."""
@@ -67,7 +88,7 @@ class Wire(Protocol):
         """The frame's content; None when it is damaged, out of order or impossible."""
         ...
 
-    def write(self, message: str, values: Mapping[str, Value]) -> CanFrame:
+    def write(self, message: str, report: VehicleReport) -> CanFrame:
         """The next frame of `message`; its counter steps."""
         ...
 
@@ -129,6 +150,9 @@ class SimulatedVehicle:
         self.fault_code = 0
         self.driver = Driver()
         self.frame_id = frame_id
+        if frame_id not in wire.frame_ids:
+            allowed = ", ".join(wire.frame_ids)
+            raise InvalidValueError(f"frame_id = {frame_id!r}: must be one of {allowed}")
         self.pose_valid = True
         self.frozen = False
         """Whether the samples repeat the values of the moment when this was set, with live counters."""
@@ -138,7 +162,7 @@ class SimulatedVehicle:
         self._wire = wire
         self._car = Bicycle(car, start)
         self._watch = CommandWatch(wire.commands)
-        self._wish: dict[str, Value] = {}
+        self._wish: dict[str, float | int] = {}
         self._shown = self._car.state
         self._corrupt: Counter[str] = Counter()
         self._start_ns = start_ns
@@ -157,7 +181,7 @@ class SimulatedVehicle:
     @property
     def sample(self) -> tuple[str, ...]:
         """The messages of one state sample."""
-        return tuple(self._wire.sample)
+        return self._wire.sample
 
     @property
     def frame_ids(self) -> tuple[str, ...]:
@@ -276,9 +300,9 @@ class SimulatedVehicle:
 
     def skip_counter(self, message: str, steps: int) -> None:
         """As if `steps` frames of `message` had been lost before its next one."""
-        values = self._values()
+        report = self._report()
         for _ in range(steps):
-            self._wire.write(message, values)
+            self._wire.write(message, report)
 
     def _check_watchdog(self, now_ns: int) -> None:
         expires_ns = self._watch.expires_ns
@@ -330,9 +354,9 @@ class SimulatedVehicle:
         wish = self._wish
         return Actuation(
             gear=self.gear,
-            accel_mps2=float(wish.get("accel_mps2", 0.0)),
-            front_wheel_angle_rad=float(wish.get("front_wheel_angle_rad", 0.0)),
-            rear_wheel_angle_rad=float(wish.get("rear_wheel_angle_rad", 0.0)),
+            accel_mps2=wish.get("accel_mps2", 0.0),
+            front_wheel_angle_rad=wish.get("front_wheel_angle_rad", 0.0),
+            rear_wheel_angle_rad=wish.get("rear_wheel_angle_rad", 0.0),
             hold=bool(wish.get("safe_stop", False)),
         )
 
@@ -352,10 +376,10 @@ class SimulatedVehicle:
         return Actuation(gear=self.gear, accel_mps2=accel_mps2, hold=True)
 
     def _frames(self, messages: Sequence[str]) -> list[CanFrame]:
-        values = self._values()
+        report = self._report()
         frames = []
         for message in messages:
-            frame = self._wire.write(message, values)
+            frame = self._wire.write(message, report)
             if self._corrupt[message] > 0:
                 self._corrupt[message] -= 1
                 frame = _damaged(frame)
@@ -364,28 +388,27 @@ class SimulatedVehicle:
         self.counters["frames"] += len(frames)
         return frames
 
-    def _values(self) -> dict[str, Value]:
-        """Every field that the vehicle can speak of."""
+    def _report(self) -> VehicleReport:
         s, d = self._shown, self.driver
-        return {
-            "x_m": s.x_m,
-            "y_m": s.y_m,
-            "heading_rad": s.heading_rad,
-            "speed_mps": s.speed_mps,
-            "accel_mps2": s.accel_mps2,
-            "yaw_rate_radps": s.yaw_rate_radps,
-            "lateral_speed_mps": s.lateral_speed_mps,
-            "front_wheel_angle_rad": s.front_wheel_angle_rad,
-            "rear_wheel_angle_rad": s.rear_wheel_angle_rad,
-            "pose_frame": self.frame_id,
-            "pose_valid": int(self.pose_valid),
-            "mode": self.mode,
-            "gear": self.gear,
-            "driver_brake": int(d.brake),
-            "driver_throttle": int(d.throttle),
-            "driver_steer_torque_nm": d.steer_torque_nm,
-            "fault_code": self.fault_code,
-        }
+        return VehicleReport(
+            x_m=s.x_m,
+            y_m=s.y_m,
+            heading_rad=s.heading_rad,
+            speed_mps=s.speed_mps,
+            accel_mps2=s.accel_mps2,
+            yaw_rate_radps=s.yaw_rate_radps,
+            lateral_speed_mps=s.lateral_speed_mps,
+            front_wheel_angle_rad=s.front_wheel_angle_rad,
+            rear_wheel_angle_rad=s.rear_wheel_angle_rad,
+            pose_frame=self._wire.frame_ids[self.frame_id],
+            pose_valid=self.pose_valid,
+            mode=self.mode,
+            gear=self.gear,
+            driver_brake=d.brake,
+            driver_throttle=d.throttle,
+            driver_steer_torque_nm=d.steer_torque_nm,
+            fault_code=self.fault_code,
+        )
 
 
 def _damaged(frame: CanFrame) -> CanFrame:

@@ -1,0 +1,211 @@
+"""The pedal socket: private, polite, and impossible to keep waiting or to fill up."""
+
+import os
+import socket
+import stat
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.sim.pedals import LONGEST_LINE, MOST_CLIENTS, PedalSocket, default_path, press
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> str:
+    return str(tmp_path / "pedals.sock")
+
+
+@pytest.fixture
+def pedals(path: str) -> Iterator[PedalSocket]:
+    pedals = PedalSocket(path)
+    yield pedals
+    pedals.close()
+
+
+class Client(socket.socket):
+    """A raw connection for things that `press` would not do."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.settimeout(5.0)
+        self.connect(path)
+
+
+@pytest.fixture
+def connect(path: str) -> Iterator[Callable[[], Client]]:
+    clients: list[Client] = []
+
+    def connect() -> Client:
+        clients.append(Client(path))
+        return clients[-1]
+
+    yield connect
+    for client in clients:
+        client.close()
+
+
+def echo(line: str) -> str:
+    return f"heard {line}"
+
+
+def pressed(pedals: PedalSocket, line: str) -> str:
+    """What `press` gets while the vehicle polls."""
+    answers: list[str] = []
+    thread = threading.Thread(target=lambda: answers.append(press(pedals.path, line)))
+    thread.start()
+    while thread.is_alive():
+        pedals.poll(echo)
+        thread.join(0.001)
+    return answers[0]
+
+
+def test_a_line_pressed_is_a_line_answered(pedals: PedalSocket) -> None:
+    assert pressed(pedals, "brake 1") == "heard brake 1"
+
+
+def test_only_its_own_user_can_reach_it(pedals: PedalSocket) -> None:
+    assert stat.S_IMODE(os.stat(pedals.path).st_mode) == 0o600
+
+
+def test_the_process_keeps_its_umask(path: str) -> None:
+    before = os.umask(0o022)
+    try:
+        PedalSocket(path).close()
+        assert os.umask(0o022) == 0o022
+    finally:
+        os.umask(before)
+
+
+def test_it_is_gone_after_close_and_close_may_be_called_twice(path: str) -> None:
+    pedals = PedalSocket(path)
+    pedals.close()
+    pedals.close()
+    assert not os.path.exists(path)
+
+
+def test_close_leaves_a_successors_socket_alone(path: str) -> None:
+    old = PedalSocket(path)
+    os.rename(path, path + ".moved")
+    new = PedalSocket(path)
+    old.close()
+    assert os.path.exists(path)
+    new.close()
+    os.unlink(path + ".moved")
+
+
+def test_a_stale_socket_is_replaced(path: str) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as dead:
+        dead.bind(path)
+    pedals = PedalSocket(path)
+    assert pressed(pedals, "x") == "heard x"
+    pedals.close()
+
+
+def test_a_living_vehicles_socket_is_refused(pedals: PedalSocket) -> None:
+    with pytest.raises(ConfigError, match="another vehicle listens"):
+        PedalSocket(pedals.path)
+
+
+def test_anything_else_at_the_path_is_refused_and_untouched(path: str) -> None:
+    Path(path).write_text("precious")
+    with pytest.raises(ConfigError, match="something else"):
+        PedalSocket(path)
+    assert Path(path).read_text() == "precious"
+
+
+def test_a_path_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError):
+        PedalSocket(str(tmp_path / "nowhere" / "x.sock"))
+    with pytest.raises(ConfigError):
+        PedalSocket(str(tmp_path / ("long" * 50)))
+
+
+def test_pressing_where_nobody_listens_says_so(path: str) -> None:
+    with pytest.raises(ConfigError, match="vehicle-iface sim"):
+        press(path, "status")
+
+
+def test_pressing_where_nobody_answers_gives_up(pedals: PedalSocket) -> None:
+    with pytest.raises(ConfigError, match="no answer"):
+        press(pedals.path, "status", timeout_s=0.01)
+
+
+@pytest.mark.parametrize("line", ["two\nlines", "x" * LONGEST_LINE])
+def test_press_sends_one_short_line_only(path: str, line: str) -> None:
+    with pytest.raises(ConfigError, match="one line"):
+        press(path, line)
+
+
+def test_polling_with_nobody_there_returns_at_once(pedals: PedalSocket) -> None:
+    assert pedals.poll(echo) == 0
+
+
+def test_a_line_that_comes_in_pieces_is_one_line(pedals: PedalSocket, connect: Callable[[], Client]) -> None:
+    client = connect()
+    client.sendall(b"bra")
+    assert pedals.poll(echo) == 0
+    client.sendall(b"ke 1\nste")
+    assert pedals.poll(echo) == 1
+    assert client.recv(100) == b"heard brake 1\n"
+    client.sendall(b"er 1\n")
+    assert pedals.poll(echo) == 1
+    assert client.recv(100) == b"heard steer 1\n"
+
+
+def test_a_line_that_is_too_long_is_refused_and_hung_up_on(pedals: PedalSocket, connect: Callable[[], Client]) -> None:
+    client = connect()
+    client.sendall(b"x" * LONGEST_LINE)
+    assert pedals.poll(echo) == 0
+    assert client.recv(1000).startswith(b"error: line too long")
+    assert client.recv(1000) == b""
+
+
+def test_a_flood_is_answered_a_few_lines_per_poll(pedals: PedalSocket, connect: Callable[[], Client]) -> None:
+    client = connect()
+    client.sendall(b"x\n" * 100)
+    assert all(pedals.poll(echo) <= 4 for _ in range(25))
+    answers = b""
+    while answers.count(b"\n") < 100:
+        pedals.poll(echo)
+        answers += client.recv(4096)
+    assert answers == b"heard x\n" * 100
+
+
+def test_a_client_that_never_reads_is_hung_up_on(pedals: PedalSocket, connect: Callable[[], Client]) -> None:
+    client = connect()
+    client.sendall(b"x\n" * 100)
+    for _ in range(100):
+        pedals.poll(lambda _: "y" * 60_000)
+    assert len(pedals.fds()) == 1
+
+
+def test_a_client_that_leaves_in_the_middle_changes_nothing(pedals: PedalSocket, connect: Callable[[], Client]) -> None:
+    client = connect()
+    client.sendall(b"brake 1\nbrak")
+    client.close()
+    assert pedals.poll(echo) == 1
+    assert pedals.poll(echo) == 0
+    assert pressed(pedals, "x") == "heard x"
+
+
+def test_bytes_that_are_no_text_are_answered_too(pedals: PedalSocket, connect: Callable[[], Client]) -> None:
+    client = connect()
+    client.sendall(b"\xff\xfe\x00\n")
+    assert pedals.poll(echo) == 1
+    assert client.recv(100).startswith(b"heard ")
+
+
+def test_idle_clients_make_room_for_new_ones(pedals: PedalSocket, connect: Callable[[], Client]) -> None:
+    for _ in range(3 * MOST_CLIENTS):
+        connect()
+        pedals.poll(echo)
+    assert len(pedals.fds()) == 1 + MOST_CLIENTS
+    assert pressed(pedals, "x") == "heard x"
+
+
+def test_the_default_path_is_made_of_the_channel_and_stays_in_one_directory() -> None:
+    assert default_path("vcan0").endswith("/vehicle-iface-sim-vcan0.sock")
+    assert os.path.basename(default_path("../../etc/x")) == "vehicle-iface-sim-.._.._etc_x.sock"

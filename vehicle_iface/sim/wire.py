@@ -1,0 +1,106 @@
+"""Between the simulated vehicle's fields and the bytes of its profile: the bus seen from the other side.
+
+What the program receives is sent here, and what the program sends is received.
+"""
+
+from collections.abc import Mapping
+
+from vehicle_iface.codec.database import BoundMessage, VehicleDatabase, load_database
+from vehicle_iface.codec.decoder import Decoder
+from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.errors import SignalError
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.profile import Profile
+from vehicle_iface.sim.model import BicycleParameters, BicycleState
+from vehicle_iface.sim.vehicle import Heard, SimulatedVehicle, SimulationParameters, VehicleReport
+from vehicle_iface.status import Gear, VehicleMode
+from vehicle_iface.units import ns_from_s
+
+
+class ProfileWire:
+    """The wire of one profile."""
+
+    def __init__(self, database: VehicleDatabase) -> None:
+        self.commands = tuple(message.name for message in database.commands)
+        self.sample = tuple(message.name for message in database.sample)
+        self.status = tuple(message.name for message in (database.status, *database.extra))
+        names = {name: number for number, name in database.frames.items()}
+        self.frame_ids: Mapping[str, int] = names or {database.profile.state.frame_id: 0}
+        self._fields = {message.name: message.fields for message in database.commands}
+        self._command_ids = {_key(message) for message in database.commands}
+        self._decoder = Decoder(database.commands)
+        self._encoder = Encoder(database.received)
+        self._expressible: dict[str, VehicleReport] = {}
+
+    def is_command(self, frame: CanFrame) -> bool:
+        """Whether the frame has a command's identifier."""
+        return (frame.can_id, frame.is_extended) in self._command_ids
+
+    def read(self, frame: CanFrame) -> Heard | None:
+        """The command in the frame; None when it is damaged, out of sequence or impossible."""
+        received = self._decoder.decode(frame)
+        if received is None:
+            return None
+        pairs = zip(self._fields[received.name], received.values, strict=True)
+        return Heard(received.name, {field: value for field, value in pairs if field and value is not None})
+
+    def write(self, message: str, report: VehicleReport) -> CanFrame:
+        """The next frame of `message`.
+
+        A report with a number beyond its signal's range is sent as the last one within it: the sensor is at its
+        end. `SignalError` when there was none yet.
+        """
+        try:
+            frame = self._encoder.encode(message, report)
+        except SignalError:
+            if message not in self._expressible:
+                raise
+            return self._encoder.encode(message, self._expressible[message])
+        self._expressible[message] = report
+        return frame
+
+
+def simulated_vehicle(
+    profile: Profile,
+    *,
+    start_ns: int,
+    start: BicycleState | None = None,
+    mode: VehicleMode = VehicleMode.READY,
+    gear: Gear = Gear.PARK,
+    frame_id: str | None = None,
+) -> SimulatedVehicle:
+    """A vehicle as the profile describes it; `frame_id` is that of its pose, map where there is a choice.
+
+    Raises `ConfigError` for a profile that does not fit its DBC, `InvalidValueError` for a frame of reference
+    that its bus has no number for. A start that the bus cannot express is a `SignalError` of the first `advance`.
+    """
+    wire = ProfileWire(load_database(profile))
+    if frame_id is None:
+        frame_id = "map" if "map" in wire.frame_ids else next(iter(wire.frame_ids))
+    return SimulatedVehicle(
+        wire,
+        start_ns=start_ns,
+        start=start,
+        car=BicycleParameters(
+            wheelbase_m=profile.geometry.wheelbase_m,
+            rear_wheel_angle_limit_rad=profile.limits.rear_wheel_angle_rad,
+        ),
+        parameters=_parameters(profile),
+        mode=mode,
+        gear=gear,
+        frame_id=frame_id,
+    )
+
+
+def _parameters(profile: Profile) -> SimulationParameters:
+    timing, limits = profile.timing, profile.limits
+    return SimulationParameters(
+        sample_period_ns=ns_from_s(timing.sample_period_s),
+        status_every=max(1, round(timing.status_period_s / timing.sample_period_s)),
+        gear_change_speed_mps=limits.gear_change_speed_mps,
+        override_torque_nm=limits.driver_steer_torque_nm,
+    )
+
+
+def _key(message: BoundMessage) -> tuple[int, bool]:
+    return message.can_id, message.is_extended
