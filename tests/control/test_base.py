@@ -1,6 +1,7 @@
 """The base by itself, under a controller that does as little as possible."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -95,6 +96,14 @@ def test_what_is_not_a_command_is_refused() -> None:
 def test_a_base_without_a_child_cannot_be_made() -> None:
     with pytest.raises(TypeError, match="compute_command_impl"):
         ControllerBase()  # type: ignore[abstract]
+
+
+def test_the_plane_at_the_end_is_square_to_the_last_points_heading() -> None:
+    controller = Coasting()
+    controller.set_trajectory(replace(along_x(), heading_rad=[0.0] * 10 + [math.pi / 4]))
+    assert controller.compute_command(at(10.5, -0.6)).reason is Reason.NOMINAL
+    assert controller.spatial_index == 10
+    assert controller.compute_command(at(10.5, -0.4)).reason is Reason.PAST_END_SPACE
 
 
 @pytest.mark.parametrize("name", ["safe_deceleration_mps2", "time_step_s"])

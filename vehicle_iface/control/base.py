@@ -92,8 +92,7 @@ class ControllerBase(ABC):
         _require_trajectory("trajectory", trajectory)
         if not self.check_new_trajectory(trajectory):
             raise TrajectoryRejectedError(
-                f"{type(self).__name__} refused a trajectory of {len(trajectory)} points, "
-                f"stamp {trajectory.stamp_ns}"
+                f"{type(self).__name__} refused a trajectory of {len(trajectory)} points, stamp {trajectory.stamp_ns}"
             )
         handled = self.handle_new_trajectory(trajectory)
         _require_trajectory("what handle_new_trajectory returned", handled)
@@ -190,9 +189,7 @@ class ControllerBase(ABC):
         safe)."""
         if speed_mps == 0.0:
             return 0.0
-        deceleration_mps2 = min(
-            abs(speed_mps) / self.behavior.time_step_s, self.behavior.safe_deceleration_mps2
-        )
+        deceleration_mps2 = min(abs(speed_mps) / self.behavior.time_step_s, self.behavior.safe_deceleration_mps2)
         return math.copysign(deceleration_mps2, -speed_mps)
 
     @abstractmethod
@@ -230,9 +227,7 @@ class ControllerBase(ABC):
             return state.front_wheel_angle_rad, state.rear_wheel_angle_rad
         try:
             front_rad, rear_rad = self.stop_steering_impl(state)
-            return checks.finite("front_wheel_angle_rad", front_rad), checks.finite(
-                "rear_wheel_angle_rad", rear_rad
-            )
+            return checks.finite("front_wheel_angle_rad", front_rad), checks.finite("rear_wheel_angle_rad", rear_rad)
         except (VehicleIfaceError, ArithmeticError):
             return 0.0, 0.0
 

@@ -28,9 +28,7 @@ def predict(state: VehicleState, dt_s: float) -> VehicleState:
     """
     dt_s = checks.finite("dt_s", dt_s)
     turned_rad = state.yaw_rate_radps * dt_s
-    forward_m, left_m = _moved_in_body_m(
-        state.speed_mps, state.accel_mps2, state.lateral_speed_mps, turned_rad, dt_s
-    )
+    forward_m, left_m = _moved_in_body_m(state.speed_mps, state.accel_mps2, state.lateral_speed_mps, turned_rad, dt_s)
     cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
     return replace(
         state,

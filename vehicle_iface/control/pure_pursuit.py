@@ -66,8 +66,7 @@ class PurePursuitConfig:
                 raise InvalidValueError(f"{name} = {getattr(self, name)!r}: must be true or false")
         if self.max_lookahead_m < self.min_lookahead_m:
             raise InvalidValueError(
-                f"max_lookahead_m = {self.max_lookahead_m}: "
-                f"must be at least min_lookahead_m = {self.min_lookahead_m}"
+                f"max_lookahead_m = {self.max_lookahead_m}: must be at least min_lookahead_m = {self.min_lookahead_m}"
             )
 
 
@@ -136,9 +135,7 @@ class PurePursuit(ControllerBase):
         return Command(
             stamp_ns=state.stamp_ns,
             accel_mps2=accel_mps2,
-            front_wheel_angle_rad=state.front_wheel_angle_rad
-            if target is None
-            else self._steering(seen, target),
+            front_wheel_angle_rad=state.front_wheel_angle_rad if target is None else self._steering(seen, target),
             speed_mps=self._reference_speed(progress),
         )
 
@@ -186,7 +183,8 @@ class PurePursuit(ControllerBase):
         target = self._target_before(progress, seen, lookahead_m)
         if target is None or stops.first is not None:
             return target
-        if stops.look(progress.spatial_index, target.point) and stops.turns:
+        # one point further: the way back from a change of direction is behind the vehicle, and never aimed at
+        if stops.look(progress.spatial_index, target.point + 1) and stops.turns:
             return self._target_before(progress, seen, lookahead_m)
         return target
 
@@ -218,7 +216,10 @@ class PurePursuit(ControllerBase):
     # ── what to do about it ──
 
     def _steering(self, seen: VehicleState, target: _Target) -> float:
-        """Coulter's arc through the target, tangent to the vehicle; the same backwards."""
+        """Coulter's arc through the target, tangent to the vehicle; the same backwards.
+
+        `atan2` is the arc tangent of the quotient here, also where d² is so small that it is 0.
+        """
         left_m = math.cos(seen.heading_rad) * target.dy_m - math.sin(seen.heading_rad) * target.dx_m
         return math.atan2(2.0 * left_m * self.config.wheelbase_m, target.distance_m * target.distance_m)
 
@@ -283,9 +284,7 @@ def search_target(
                 farthest, greatest = index, square
     if stop == end:
         return farthest
-    return _search_in_blocks(
-        xs_m, ys_m, stop, end, x_m, y_m, ahead_x, ahead_y, lookahead_m, farthest, greatest
-    )
+    return _search_in_blocks(xs_m, ys_m, stop, end, x_m, y_m, ahead_x, ahead_y, lookahead_m, farthest, greatest)
 
 
 def _search_in_blocks(

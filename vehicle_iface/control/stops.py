@@ -43,7 +43,7 @@ class Stops:
             self._resume_at(index)
         speeds_mps, direction = self._speeds_mps, self.direction
         at = self._looked_at
-        while at <= until:
+        while at <= until and at < len(speeds_mps):
             along_mps = speeds_mps[at] * direction
             if along_mps <= _NO_SPEED_MPS:
                 self._note(at if along_mps >= -_NO_SPEED_MPS else max(at - 1, 0), index)

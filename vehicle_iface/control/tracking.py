@@ -30,9 +30,7 @@ def plain_values(array: np.typing.NDArray[Any]) -> Sequence[Any]:
     return cast("Sequence[Any]", memoryview(array))  # type: ignore[arg-type]  # arrays are buffers at run time
 
 
-def advanced_in_space(
-    xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float
-) -> int:
+def advanced_in_space(xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float) -> int:
     """The last point from `index` on that (x_m, y_m) is past or level with.
 
     Past point i+1: (p_{i+1} − p_i) · (s − p_{i+1}) ≥ −`PASSED_TOLERANCE`; the walk ends at the first point
@@ -51,9 +49,7 @@ def advanced_in_space(
     return advanced_in_blocks(xs_m, ys_m, index, x_m, y_m) if index < last else index
 
 
-def advanced_in_blocks(
-    xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float
-) -> int:
+def advanced_in_blocks(xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float) -> int:
     """The same as `advanced_in_space`, for far jumps: growing blocks, so that the cost follows the way
     jumped."""
     last, size = len(xs_m) - 1, _FIRST_BLOCK
@@ -76,6 +72,8 @@ def advanced_in_time(times_ns: Sequence[int], index: int, elapsed_ns: int) -> in
     advanced.
     """
     end, step = len(times_ns), 1
+    if index + 1 >= end or times_ns[index + 1] > elapsed_ns:
+        return index  # what a call at the loop's rate nearly always finds
     while index + step < end and times_ns[index + step] <= elapsed_ns:
         index += step
         step *= 2
