@@ -7,8 +7,25 @@ The public names are below; `CONVENTIONS.md` has frames, signs, units and time.
 """
 
 from vehicle_iface.command import Command
+from vehicle_iface.control.base import BehaviorConfig, ControllerBase, ControlReference, StopSteering
+from vehicle_iface.control.prediction import predict
+from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
+from vehicle_iface.control.tracking import tracking_error
 from vehicle_iface.reason import Reason
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
 
-__all__ = ["Command", "Reason", "Trajectory", "VehicleState"]
+__all__ = [
+    "BehaviorConfig",
+    "Command",
+    "ControlReference",
+    "ControllerBase",
+    "PurePursuit",
+    "PurePursuitConfig",
+    "Reason",
+    "StopSteering",
+    "Trajectory",
+    "VehicleState",
+    "predict",
+    "tracking_error",
+]
