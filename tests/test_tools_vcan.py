@@ -50,9 +50,7 @@ class Terminal:
         self.fd, inside = os.openpty()
         self.resize(rows, columns)
         # setsid makes it the controlling terminal, without which there are neither Ctrl-C nor SIGWINCH.
-        self.process = subprocess.Popen(
-            ["setsid", "--ctty", VCAN, *command], stdin=inside, stdout=inside, stderr=inside
-        )
+        self.process = subprocess.Popen(["setsid", "--ctty", *command], stdin=inside, stdout=inside, stderr=inside)
         os.close(inside)
         self.seen = b""
 
@@ -176,7 +174,7 @@ def test_a_signal_reaches_the_command(name: str) -> None:
 
 def test_the_command_has_a_terminal_of_the_callers_size_that_follows_it() -> None:
     script = "trap 'stty size; exit' WINCH; tty -s && stty size; while :; do sleep 0.05; done"
-    with terminal("bash", "-c", script, rows=33, columns=101) as screen:
+    with terminal(VCAN, "bash", "-c", script, rows=33, columns=101) as screen:
         screen.read_until(b"33 101")
         screen.resize(40, 120)
         screen.read_until(b"40 120")
@@ -184,14 +182,25 @@ def test_the_command_has_a_terminal_of_the_callers_size_that_follows_it() -> Non
 
 
 def test_ctrl_c_interrupts_what_is_in_front_of_the_terminal() -> None:
-    with terminal("sh", "-c", "echo up; exec sleep 1000") as screen:
+    with terminal(VCAN, "sh", "-c", "echo up; exec sleep 1000") as screen:
         screen.read_until(b"up")
         screen.type(b"\x03")
         assert status(screen.process.wait()) == 128 + signal.SIGINT
 
 
+def test_ctrl_z_stops_it_and_fg_lets_it_go_on() -> None:
+    script = f"set -m; '{VCAN}' sh -c 'echo up; exec tr a-z A-Z'; test $? -gt 128 && echo stopped; fg"
+    with terminal("bash", "-c", script) as screen:
+        screen.read_until(b"up")
+        screen.type(b"\x1a")
+        screen.read_until(b"stopped")
+        screen.type(b"hello\n\x04")
+        screen.read_until(b"HELLO")
+        assert screen.process.wait() == 0
+
+
 def test_what_is_typed_is_read_and_ctrl_d_ends_it() -> None:
-    with terminal("sh", "-c", "echo up; exec tr a-z A-Z") as screen:
+    with terminal(VCAN, "sh", "-c", "echo up; exec tr a-z A-Z") as screen:
         screen.read_until(b"up")
         screen.type(b"hello\n\x04")
         screen.read_until(b"HELLO")

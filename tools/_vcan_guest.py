@@ -1,9 +1,9 @@
-"""The first process inside the kernel that `tools/vcan` boots.
+"""The first processes inside the kernel that `tools/vcan` boots.
 
 It makes the place habitable (proc, dev, shared memory, loopback, vcan0), runs the one command there, and
-carries its streams over serial lines: 0 is control (one JSON object a line, both ways), 1 the command's input,
-2 its output, 3 its errors. Lines 1 to 3 carry frames: a 4-byte length, then so many bytes; a length of 0 ends
-the stream.
+carries its streams over serial lines: 0 is control (one JSON object a line, both ways), 1 the command's
+input, 2 its output, 3 its errors. Lines 1 to 3 carry frames: a 4-byte length, then so many bytes; a length of
+0 ends the stream.
 """
 
 import contextlib
@@ -106,7 +106,7 @@ class OutputPump:
         self._thread.start()
 
     def close(self) -> None:
-        """Nobody reads this output any more: the command shall get EPIPE, as it would from a pipe of its own."""
+        """Nobody reads this output any more: the command shall get EPIPE, as from any pipe."""
         os.write(self._wake_in, b"c")
 
     def finish(self) -> None:
@@ -198,8 +198,10 @@ class Session:
         self._control = control
         self._pumps: dict[str, OutputPump] = {}
         self._terminal: tuple[int, int] | None = None
+        os.setsid()
         if "tty" in spec["streams"]:
             self._terminal = open_terminal(spec)
+            fcntl.ioctl(self._terminal[1], termios.TIOCSCTTY, 0)
         # Kept although only its number is used: an unreferenced one collects the exit status behind our back.
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -248,7 +250,7 @@ class Session:
                 stderr=streams[2],
                 env=self._spec["environment"],
                 umask=self._spec["umask"],
-                start_new_session=True,
+                process_group=0,
                 preexec_fn=self._before_exec,
             )
         except OSError as error:
@@ -259,7 +261,9 @@ class Session:
         for number in self._spec["ignored"]:
             signal.signal(number, signal.SIG_IGN)
         if self._terminal is not None:
-            fcntl.ioctl(self._terminal[1], termios.TIOCSCTTY, 0)
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
+            os.tcsetpgrp(self._terminal[1], os.getpid())
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTTOU})
 
     def _start_pumps(self, ours: list[int | None]) -> None:
         kinds = self._spec["streams"]
@@ -299,11 +303,9 @@ class Session:
             (os.killpg if group else os.kill)(self._pid, number)
 
     def wait(self) -> int:
-        """Returns the command's exit status as a shell gives it; buries orphans meanwhile, as pid 1 must."""
+        """Returns the command's exit status as a shell gives it."""
         while True:
-            pid, status = os.waitpid(-1, os.WUNTRACED)
-            if pid != self._pid:
-                continue
+            _, status = os.waitpid(self._pid, os.WUNTRACED)
             if os.WIFSTOPPED(status):
                 self._control.send(stopped=os.WSTOPSIG(status))
             else:
@@ -343,10 +345,7 @@ def run(spec: Message, control: Control) -> Message:
     return {"exit": status}
 
 
-def main(spec_path: str) -> NoReturn:
-    with open(spec_path) as file:
-        spec = json.load(file)
-    prepare(spec)
+def serve(spec: Message) -> NoReturn:
     control = Control(open_line(0))
     last = run(spec, control)
     with contextlib.suppress(ProcessLookupError):
@@ -355,6 +354,23 @@ def main(spec_path: str) -> NoReturn:
     control.send(**last)
     while True:
         signal.pause()
+
+
+def bury_all() -> None:
+    """What the first process owes the others: it inherits every orphan."""
+    with contextlib.suppress(ChildProcessError):
+        while True:
+            os.wait()
+
+
+def main(spec_path: str) -> None:
+    with open(spec_path) as file:
+        spec = json.load(file)
+    prepare(spec)
+    # A second process leads the session, as a shell does: Ctrl-Z never stops children of the first.
+    if os.fork() == 0:
+        serve(spec)
+    bury_all()
 
 
 if __name__ == "__main__":
