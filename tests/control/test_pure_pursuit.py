@@ -184,6 +184,32 @@ def test_the_command_carries_the_reference_points_speed(reference: ControlRefere
     assert controller.compute_command(at(3.5, stamp_ns=5 * NS_PER_S)).speed_mps == speed_mps
 
 
+def test_the_command_never_carries_a_speed_against_the_direction_of_travel() -> None:
+    there_and_back = replace(
+        along_x(), x_m=[*map(float, [0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0])], speed_mps=[2.0] * 5 + [0.0] + [-2.0] * 5
+    )
+    controller = following(there_and_back, behavior=BehaviorConfig(reference=ControlReference.TEMPORAL))
+    assert controller.compute_command(at(3.5, stamp_ns=8 * NS_PER_S)).speed_mps == 0.0
+
+
+def test_a_vehicle_that_rolls_through_a_standing_start_is_not_stopped() -> None:
+    command = following(replace(along_x(), speed_mps=[0.0] + [1.0] * 10)).compute_command(at(0.5))
+    assert command.accel_mps2 == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_vehicle_that_overshot_a_stop_brakes_hard_and_only_then_goes_on() -> None:
+    controller = following(replace(along_x(), speed_mps=[1.0] * 5 + [0.0] + [1.0] * 5))
+    late_ns = 9 * NS_PER_S
+    controller.compute_command(at(4.5, stamp_ns=late_ns))
+    assert controller.compute_command(at(5.1, stamp_ns=late_ns)).accel_mps2 == -3.0
+    assert controller.compute_command(at(5.2, stamp_ns=late_ns, speed_mps=0.0)).accel_mps2 > 0.0
+
+
+def test_numbers_that_overflow_are_refused_and_not_sent() -> None:
+    with pytest.raises(InvalidValueError):
+        following(along_x(20)).compute_command(at(3.0, speed_mps=1e200))
+
+
 def test_a_tracking_stop_goes_on_steering_at_the_path() -> None:
     controller = following(along_x(20), behavior=BehaviorConfig(stop_steering=StopSteering.TRACK))
     driving = controller.compute_command(at(3.0, 1.0))

@@ -99,6 +99,8 @@ class PurePursuit(ControllerBase):
 
     Command speed: the reference point's; 0 where that has the other direction than the vehicle is to take
     (just after a change of direction), so that it never asks for the wrong gear.
+
+    Raises `InvalidValueError` where numbers beyond 1e150 leave no finite command.
     """
 
     def __init__(
@@ -237,7 +239,7 @@ class PurePursuit(ControllerBase):
         elif target.point < stops.first:
             return _acceleration(target.speed_squared, square, target.distance_m)
         creeps = abs(seen.speed_mps) < self.config.standstill_speed_mps
-        towards = stops.direction * self.config.standstill_speed_mps**2 if creeps else 0.0
+        towards = stops.direction * _signed_square(self.config.standstill_speed_mps) if creeps else 0.0
         return _acceleration(towards, square, distance_m)
 
     def _waiting(self, progress: Progress, seen: VehicleState, target: _Target | None) -> float | None:
@@ -272,19 +274,35 @@ def search_target(
     After the first 64 points the search ends four look-aheads further along the path, so that its cost does
     not depend on how long the trajectory is.
     """
-    reach, farthest, greatest = lookahead_m * lookahead_m, -1, -1.0
-    stop = min(start + _SCALAR_POINTS, end)
+    reach, stop = lookahead_m * lookahead_m, min(start + _SCALAR_POINTS, end)
     for index in range(start, stop):
         dx_m, dy_m = xs_m[index] - x_m, ys_m[index] - y_m
-        if dx_m * ahead_x + dy_m * ahead_y > 0.0:
-            square = dx_m * dx_m + dy_m * dy_m
-            if square >= reach:
-                return index
-            if square > greatest:
-                farthest, greatest = index, square
+        if dx_m * dx_m + dy_m * dy_m >= reach and dx_m * ahead_x + dy_m * ahead_y > 0.0:
+            return index
+    farthest, greatest = _farthest(xs_m, ys_m, start, stop, x_m, y_m, ahead_x, ahead_y)
     if stop == end:
         return farthest
     return _search_in_blocks(xs_m, ys_m, stop, end, x_m, y_m, ahead_x, ahead_y, lookahead_m, farthest, greatest)
+
+
+def _farthest(
+    xs_m: Sequence[float],
+    ys_m: Sequence[float],
+    start: int,
+    stop: int,
+    x_m: float,
+    y_m: float,
+    ahead_x: float,
+    ahead_y: float,
+) -> tuple[int, float]:
+    """The first of the farthest points ahead and the square of its distance; −1 and −1.0 without one."""
+    farthest, greatest = -1, -1.0
+    for index in range(start, stop):
+        dx_m, dy_m = xs_m[index] - x_m, ys_m[index] - y_m
+        square = dx_m * dx_m + dy_m * dy_m
+        if square > greatest and dx_m * ahead_x + dy_m * ahead_y > 0.0:
+            farthest, greatest = index, square
+    return farthest, greatest
 
 
 def _search_in_blocks(
