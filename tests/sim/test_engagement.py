@@ -1,0 +1,64 @@
+"""The table of modes, every cell of it, and the row of pairs."""
+
+import itertools
+
+import pytest
+
+from vehicle_iface.sim.engagement import TRANSITIONS, WATCHDOG_NS, CommandWatch, Event
+from vehicle_iface.sim.vehicle import Driver
+
+from .bench import Bench
+from .contract import AUTONOMOUS, EMERGENCY_STOP, FAULT, MANUAL, READY
+
+MODES = (MANUAL, READY, AUTONOMOUS, FAULT, EMERGENCY_STOP)
+WRITTEN = {
+    Event.PAIRS_RECEIVED: {READY: AUTONOMOUS},
+    Event.LET_GO: {AUTONOMOUS: READY},
+    Event.OVERRIDE: {AUTONOMOUS: MANUAL},
+    Event.COMMANDS_LOST: {AUTONOMOUS: FAULT},
+    Event.FAULT: {MANUAL: FAULT, READY: FAULT, AUTONOMOUS: FAULT},
+    Event.EMERGENCY_STOP: dict.fromkeys((MANUAL, READY, AUTONOMOUS, FAULT), EMERGENCY_STOP),
+    Event.MADE_READY: {MANUAL: READY},
+    Event.RESET: {FAULT: MANUAL, EMERGENCY_STOP: MANUAL},
+}
+
+
+@pytest.mark.parametrize(("event", "mode"), list(itertools.product(Event, MODES)))
+def test_every_mode_answers_every_event_as_written(event: Event, mode: int) -> None:
+    got = {(int(at), what): int(to) for (at, what), to in TRANSITIONS.items()}
+    assert got.get((mode, event), mode) == WRITTEN[event].get(mode, mode)
+
+
+@pytest.mark.parametrize("line", ["brake 1", "throttle 1", "steer 9", "ready", "reset", "fault 1", "emergency_stop"])
+def test_no_driver_action_leads_to_autonomous(line: str) -> None:
+    for mode in MODES:
+        bench = Bench(mode=type(Bench().vehicle.mode)(mode))
+        bench.say(line)
+        assert bench.vehicle.mode != AUTONOMOUS or mode == AUTONOMOUS
+
+
+def test_a_driver_at_rest_is_the_default() -> None:
+    assert Driver() == Driver(brake=False, throttle=False, steer_torque_nm=0.0)
+
+
+def test_a_watch_knows_no_deadline_before_each_kind_has_come() -> None:
+    watch = CommandWatch(["a", "b"])
+    watch.note("a", enabled=True, seen_ns=5)
+    assert watch.expires_ns is None
+    watch.note("b", enabled=True, seen_ns=7)
+    assert watch.expires_ns == 5 + WATCHDOG_NS
+
+
+def test_a_vehicle_with_one_command_message_counts_each_as_a_pair() -> None:
+    watch = CommandWatch(["both"])
+    for i in range(3):
+        watch.note("both", enabled=True, seen_ns=i)
+    assert watch.pairs == 3
+
+
+def test_a_gap_breaks_the_row_once() -> None:
+    watch = CommandWatch(["a", "b"])
+    for start_ns in (0, WATCHDOG_NS):
+        watch.note("a", enabled=True, seen_ns=start_ns)
+        watch.note("b", enabled=True, seen_ns=start_ns)
+        assert watch.pairs == 1
