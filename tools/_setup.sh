@@ -9,7 +9,7 @@ venv=$root/.venv
 say() { printf '%s\n' "$*" >&2; }
 
 die() {
-    say "${0##*/}: $*"
+    say "tools/${0##*/}: $*"
     exit 1
 }
 
