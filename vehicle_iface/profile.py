@@ -1,12 +1,14 @@
 """A vehicle's profile: what its DBC's signals mean to the program, and what the vehicle can do.
 
-`load_profile("reference")` reads `dbc/reference.toml` of this package; a path ending in `.toml` reads that file.
-Every key is checked: an unknown one, a wrong type, a number that is not finite or of the wrong sign is a
-`ConfigError` with the file and the place in it, like `reference.toml: $.limits.speed_max_mps: Expected float`.
-Units are in the keys. Whether the profile fits its DBC is checked by `codec.database`.
+`load_profile("reference")` reads `dbc/reference.toml` of this package; a path ending in `.toml`
+reads that file. Every key is checked: an unknown one, a wrong type, a number that is not finite or
+of the wrong sign is a `ConfigError` with the file and the place in it, like `reference.toml:
+$.limits.speed_max_mps: Expected float`. Units are in the keys. Whether the profile fits its DBC is
+checked by `codec.database`.
 """
 
 import math
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,12 +18,14 @@ import msgspec
 
 from vehicle_iface.errors import ConfigError
 
+_SIGNAL_NAME = re.compile(r"[A-Za-z_]\w*\.[A-Za-z_]\w*")
+
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]
-SignalName = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z_]\w*\.[A-Za-z_]\w*$")]
-"""MESSAGE.SIGNAL."""
-SignalNames = SignalName | Annotated[tuple[SignalName, ...], msgspec.Meta(min_length=1)]
+SignalName = str
+"""MESSAGE.SIGNAL. Checked here: msgspec 0.22 corrupts memory over a pattern inside a union."""
+SignalNames = str | tuple[str, ...]
 """One signal, or several that carry the same value."""
 
 
@@ -107,8 +111,7 @@ class EndToEnd(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """A greater step of the counter is a wrong sequence."""
     data_ids: dict[
         str,
-        Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)]
-        | tuple[Annotated[int, msgspec.Meta(ge=0, le=255)], ...],
+        Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] | tuple[Annotated[int, msgspec.Meta(ge=0, le=255)], ...],
     ]
     """Of each protected message; 16 bytes each in profile 2."""
 
@@ -242,7 +245,8 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 def load_profile(name_or_path: str | Path) -> Profile:
-    """The profile of that name, or in that file when it ends in `.toml`; `ConfigError` with file and place."""
+    """The profile of that name, or in that file when it ends in `.toml`; `ConfigError` with file
+    and place."""
     path = _find(name_or_path)
     document = _read(path)
     for place, number in _numbers(document, "$"):
@@ -254,6 +258,7 @@ def load_profile(name_or_path: str | Path) -> Profile:
         profile = msgspec.convert(document, Profile)
     except msgspec.ValidationError as error:
         raise ConfigError(f"{path.name}: {_placed(str(error))}") from None
+    _check_names(path, profile)
     _check_order(path, profile)
     dbc = (path.parent / profile.dbc).resolve()
     return msgspec.structs.replace(profile, dbc=str(dbc), file=str(path))
@@ -307,12 +312,34 @@ def _numbers(value: object, place: str) -> Iterator[tuple[str, float]]:
 
 def _placed(message: str) -> str:
     """msgspec's message with the place in front."""
-    text, _, place = message.replace("`", "").rpartition(" - at ")
-    return f"{place}: {text}" if text else f"$: {message.replace('`', '')}"
+    plain = message.replace("`", "").replace("-0.0", "0.0")
+    text, _, place = plain.rpartition(" - at ")
+    return f"{place}: {text}" if text else f"$: {plain}"
+
+
+def _check_names(path: Path, profile: Profile) -> None:
+    """Signals must be written MESSAGE.SIGNAL."""
+    sections = {
+        "state": profile.state,
+        "status": profile.status,
+        "command": profile.command,
+        "body": profile.body,
+        "report": profile.report,
+    }
+    named: dict[str, object] = {"$.ignored": profile.ignored or None, "$.constants": tuple(profile.constants) or None}
+    for section, table in sections.items():
+        for field in table.signals.__struct_fields__ if table is not None else ():
+            named[f"$.{section}.signals.{field}"] = getattr(table.signals, field) if table is not None else None
+    for place, names in named.items():
+        if names == ():
+            raise ConfigError(f"{path.name}: {place}: must name at least one signal")
+        for name in (names,) if isinstance(names, str) else names if isinstance(names, tuple) else ():
+            if not _SIGNAL_NAME.fullmatch(name):
+                raise ConfigError(f"{path.name}: {place}: {name!r}: must be MESSAGE.SIGNAL")
 
 
 def _check_order(path: Path, profile: Profile) -> None:
-    """Times that must follow one another."""
+    """Numbers that must follow one another."""
     timing = profile.timing
     for smaller, greater in (
         ("sample_period_s", "state_stale_s"),
@@ -322,5 +349,12 @@ def _check_order(path: Path, profile: Profile) -> None:
         low, high = getattr(timing, smaller), getattr(timing, greater)
         if not low < high:
             raise ConfigError(f"{path.name}: $.timing.{greater}: {high}: must be above {smaller} = {low}")
-    if profile.geometry.wheelbase_m + profile.geometry.rear_overhang_m > profile.geometry.length_m:
-        raise ConfigError(f"{path.name}: $.geometry.length_m: must hold wheelbase_m and rear_overhang_m")
+    geometry = profile.geometry
+    shortest_m = geometry.wheelbase_m + geometry.rear_overhang_m
+    if geometry.length_m < shortest_m:
+        text = f"{geometry.length_m}: must be at least wheelbase_m + rear_overhang_m = {shortest_m}"
+        raise ConfigError(f"{path.name}: $.geometry.length_m: {text}")
+    safe_mps2, most_mps2 = profile.behavior.safe_deceleration_mps2, -profile.limits.accel_min_mps2
+    if safe_mps2 > most_mps2:
+        text = f"{safe_mps2}: must be at most {most_mps2}, what $.limits.accel_min_mps2 allows"
+        raise ConfigError(f"{path.name}: $.behavior.safe_deceleration_mps2: {text}")

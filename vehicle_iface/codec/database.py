@@ -1,8 +1,9 @@
-"""A DBC and the profile that gives it a meaning, loaded together and checked against each other both ways.
+"""A DBC and the profile that gives it a meaning, loaded together and checked against each other
+both ways.
 
-`load_database(profile)` gives the `VehicleDatabase` of bound messages: for each signal of a message the program's
-name of it, so that decoder and encoder never look one up again. Everything that does not fit is a `ConfigError`
-with file, line and what is allowed, before the first frame.
+`load_database(profile)` gives the `VehicleDatabase` of bound messages: for each signal of a message
+the program's name of it, so that decoder and encoder never look one up again. Everything that does
+not fit is a `ConfigError` with file, line and what is allowed, before the first frame.
 """
 
 import difflib
@@ -99,7 +100,8 @@ class VehicleDatabase:
         return (*self.commands, *(message for message in (self.body, self.report) if message is not None))
 
     def resolution(self, field: str) -> float:
-        """The step of a command field on the wire, in its unit; 0 for a float. `ConfigError` when unbound."""
+        """The step of a command field on the wire, in its unit; 0 for a float. `ConfigError` when
+        unbound."""
         if field not in self.resolutions:
             raise ConfigError(f"{self.profile.name}: command field {field!r} is bound to no signal")
         return self.resolutions[field]
@@ -179,7 +181,7 @@ class _Binder:
                 signal = self._signal(dotted, place)
                 if dotted in self._fields:
                     raise self._fault(place, f"{dotted} is already bound to {self._fields[dotted]}")
-                if signal.multiplexer_signal is not None or signal.is_multiplexer:
+                if signal.multiplexer_ids or signal.multiplexer_signal or signal.is_multiplexer:
                     raise self._fault(place, f"{dotted} is multiplexed; bound signals must not be")
                 self._check_range(dotted, signal)
                 self._fields[dotted] = field
@@ -296,8 +298,7 @@ class _Binder:
         fields = tuple(self._fields.get(f"{name}.{signal}", "") for signal in codec.names)
         self._check_complete(message, role, protection)
         to_program = tuple(
-            self._translation(f"{name}.{signal}", field)
-            for signal, field in zip(codec.names, fields, strict=True)
+            self._translation(f"{name}.{signal}", field) for signal, field in zip(codec.names, fields, strict=True)
         )
         return BoundMessage(
             name=name,
@@ -336,11 +337,7 @@ class _Binder:
         for signal in message.signals:
             dotted = f"{message.name}.{signal.name}"
             if dotted not in known:
-                wanted = (
-                    "bind it or give it under constants"
-                    if role in _SENT
-                    else "bind it or list it under ignored"
-                )
+                wanted = "bind it or give it under constants" if role in _SENT else "bind it or list it under ignored"
                 raise self._file.fault(dotted, f"means nothing to {self._where}; {wanted}")
 
     def _protection(self, message: Message) -> Protection | None:
@@ -351,9 +348,7 @@ class _Binder:
         data_id = rules.data_ids[message.name]
         attribute = (message.dbc.attributes if message.dbc else {}).get("E2EDataId")
         if attribute is not None and isinstance(data_id, int) and attribute.value != data_id:
-            raise self._fault(
-                place, f"{data_id:#x}, but E2EDataId is {attribute.value:#x} in {self._file.name}"
-            )
+            raise self._fault(place, f"{data_id:#x}, but E2EDataId is {attribute.value:#x} in {self._file.name}")
         try:
             protection = Protection(rules.profile, data_id, message.length, rules.data_id_mode)
         except ConfigError as error:
@@ -368,7 +363,8 @@ class _Binder:
             dotted = f"{message.name}.{name}"
             signal = self._signal(dotted, f"$.e2e.{key}")
             if (_first_bit(signal), signal.length) != bits:
-                text = f"bits {signal.start}|{signal.length}, but E2E profile {rules.profile} has {bits[0]}|{bits[1]}"
+                wanted = f"E2E profile {rules.profile} has {bits[0]}|{bits[1]}"
+                text = f"bits {signal.start}|{signal.length}, but {wanted}"
                 raise self._file.fault(dotted, text)
             if dotted in self._fields:
                 raise self._fault(f"$.e2e.{key}", f"{dotted} is bound to {self._fields[dotted]}")
@@ -424,9 +420,7 @@ class _Binder:
         table = self._table(dotted)
         for name in frames:
             if name not in table.values():
-                raise self._fault(
-                    f"$.state.frames.{name}", f"not in {dotted}{_nearest(name, table.values())}"
-                )
+                raise self._fault(f"$.state.frames.{name}", f"not in {dotted}{_nearest(name, table.values())}")
         for number, name in table.items():
             if name not in frames:
                 raise self._fault("$.state.frames", f"{dotted} = {number} {name!r} has no frame")
@@ -475,7 +469,8 @@ def _both(limit: float) -> tuple[float, float]:
 
 
 def _expressible(signal: Signal) -> tuple[float, float]:
-    """Smallest and greatest value that both the bits and the range allow, with the tolerance of a decimal limit."""
+    """Smallest and greatest value that both the bits and the range allow, with the tolerance of a
+    decimal limit."""
     if signal.is_float:
         low, high = -math.inf, math.inf
     else:
@@ -490,7 +485,8 @@ def _expressible(signal: Signal) -> tuple[float, float]:
 
 
 def _bits(signal: Signal) -> Iterator[int]:
-    """The signal's bits in little-endian numbering, the one that comes first on the wire's byte order first."""
+    """The signal's bits in little-endian numbering, the one that comes first on the wire's byte
+    order first."""
     bit = signal.start
     for _ in range(signal.length):
         yield bit

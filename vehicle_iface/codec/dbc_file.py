@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from cantools.database import load_string
 from cantools.database.can import Database
 from cantools.database.errors import Error as CantoolsError
 
@@ -22,6 +23,8 @@ _FOREIGN = (
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
 _MESSAGE = re.compile(r"^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:", re.MULTILINE)
 _SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
+_MULTIPLEXED = re.compile(r"^[ \t]*SG_[ \t]+(\w+)[ \t]+m\d+M?[ \t]*:", re.MULTILINE)
+_MULTIPLEXER = re.compile(r"^[ \t]*SG_[ \t]+\w+[ \t]+(?:m\d+)?M[ \t]*:", re.MULTILINE)
 _UNBOUND = "VECTOR__INDEPENDENT_SIG_MSG"
 
 
@@ -42,17 +45,18 @@ class DbcFile:
 def read_dbc(path: Path) -> DbcFile:
     """Load a DBC; `ConfigError` with file and line when anything in it is doubtful.
 
-    Refused besides what cantools refuses: text that is not text, an end in mid-statement, two messages of one id or
-    name, two signals of one name, a factor of 0, a range upside down."""
+    Refused besides what cantools refuses: text that is not text, an end in mid-statement, two
+    messages of one id or name, two signals of one name, a factor of 0, a range upside down."""
     text = _text(path)
     bare = _STRING.sub(_blank, text)
     _check_ending(path.name, text, bare)
     lines = _lines(path.name, bare)
     try:
-        database = Database(strict=True)
-        database.add_dbc_string(text)
+        database = load_string(text, database_format="dbc", strict=True)
     except _FOREIGN as error:
         raise _translated(path.name, lines, error) from None
+    if not isinstance(database, Database):
+        raise ConfigError(f"{path.name}: describes diagnostics, not a bus")
     file = DbcFile(name=path.name, database=database, lines=lines)
     _check_parsed(file)
     return file
@@ -74,9 +78,7 @@ def _text(path: Path) -> str:
         return data.decode("cp1252")
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
-        raise _fault(
-            path.name, line, f"byte {data[error.start]:#04x} is neither UTF-8 nor code page 1252"
-        ) from None
+        raise _fault(path.name, line, f"byte {data[error.start]:#04x} is neither UTF-8 nor code page 1252") from None
 
 
 def _blank(found: re.Match[str]) -> str:
@@ -90,8 +92,8 @@ def _check_ending(name: str, text: str, bare: str) -> None:
         raise _fault(name, 1, "the file is empty")
     if bare.count('"') % 2:
         raise _fault(name, last, "the file ends inside a string; it is cut short")
-    if not text.endswith("\n"):
-        raise _fault(name, last, "the file does not end with a line end; it may be cut short")
+    if not text.endswith(("\n", ";")):
+        raise _fault(name, last, "the file ends in the middle of a line; it may be cut short")
 
 
 def _lines(name: str, bare: str) -> dict[str, int]:
@@ -112,13 +114,17 @@ def _lines(name: str, bare: str) -> dict[str, int]:
             if dotted in lines:
                 raise _fault(name, signal_line, f"signal {dotted} is already in line {lines[dotted]}")
             lines[dotted] = signal_line
+        orphan = _MULTIPLEXED.search(body)
+        if orphan and not _MULTIPLEXER.search(body):
+            dotted = f"{message}.{orphan[1]}"
+            raise _fault(name, lines[dotted], f"{dotted} is multiplexed, but {message} has no multiplexer")
     return lines
 
 
 def _messages(bare: str) -> Iterator[tuple[str, int, int, str]]:
     """Name, id, line and text of each message."""
     found = list(_MESSAGE.finditer(bare))
-    ends = [match.start() for match in found[1:]] + [len(bare)]
+    ends = [match.start() for match in found[1:]] + [len(bare)] * bool(found)
     for match, end in zip(found, ends, strict=True):
         line = bare[: match.start(1)].count("\n") + 1
         yield match[2], int(match[1]), line, bare[match.start(1) : end]

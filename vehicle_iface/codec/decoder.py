@@ -68,8 +68,7 @@ class Decoder:
 
     def __init__(self, messages: Iterable[BoundMessage]) -> None:
         self._inputs = {
-            message.can_id | (_EXTENDED if message.is_extended else 0): _Input(message)
-            for message in messages
+            message.can_id | (_EXTENDED if message.is_extended else 0): _Input(message) for message in messages
         }
         self.accepted = 0
         """Frames that became messages."""

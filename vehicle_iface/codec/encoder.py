@@ -1,7 +1,7 @@
 """Permissions to frames: the fields of an object into a message's signals, with counter and checksum.
 
-The counter of a message steps once for each frame that was built of it, from 0; a value that cannot be sent raises
-`SignalError` and steps nothing.
+The counter of a message steps once for each frame that was built of it, from 0; a value that cannot
+be sent raises `SignalError` and steps nothing.
 """
 
 from collections.abc import Callable, Iterable
@@ -33,9 +33,7 @@ class _Output:
         try:
             values = self.values_of(source)
         except KeyError as error:
-            raise SignalError(
-                f"{self.name}: {error.args[0]!r} has no number in the DBC's VAL_ table"
-            ) from None
+            raise SignalError(f"{self.name}: {error.args[0]!r} has no number in the DBC's VAL_ table") from None
         return self.encode(values)
 
     def frame(self, payload: bytes) -> CanFrame:
@@ -56,15 +54,14 @@ class Encoder:
     def __init__(self, messages: Iterable[BoundMessage]) -> None:
         kept = tuple(messages)
         self._outputs = {message.name: _Output(message) for message in kept}
-        self._commands = tuple(
-            self._outputs[message.name] for message in kept if message.role is Role.COMMAND
-        )
+        self._commands = tuple(self._outputs[message.name] for message in kept if message.role is Role.COMMAND)
 
     def encode(self, message_name: str, source: object) -> CanFrame:
-        """The next frame of a message, its values taken from the attributes of `source` that bear its fields' names.
+        """The next frame of a message, its values taken from the attributes of `source` that bear
+        its fields' names.
 
-        Raises `SignalError` when a value is not finite or out of range (the counter then stays), `ConfigError` for
-        a message that this encoder does not have."""
+        Raises `SignalError` when a value is not finite or out of range (the counter then stays),
+        `ConfigError` for a message that this encoder does not have."""
         output = self._outputs.get(message_name)
         if output is None:
             raise ConfigError(f"no message {message_name!r}: must be one of {', '.join(self._outputs)}")
@@ -77,7 +74,8 @@ class Encoder:
 
 
 def _collector(message: BoundMessage) -> Callable[[object], tuple[Value, ...]]:
-    """A function that reads a message's values off an object, compiled once: no name is looked up on the way."""
+    """A function that reads a message's values off an object, compiled once: no name is looked up
+    on the way."""
     terms = []
     for index, field in enumerate(message.fields):
         if not field:
@@ -88,7 +86,5 @@ def _collector(message: BoundMessage) -> Callable[[object], tuple[Value, ...]]:
             terms.append(f"s.{field}")
     source = f"lambda s: ({''.join(term + ', ' for term in terms)})"
     names: dict[str, object] = {"tables": message.to_bus}
-    collect: Callable[[object], tuple[Value, ...]] = eval(
-        compile(source, f"<values of {message.name}>", "eval"), names
-    )
+    collect: Callable[[object], tuple[Value, ...]] = eval(compile(source, f"<values of {message.name}>", "eval"), names)
     return collect

@@ -1,0 +1,175 @@
+"""End-to-end protection: checksums computed a second time bit by bit, and the rule for the counter."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle_iface.codec.e2e import CounterCheck, Protection, Sequence
+from vehicle_iface.errors import ConfigError
+
+P02_IDS = tuple(range(16))
+
+
+def crc(data, *, bits, polynomial, initial, final=0):
+    """A checksum, most significant bit first, as AUTOSAR SWS CRC Library writes it down."""
+    register, top = initial, 1 << bits - 1
+    for byte in data:
+        register ^= byte << bits - 8
+        for _ in range(8):
+            register = (register << 1) ^ (polynomial if register & top else 0)
+            register &= (1 << bits) - 1
+    return register ^ final
+
+
+def crc_profile_1(data, data_id, mode="BOTH"):
+    low, high = data_id & 0xFF, data_id >> 8
+    chosen = low if data[1] % 2 == 0 else high
+    head = {"BOTH": [low, high], "LOW": [low], "ALT": [chosen], "NIBBLE": [low, 0]}[mode]
+    return crc([*head, *data[1:]], bits=8, polynomial=0x1D, initial=0)
+
+
+def crc_profile_2(data, data_ids):
+    return crc([*data[1:], data_ids[data[1] & 0x0F]], bits=8, polynomial=0x2F, initial=0xFF, final=0xFF)
+
+
+def crc_profile_5(data, data_id):
+    return crc([*data[2:], data_id & 0xFF, data_id >> 8], bits=16, polynomial=0x1021, initial=0xFFFF)
+
+
+payloads = st.binary(min_size=8, max_size=8)
+data_ids = st.integers(0, 0xFFFF)
+counters = st.integers(0, 14)
+
+
+@pytest.mark.parametrize(("counter", "frame"), [(1, "0201"), (2, "e502")])
+def test_the_contracts_worked_example(counter, frame):
+    data = bytearray(8)
+    Protection(1, 0x100, 8).protect(data, counter)
+    assert data[:2].hex() == frame
+
+
+@pytest.mark.parametrize("profile", [1, 11])
+@pytest.mark.parametrize("mode", ["BOTH", "LOW", "ALT", "NIBBLE"])
+@given(payload=payloads, data_id=data_ids, counter=counters)
+def test_profiles_1_and_11_have_the_checksum_computed_here(profile, mode, payload, data_id, counter):
+    if profile == 11 and mode in ("LOW", "ALT"):
+        with pytest.raises(ConfigError, match="profile 11 has BOTH, NIBBLE"):
+            Protection(profile, data_id, 8, mode)
+        return
+    protection, data = Protection(profile, data_id, 8, mode), bytearray(payload)
+    protection.protect(data, counter)
+    assert data[0] == crc_profile_1(data, data_id, mode)
+    assert data[1] >> 4 == (data_id >> 8 & 0x0F if mode == "NIBBLE" else payload[1] >> 4)
+    assert data[2:] == payload[2:]
+    assert protection.counter_of(bytes(data)) == counter
+    assert protection.intact(bytes(data))
+
+
+@given(payload=payloads, ids=st.lists(st.integers(0, 255), min_size=16, max_size=16), counter=st.integers(0, 15))
+def test_profile_2_has_the_checksum_computed_here(payload, ids, counter):
+    protection, data = Protection(2, tuple(ids), 8), bytearray(payload)
+    protection.protect(data, counter)
+    assert data[0] == crc_profile_2(data, ids)
+    assert protection.counter_of(bytes(data)) == counter
+    assert protection.intact(bytes(data))
+
+
+@given(payload=st.binary(min_size=3, max_size=64), data_id=data_ids, counter=st.integers(0, 255))
+def test_profile_5_has_the_checksum_computed_here(payload, data_id, counter):
+    protection, data = Protection(5, data_id, len(payload)), bytearray(payload)
+    protection.protect(data, counter)
+    assert int.from_bytes(data[:2], "little") == crc_profile_5(data, data_id)
+    assert protection.counter_of(bytes(data)) == counter
+    assert protection.intact(bytes(data))
+
+
+@pytest.mark.parametrize("profile", [1, 2, 5, 11])
+@given(payload=payloads, bit=st.integers(0, 63), counter=counters)
+def test_one_flipped_bit_is_seen(profile, payload, bit, counter):
+    protection, data = Protection(profile, P02_IDS if profile == 2 else 0x123, 8), bytearray(payload)
+    protection.protect(data, counter)
+    data[bit // 8] ^= 1 << bit % 8
+    assert not protection.intact(bytes(data))
+
+
+@pytest.mark.parametrize("profile", [1, 5, 11])
+@given(payload=payloads, counter=counters)
+def test_another_messages_data_id_is_seen(profile, payload, counter):
+    data = bytearray(payload)
+    Protection(profile, 0x110, 8).protect(data, counter)
+    assert not Protection(profile, 0x111, 8).intact(bytes(data))
+
+
+@pytest.mark.parametrize(("profile", "states"), [(1, 15), (2, 16), (5, 256), (11, 15)])
+def test_the_counter_runs_through_all_its_values_and_starts_again(profile, states):
+    protection = Protection(profile, P02_IDS if profile == 2 else 1, 8)
+    seen, counter = [], 0
+    for _ in range(states + 1):
+        seen.append(counter)
+        counter = protection.next_counter(counter)
+    assert seen == [*range(states), 0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ((3, 0x100, 8), "must be one of 1, 2, 5, 11"),
+        ((1, 0x10000, 8), "16 bits"),
+        ((1, P02_IDS, 8), "16 bits"),
+        ((5, -1, 8), "16 bits"),
+        ((2, 0x100, 8), "list of 16 bytes"),
+        ((2, (1, 2, 3), 8), "list of 16 bytes"),
+        ((1, 0x100, 1), "needs 2"),
+        ((5, 0x100, 2), "needs 3"),
+        ((1, 0x100, 8, "HIGH"), "BOTH, ALT, LOW, NIBBLE"),
+    ],
+)
+def test_a_protection_that_does_not_exist_is_refused(arguments, text):
+    with pytest.raises(ConfigError, match=text):
+        Protection(*arguments)
+
+
+@pytest.mark.parametrize("first", range(15))
+@pytest.mark.parametrize("step", range(15))
+def test_steps_of_one_to_three_are_good_from_every_counter(first, step):
+    check = CounterCheck(15, 3)
+    assert check.step(first) is Sequence.INITIAL
+    verdict = check.step((first + step) % 15)
+    expected = {0: Sequence.REPEATED, 1: Sequence.OK, 2: Sequence.OK, 3: Sequence.OK}
+    assert verdict is expected.get(step, Sequence.WRONG)
+    assert check.lost == {2: 1, 3: 2}.get(step, 0)
+
+
+@pytest.mark.parametrize("jump", range(4, 15))
+def test_after_a_jump_the_next_frame_is_counted_from_it(jump):
+    check = CounterCheck(15, 3)
+    check.step(0)
+    assert check.step(jump) is Sequence.WRONG
+    assert check.step((jump + 1) % 15) is Sequence.OK
+    assert check.lost == 0
+
+
+def test_a_counter_that_does_not_exist_is_as_if_it_had_not_been():
+    check = CounterCheck(15, 3)
+    check.step(4)
+    assert check.step(15) is Sequence.INVALID
+    assert check.step(5) is Sequence.OK
+
+
+def test_a_stuck_counter_stays_repeated():
+    check = CounterCheck(15, 3)
+    check.step(7)
+    assert [check.step(7) for _ in range(50)] == [Sequence.REPEATED] * 50
+
+
+def test_after_a_reset_any_counter_is_the_first():
+    check = CounterCheck(15, 3)
+    check.step(3)
+    check.reset()
+    assert check.step(12) is Sequence.INITIAL
+
+
+@pytest.mark.parametrize("step", [0, -1, 14, 15, 100])
+def test_a_rule_that_could_not_tell_order_is_refused(step):
+    with pytest.raises(ConfigError, match=r"max_counter_step = .*must be in \[1, 13\]"):
+        CounterCheck(15, step)

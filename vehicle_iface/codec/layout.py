@@ -1,0 +1,203 @@
+"""What one CAN message looks like: its signals reduced to bits, scaling and range, and the tree of
+its multiplexers.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from cantools.database import Message, Signal
+from cantools.database.conversion import (
+    BaseConversion,
+    IdentityConversion,
+    LinearConversion,
+    LinearIntegerConversion,
+)
+
+from vehicle_iface.errors import ConfigError
+
+_RANGE_TOLERANCE = 1e-6
+"""Of one step: what a limit written in decimal may be off the grid (the same as cantools')."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """One signal, reduced to what its two lines of code need."""
+
+    index: int
+    """Position among the message's values."""
+    name: str
+    shift: int
+    """Of its least significant bit, in the integer of its byte order."""
+    width: int
+    is_big: bool
+    is_signed: bool
+    is_float: bool
+    kind: type[BaseConversion]
+    scale: float
+    offset: float
+    minimum: float | None
+    maximum: float | None
+    table: frozenset[int]
+    """Numbers that VAL_ names; empty without a table."""
+    parent: str | None
+    """The multiplexer that this signal depends on."""
+    parent_ids: frozenset[int]
+
+    @property
+    def raw_minimum(self) -> int:
+        return -(1 << self.width - 1) if self.is_signed else 0
+
+    @property
+    def raw_maximum(self) -> int:
+        return (1 << self.width - self.is_signed) - 1
+
+    @property
+    def tolerance(self) -> float:
+        return abs(self.scale) * _RANGE_TOLERANCE
+
+    @property
+    def lowest(self) -> float:
+        return -math.inf if self.minimum is None else self.minimum - self.tolerance
+
+    @property
+    def highest(self) -> float:
+        return math.inf if self.maximum is None else self.maximum + self.tolerance
+
+    def scaled(self, raw: float) -> float:
+        """The physical value, by the same operations as the generated code."""
+        return raw if self.kind is IdentityConversion else raw * self.scale + self.offset
+
+    def allowed_raw(self) -> tuple[int, int, frozenset[int] | None]:
+        """Smallest and greatest raw value in range, and the set of those named when they leave gaps.
+
+        Raises `ConfigError` when there is none."""
+        low, high = self._raw_bounds()
+        named = sorted(raw for raw in self.enumeration() if low <= raw <= high)
+        if self.enumeration():
+            low, high = (named[0], named[-1]) if named else (1, 0)
+        if low > high:
+            raise ConfigError(f"{self.name}: no value lies in its range [{self.minimum}, {self.maximum}]")
+        gaps = bool(named) and len(named) != high - low + 1
+        return low, high, frozenset(named) if gaps else None
+
+    def enumeration(self) -> frozenset[int]:
+        if self.kind is not IdentityConversion or self.is_float:
+            return frozenset()
+        if any(not self.lowest <= raw <= self.highest for raw in self.table):
+            return frozenset()
+        return self.table
+
+    def _raw_bounds(self) -> tuple[int, int]:
+        low, high = (self.lowest, self.highest) if self.scale > 0 else (-self.highest, -self.lowest)
+        sign = 1 if self.scale > 0 else -1
+        first = _bisect(self.raw_minimum, self.raw_maximum, lambda raw: sign * self.scaled(raw) >= low)
+        last = _bisect(self.raw_minimum, self.raw_maximum, lambda raw: sign * self.scaled(raw) > high) - 1
+        return first, last
+
+
+def _bisect(low: int, high: int, holds: Callable[[int], bool]) -> int:
+    """The first integer of low … high for which a monotone condition holds; high + 1 when it never
+    does."""
+    high += 1
+    while low < high:
+        middle = (low + high) // 2
+        if holds(middle):
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """The signals that a multiplexer shows for some of its ids."""
+
+    ids: tuple[int, ...]
+    fields: tuple[Field, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """All signals of a message and the tree of its multiplexers."""
+
+    message_name: str
+    length: int
+    fields: tuple[Field, ...]
+    roots: tuple[Field, ...]
+    branches: Mapping[str, tuple[Branch, ...]]
+
+    @classmethod
+    def of(cls, message: Message) -> "Layout":
+        if message.is_container:
+            raise ConfigError(f"{message.name}: container messages cannot be compiled")
+        fields = tuple(_field(message, index, signal) for index, signal in enumerate(message.signals))
+        branches = {
+            signal.name: _branches(field, [child for child in fields if child.parent == signal.name])
+            for signal, field in zip(message.signals, fields, strict=True)
+            if signal.is_multiplexer
+        }
+        roots = tuple(field for field in fields if field.parent is None)
+        return cls(message.name, message.length, fields, roots, branches)
+
+    def below(self, field: Field) -> Iterator[Field]:
+        """The field and everything that depends on it."""
+        yield field
+        for child in self.fields:
+            if child.parent == field.name:
+                yield from self.below(child)
+
+
+def _field(message: Message, index: int, signal: Signal) -> Field:
+    where = f"{message.name}.{signal.name}"
+    is_big = signal.byte_order == "big_endian"
+    shift = signal.start
+    if is_big:
+        first = 8 * (signal.start // 8) + 7 - signal.start % 8
+        shift = 8 * message.length - first - signal.length
+    if shift < 0 or shift + signal.length > 8 * message.length:
+        raise ConfigError(f"{where}: bits {signal.start}|{signal.length} are not in {message.length} bytes")
+    linear = _linear(signal, where)
+    if linear.is_float and signal.length not in (16, 32, 64):
+        raise ConfigError(f"{where}: a float of {signal.length} bits; 16, 32 and 64 are possible")
+    return Field(
+        index=index,
+        name=signal.name,
+        shift=shift,
+        width=signal.length,
+        is_big=is_big,
+        is_signed=bool(signal.is_signed) and not linear.is_float,
+        is_float=linear.is_float,
+        kind=type(linear),
+        scale=linear.scale,
+        offset=linear.offset,
+        minimum=signal.minimum,
+        maximum=signal.maximum,
+        table=frozenset(int(number) for number in signal.choices or ()),
+        parent=signal.multiplexer_signal,
+        parent_ids=frozenset(signal.multiplexer_ids or ()),
+    )
+
+
+def _linear(signal: Signal, where: str) -> BaseConversion:
+    """The signal's conversion without its names; ConfigError when it is of an unknown kind or not
+    finite."""
+    conversion = signal.conversion
+    if conversion.choices is not None:
+        conversion = BaseConversion.factory(conversion.scale, conversion.offset, None, conversion.is_float)
+    if type(conversion) not in (IdentityConversion, LinearIntegerConversion, LinearConversion):
+        raise ConfigError(f"{where}: {type(conversion).__name__} cannot be compiled")
+    if not (math.isfinite(conversion.scale) and math.isfinite(conversion.offset)):
+        raise ConfigError(f"{where}: factor {conversion.scale}, offset {conversion.offset}: must be finite")
+    return conversion
+
+
+def _branches(multiplexer: Field, children: list[Field]) -> tuple[Branch, ...]:
+    """Ids that show the same signals, together; named ids show none but are known."""
+    ids = set(multiplexer.table).union(*(child.parent_ids for child in children))
+    shown: dict[tuple[int, ...], list[int]] = {}
+    for number in sorted(ids):
+        key = tuple(child.index for child in children if number in child.parent_ids)
+        shown.setdefault(key, []).append(number)
+    by_index = {child.index: child for child in children}
+    return tuple(Branch(tuple(numbers), tuple(by_index[i] for i in key)) for key, numbers in shown.items())
