@@ -104,7 +104,7 @@ DBC_FAULTS = [
     ("YAW_RATE : 48|16@1- (0.0002,0)", "YAW_RATE : 48|16@1- (0,0)", r"MOTION\.YAW_RATE: factor 0"),
     ("[-6.5536|6.5534]", "[0|0]", r"MOTION\.YAW_RATE: no range"),
     ("[-6.5536|6.5534]", "[6.5|-6.5]", r"MOTION\.YAW_RATE: range .* upside down"),
-    ("[-6.5536|6.5534]", "[7|8]", r"MOTION: YAW_RATE: no value lies in its range"),
+    ("[-6.5536|6.5534]", "[7|8]", r"MOTION\.YAW_RATE: no value lies in its range"),
     ("BO_ 273 MOTION: 8 VEHICLE", "BO_ 273 MOTION: 8 CONTROLLER", r"MOTION: is received, but its sender CONTROLLER"),
     ("BO_ 273 MOTION", "BO_ 273 MOTOIN", r"no message 'MOTION' in reference\.dbc; nearest: MOTOIN"),
     ('1 "READY" ', "", r"VEHICLE_STATUS\.MODE: VAL_ table without READY"),

@@ -20,6 +20,7 @@ from cantools.database.can import Database
 from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.dbc_file import DbcFile, read_dbc
 from vehicle_iface.codec.e2e import Protection
+from vehicle_iface.codec.layout import Layout
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.reason import Reason
@@ -289,16 +290,20 @@ class _Binder:
     def _bound(self, name: str, role: Role) -> BoundMessage:
         message = self._dbc.get_message_by_name(name)
         try:
-            codec = MessageCodec(message)
+            codec, layout = MessageCodec(message), Layout.of(message)
         except ConfigError as error:
             raise self._file.fault(name, str(error)) from None
+        for signal in layout.fields:
+            if not signal.is_float and signal.allowed_raw()[0] > signal.allowed_raw()[1]:
+                text = f"no value lies in its range [{signal.minimum}|{signal.maximum}]"
+                raise self._file.fault(f"{name}.{signal.name}", text)
         protection = self._protection(message)
         if role is Role.SAMPLE and protection is None and len(self._profile.state.sample) > 1:
             raise self._fault(f"$.e2e.data_ids.{name}", "missing; the parts of a sample need a counter")
-        fields = tuple(self._fields.get(f"{name}.{signal}", "") for signal in codec.names)
+        fields = tuple(self._fields.get(f"{name}.{value}", "") for value in codec.names)
         self._check_complete(message, role, protection)
         to_program = tuple(
-            self._translation(f"{name}.{signal}", field) for signal, field in zip(codec.names, fields, strict=True)
+            self._translation(f"{name}.{value}", field) for value, field in zip(codec.names, fields, strict=True)
         )
         return BoundMessage(
             name=name,

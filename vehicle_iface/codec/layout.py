@@ -71,13 +71,11 @@ class Field:
     def allowed_raw(self) -> tuple[int, int, frozenset[int] | None]:
         """Smallest and greatest raw value in range, and the set of those named when they leave gaps.
 
-        Raises `ConfigError` when there is none."""
+        The smallest is above the greatest when no value lies in the range."""
         low, high = self._raw_bounds()
         named = sorted(raw for raw in self.enumeration() if low <= raw <= high)
         if self.enumeration():
             low, high = (named[0], named[-1]) if named else (1, 0)
-        if low > high:
-            raise ConfigError(f"{self.name}: no value lies in its range [{self.minimum}, {self.maximum}]")
         gaps = bool(named) and len(named) != high - low + 1
         return low, high, frozenset(named) if gaps else None
 
