@@ -9,6 +9,10 @@ from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
 
 FieldMap = Mapping[str, Sequence[str]]
 """Message name → the field of each of its values, '' where it has none."""
+_NEEDED = {"x_m", "y_m", "heading_rad", "speed_mps"}
+"""Fields that a state cannot do without."""
+_STATUS_WORDS = {"mode", "gear", "driver_brake", "driver_throttle", "driver_steer_torque_nm", "fault_code"}
+"""Fields of the status; they may come in several messages."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,14 +59,18 @@ class Tracker:
         self._frames, self._modes, self._gears = dict(frames), dict(modes), dict(gears)
         self._window_ns = window_ns
         self._pending: dict[int, _Parts] = {}
-        self._newest_others: dict[str, float | int | None] = {}
+        self._completed_ns: dict[int, int] = {}
+        self._newest_others: dict[str, float | int] = {}
+        self._newest_words: dict[str, float | int] = {}
         self.status: VehicleStatus | None = None
         """The newest status report."""
         self.newest: Sample | None = None
         """The newest complete sample."""
         self.completed = 0
         self.incomplete = 0
-        """Samples of which at least one message came, but not all within the window."""
+        """Samples of which at least one message came, but not all within the window, or a value was missing."""
+        self.repeated = 0
+        """Messages of a sample that was complete already."""
 
     def take(self, received: Received) -> Sample | None:
         """The sample that this message completes, if it does."""
@@ -75,18 +83,28 @@ class Tracker:
     def forget(self) -> None:
         """Start anew after the link was lost: nothing from before it is combined with anything after it."""
         self._pending.clear()
+        self._completed_ns.clear()
         self._newest_others.clear()
+        self._newest_words.clear()
         self.status = None
         self.newest = None
 
     def _put_together(self, received: Received) -> Sample | None:
         self._drop_old(received.stamp_ns)
+        if received.counter in self._completed_ns:
+            self.repeated += 1
+            return None
         parts = self._pending.setdefault(received.counter, _Parts(received.stamp_ns))
         parts.received[received.name] = received
         if len(parts.received) < len(self._sample):
             return None
         del self._pending[received.counter]
+        if received.counter >= 0:  # without a counter nothing tells a repeated message from the next one
+            self._completed_ns[received.counter] = received.stamp_ns
         sample = self._sample_of(parts, received)
+        if sample is None:
+            self.incomplete += 1
+            return None
         self.completed += 1
         self.newest = sample
         return sample
@@ -97,31 +115,40 @@ class Tracker:
         for counter in old:
             del self._pending[counter]
         self.incomplete += len(old)
+        done = [c for c, completed_ns in self._completed_ns.items() if now_ns - completed_ns > self._window_ns]
+        for counter in done:
+            del self._completed_ns[counter]
 
-    def _sample_of(self, parts: _Parts, last: Received) -> Sample:
-        values = dict(self._newest_others)
+    def _sample_of(self, parts: _Parts, last: Received) -> Sample | None:
+        """None as long as a value is missing: in another multiplexer branch, or in a message that never came."""
+        values: dict[str, float | int | None] = dict(self._newest_others)
         for name, fields in self._sample.items():
             values.update(zip(fields, parts.received[name].values, strict=True))
         values.pop("", None)
+        if None in values.values() or not values.keys() >= _NEEDED:
+            return None
         pose_frame = values.pop("pose_frame", None)
         pose_valid = bool(values.pop("pose_valid", True))
-        frame_id = (
-            self._frames[int(pose_frame)] if pose_frame is not None else next(iter(self._frames.values()))
-        )
+        frame_id = self._frames[int(pose_frame)] if pose_frame is not None else next(iter(self._frames.values()))
         state = VehicleState(stamp_ns=parts.first_ns, frame_id=frame_id, **values)  # type: ignore[arg-type]
         return Sample(state=state, pose_valid=pose_valid, counter=last.counter, completed_ns=last.stamp_ns)
 
     def _note_others(self, received: Received) -> None:
-        values = dict(zip(self._others[received.name], received.values, strict=True))
-        values.pop("", None)
+        """Keep what it says; a message with the mode in it makes a status of that and the newest other words."""
+        pairs = zip(self._others[received.name], received.values, strict=True)
+        values = {name: value for name, value in pairs if name and value is not None}
+        for name, value in values.items():
+            (self._newest_words if name in _STATUS_WORDS else self._newest_others)[name] = value
         if "mode" in values:
-            self.status = VehicleStatus(
-                stamp_ns=received.stamp_ns,
-                mode=self._modes[int(values.pop("mode") or 0)],
-                gear=self._gears[int(values.pop("gear", None) or 0)],
-                driver_brake=bool(values.pop("driver_brake", False)),
-                driver_throttle=bool(values.pop("driver_throttle", False)),
-                driver_steer_torque_nm=float(values.pop("driver_steer_torque_nm", None) or 0.0),
-                fault_code=int(values.pop("fault_code", None) or 0),
-            )
-        self._newest_others.update(values)
+            self.status = self._status(received.stamp_ns, self._newest_words)
+
+    def _status(self, stamp_ns: int, words: Mapping[str, float | int]) -> VehicleStatus:
+        return VehicleStatus(
+            stamp_ns=stamp_ns,
+            mode=self._modes[int(words["mode"])],
+            gear=self._gears[int(words.get("gear", 0))],
+            driver_brake=bool(words.get("driver_brake", False)),
+            driver_throttle=bool(words.get("driver_throttle", False)),
+            driver_steer_torque_nm=float(words.get("driver_steer_torque_nm", 0.0)),
+            fault_code=int(words.get("fault_code", 0)),
+        )

@@ -1,0 +1,297 @@
+"""One complete sample: messages of one counter value within the window, and nothing else."""
+
+from collections.abc import Iterable
+
+import pytest
+from harness import ms, reference
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vehicle_iface.compose import build_tracker
+from vehicle_iface.message import Received
+from vehicle_iface.status import Gear, VehicleMode
+from vehicle_iface.tracker import Sample, Tracker
+
+WINDOW_NS = ms(50)
+NAMES = ("POSE", "MOTION", "CHASSIS")
+FIELDS = {
+    "POSE": ("x_m", "y_m", "pose_frame", "pose_valid"),
+    "MOTION": ("heading_rad", "speed_mps", "yaw_rate_radps"),
+    "CHASSIS": ("accel_mps2", "lateral_speed_mps", "front_wheel_angle_rad"),
+}
+STATUS = ("gear", "driver_brake", "mode", "driver_throttle", "driver_steer_torque_nm", "rear_wheel_angle_rad", "")
+
+
+def tracker(sample: Iterable[str] = NAMES) -> Tracker:
+    return Tracker(
+        sample={name: FIELDS[name] for name in sample},
+        others={"STATUS": STATUS, "EXTRA": ("accel_mps2",)},
+        frames={0: "odom", 1: "map"},
+        modes={int(mode): mode for mode in VehicleMode},
+        gears={int(gear): gear for gear in Gear},
+        window_ns=WINDOW_NS,
+    )
+
+
+def part(name: str, cycle: int, stamp_ns: int | None = None, *, valid: bool = True, frame: int = 1) -> Received:
+    """One message of a cycle; the cycle can be read off its values."""
+    mark = float(cycle)
+    values = {"POSE": (mark, mark, frame, valid), "MOTION": (mark,) * 3, "CHASSIS": (mark,) * 3}[name]
+    return Received(name, ms(10) * cycle if stamp_ns is None else stamp_ns, cycle % 15, values)
+
+
+def status(stamp_ns: int = 0, mode: int = 1, rear: float = 0.0, torque: float = 0.0) -> Received:
+    return Received("STATUS", stamp_ns, 0, (3, 1, mode, 0, torque, rear, 99))
+
+
+def cycle_of(sample: Sample) -> int:
+    """The one cycle that all its values are of."""
+    s = sample.state
+    marks = {s.x_m, s.y_m, s.heading_rad, s.speed_mps, s.yaw_rate_radps, s.accel_mps2, s.lateral_speed_mps}
+    assert len(marks | {s.front_wheel_angle_rad}) == 1, "parts of different cycles were mixed"
+    return int(s.x_m)
+
+
+def taken(t: Tracker, parts: Iterable[Received]) -> list[Sample]:
+    return [sample for sample in map(t.take, parts) if sample is not None]
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_a_sample_is_complete_with_its_last_message_in_any_order(order: tuple[int, ...]) -> None:
+    t = tracker()
+    first, second, last = (part(NAMES[i], 4, 100 + 10 * n) for n, i in enumerate(order))
+    assert t.take(first) is None
+    assert t.take(second) is None
+    sample = t.take(last)
+    assert sample is not None
+    assert sample is t.newest
+    assert (sample.state.stamp_ns, sample.completed_ns, sample.counter) == (100, 120, 4)
+    assert (sample.state.frame_id, sample.pose_valid) == ("map", True)
+    assert (t.completed, t.incomplete) == (1, 0)
+
+
+def test_messages_of_different_counters_are_no_sample() -> None:
+    t = tracker()
+    assert taken(t, [part("POSE", 1), part("MOTION", 2), part("CHASSIS", 3)]) == []
+
+
+def test_a_late_chassis_of_the_previous_counter_still_completes_that_sample() -> None:
+    t = tracker()
+    parts = [part("POSE", 1), part("MOTION", 1), part("POSE", 2), part("CHASSIS", 1, ms(21)), part("MOTION", 2)]
+    assert [cycle_of(sample) for sample in taken(t, [*parts, part("CHASSIS", 2)])] == [1, 2]
+
+
+@pytest.mark.parametrize(("late_ns", "completes"), [(WINDOW_NS, True), (WINDOW_NS + 1, False)])
+def test_the_window_ends_to_the_nanosecond(late_ns: int, completes: bool) -> None:
+    t = tracker()
+    parts = [part("POSE", 1, 1000), part("MOTION", 1, 1000), part("CHASSIS", 1, 1000 + late_ns)]
+    assert bool(taken(t, parts)) is completes
+    assert t.incomplete == (0 if completes else 1)
+
+
+def test_a_counter_that_comes_round_again_does_not_meet_its_last_round() -> None:
+    t = tracker()
+    assert taken(t, [part("POSE", 3), part("MOTION", 3)]) == []
+    assert taken(t, [part("CHASSIS", 18)]) == []
+    assert [cycle_of(sample) for sample in taken(t, [part("POSE", 18), part("MOTION", 18)])] == [18]
+    assert t.incomplete == 1
+
+
+def test_every_cycle_of_a_whole_stream_is_taken_once_through_the_counters_wrap() -> None:
+    t = tracker()
+    samples = taken(t, [part(name, cycle) for cycle in range(100) for name in NAMES])
+    assert [cycle_of(sample) for sample in samples] == list(range(100))
+    assert (t.completed, t.incomplete, t.repeated) == (100, 0, 0)
+
+
+def test_the_same_messages_again_are_not_a_second_sample() -> None:
+    t = tracker()
+    once = [part(name, 5, ms(50)) for name in NAMES]
+    again = [part(name, 5, ms(51)) for name in NAMES]
+    assert len(taken(t, once + again + again)) == 1
+    assert (t.completed, t.incomplete, t.repeated) == (1, 0, 6)
+
+
+def test_a_message_repeated_before_its_sample_is_complete_counts_once() -> None:
+    t = tracker()
+    assert taken(t, [part("POSE", 5), part("POSE", 5), part("POSE", 5), part("MOTION", 5)]) == []
+
+
+def test_where_messages_have_no_counter_every_cycle_is_taken() -> None:
+    t = tracker()
+    parts = [part(name, cycle) for cycle in range(20) for name in NAMES]
+    plain = [Received(p.name, p.stamp_ns, -1, p.values) for p in parts]
+    assert [cycle_of(sample) for sample in taken(t, plain)] == list(range(20))
+
+
+@st.composite
+def arrivals(draw: st.DrawFn, latest_ns: int) -> list[Received]:
+    """A stream in which each message is lost, comes once or comes twice, each time up to so late."""
+    stream: list[tuple[int, int, Received]] = []
+    for cycle in range(draw(st.integers(1, 40))):
+        for number, name in enumerate(NAMES):
+            for late_ns in draw(st.lists(st.integers(0, latest_ns), max_size=2)):
+                stamp_ns = ms(10) * cycle + late_ns
+                stream.append((stamp_ns, number, part(name, cycle, stamp_ns)))
+    return [received for _, _, received in sorted(stream, key=lambda arrival: arrival[:2])]
+
+
+@settings(max_examples=200, deadline=None)
+@given(arrivals(latest_ns=ms(99)))
+def test_whatever_is_lost_repeated_or_late_no_sample_mixes_cycles(stream: list[Received]) -> None:
+    """Later than a round of the counter less the window nothing could be told apart; E2E drops that before."""
+    for sample in taken(tracker(), stream):
+        assert cycle_of(sample) % 15 == sample.counter
+        assert 0 <= sample.completed_ns - sample.state.stamp_ns <= WINDOW_NS
+
+
+@settings(max_examples=200, deadline=None)
+@given(arrivals(latest_ns=ms(50)))
+def test_whatever_is_lost_repeated_or_late_no_sample_comes_twice(stream: list[Received]) -> None:
+    t = tracker()
+    cycles = [cycle_of(sample) for sample in taken(t, stream)]
+    assert len(set(cycles)) == len(cycles)
+    assert t.completed == len(cycles)
+
+
+@given(st.lists(st.tuples(st.sampled_from(NAMES), st.integers(0, 14), st.integers(0, ms(400))), max_size=60))
+def test_any_messages_in_any_order_are_put_together_only_with_their_own_counter(
+    messages: list[tuple[str, int, int]],
+) -> None:
+    t = tracker()
+    for name, counter, stamp_ns in messages:
+        sample = t.take(part(name, counter, stamp_ns))
+        assert sample is None or (cycle_of(sample) == counter and sample.counter == counter)
+        assert len(t._pending) <= 15
+
+
+def test_after_forgetting_nothing_from_before_is_combined_with_anything_after() -> None:
+    t = tracker()
+    taken(t, [status(rear=0.25), *(part(name, 4) for name in NAMES), part("POSE", 5), part("MOTION", 5)])
+    assert t.newest is not None
+    t.forget()
+    remembered: list[object] = [t.newest, t.status]
+    assert remembered == [None, None]
+    assert t.take(part("CHASSIS", 5)) is None
+    samples = taken(t, [part(name, 6) for name in NAMES])
+    assert [sample.state.rear_wheel_angle_rad for sample in samples] == [0.0]
+    assert (t.completed, t.incomplete) == (2, 0)
+
+
+def test_a_sample_may_follow_at_once_after_forgetting_one_of_its_counter() -> None:
+    t = tracker()
+    assert len(taken(t, [part(name, 4) for name in NAMES])) == 1
+    t.forget()
+    assert len(taken(t, [part(name, 4) for name in NAMES])) == 1
+
+
+def test_the_newest_values_of_other_messages_go_into_the_samples_after_them() -> None:
+    t = tracker()
+    samples = taken(
+        t,
+        [
+            *(part(name, 1) for name in NAMES),
+            status(rear=0.1),
+            status(rear=0.2),
+            *(part(name, 2) for name in NAMES),
+            *(part(name, 3) for name in NAMES),
+        ],
+    )
+    assert [sample.state.rear_wheel_angle_rad for sample in samples] == [0.0, 0.2, 0.2]
+
+
+def test_a_value_in_the_sample_itself_is_not_overridden_by_another_message() -> None:
+    t = tracker()
+    samples = taken(t, [Received("EXTRA", 0, 0, (9.0,)), *(part(name, 1) for name in NAMES)])
+    assert samples[0].state.accel_mps2 == 1.0
+
+
+def test_another_multiplexer_branch_leaves_the_newest_value_in_force() -> None:
+    t = tracker(sample=("POSE", "MOTION"))
+    extra = [Received("EXTRA", 0, 0, (2.5,)), Received("EXTRA", 1, 1, (None,))]
+    samples = taken(t, [*extra, part("POSE", 1), part("MOTION", 1)])
+    assert [sample.state.accel_mps2 for sample in samples] == [2.5]
+
+
+def test_there_is_no_sample_while_a_value_that_it_needs_is_missing() -> None:
+    t = Tracker(
+        sample={"POSE": ("x_m", "y_m")},
+        others={"EXTRA": ("heading_rad", "speed_mps")},
+        frames={0: "map"},
+        modes={},
+        gears={},
+        window_ns=WINDOW_NS,
+    )
+    pose = [Received("POSE", ms(cycle), cycle, (1.0, 2.0)) for cycle in range(3)]
+    assert t.take(pose[0]) is None
+    t.take(Received("EXTRA", 0, 0, (0.5, None)))
+    assert t.take(pose[1]) is None
+    t.take(Received("EXTRA", 0, 1, (None, 3.0)))
+    sample = t.take(pose[2])
+    assert sample is not None
+    assert (sample.state.heading_rad, sample.state.speed_mps) == (0.5, 3.0)
+    assert (t.completed, t.incomplete) == (1, 2)
+
+
+def test_a_sample_message_in_another_multiplexer_branch_is_no_sample() -> None:
+    t = tracker()
+    assert taken(t, [part("POSE", 1), part("MOTION", 1), Received("CHASSIS", 0, 1, (1.0, None, 1.0))]) == []
+    assert (t.completed, t.incomplete, t.newest) == (0, 1, None)
+
+
+@pytest.mark.parametrize("mode", list(VehicleMode))
+def test_the_status_is_what_the_message_says(mode: VehicleMode) -> None:
+    t = tracker()
+    assert t.take(status(77, mode=mode, torque=-2.5)) is None
+    assert t.status is not None
+    assert (t.status.stamp_ns, t.status.mode, t.status.gear) == (77, mode, Gear.DRIVE)
+    assert (t.status.driver_brake, t.status.driver_throttle) == (True, False)
+    assert t.status.driver_steer_torque_nm == -2.5
+
+
+def test_words_of_the_status_may_come_in_a_message_of_their_own() -> None:
+    t = Tracker(
+        sample={"POSE": ("x_m", "y_m", "heading_rad", "speed_mps")},
+        others={"MODE": ("mode",), "BRAKES": ("driver_brake", "gear")},
+        frames={0: "map"},
+        modes={int(mode): mode for mode in VehicleMode},
+        gears={int(gear): gear for gear in Gear},
+        window_ns=WINDOW_NS,
+    )
+    t.take(Received("BRAKES", 5, 0, (1, 3)))
+    t.take(Received("MODE", 7, 0, (2,)))
+    sample = t.take(Received("POSE", 8, 0, (1.0, 2.0, 3.0, 4.0)))
+    assert sample is not None
+    assert t.status is not None
+    assert (t.status.stamp_ns, t.status.mode, t.status.driver_brake) == (7, VehicleMode.AUTONOMOUS, True)
+    assert t.status.gear is Gear.DRIVE
+
+
+def test_a_status_message_in_a_branch_without_the_mode_is_no_status() -> None:
+    t = tracker()
+    t.take(Received("STATUS", 9, 0, (3, 1, None, 0, 0.0, 0.25, 0)))
+    assert t.status is None
+
+
+@pytest.mark.parametrize(("number", "name"), [(0, "odom"), (1, "map")])
+@pytest.mark.parametrize("valid", [True, False])
+def test_frame_and_validity_are_the_poses_own(number: int, name: str, valid: bool) -> None:
+    t = tracker()
+    pose = part("POSE", 1, frame=number, valid=valid)
+    samples = taken(t, [pose, part("MOTION", 1), part("CHASSIS", 1)])
+    assert [(sample.state.frame_id, sample.pose_valid) for sample in samples] == [(name, valid)]
+
+
+def test_messages_that_are_not_asked_for_are_passed_over() -> None:
+    t = tracker()
+    assert t.take(Received("RADIO", 0, 0, (1.0,))) is None
+    assert (t.status, t.newest) == (None, None)
+
+
+def test_the_reference_vehicles_tracker_puts_its_three_messages_together() -> None:
+    t = build_tracker(reference())
+    for message in reference().sample:
+        values = tuple(1 if field == "pose_frame" else 0.0 for field in message.fields)
+        sample = t.take(Received(message.name, 5, 3, values))
+    assert sample is not None
+    assert sample.state.frame_id == "map"
