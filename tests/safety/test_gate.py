@@ -1,0 +1,192 @@
+"""The gate: whatever is wished, what leaves is finite, within limits, within rates, and what the wire will say."""
+
+import math
+from typing import Any
+
+import pytest
+from harness import reference, taken_apart
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle_iface import Command, Reason, VehicleState
+from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.command import SafeCommand
+from vehicle_iface.safety.gate import LONGEST_STEP_S, Gate, GateChannels, gate_channels
+from vehicle_iface.status import Gear
+from vehicle_iface.units import s_from_ns
+
+ANY_FLOAT = st.one_of(
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.floats(-25.0, 25.0),
+    st.sampled_from([0.6, -0.6, 3.0, -6.0, 20.0, -20.0, 0.60005, -6.0005, 0.0, -0.0]),
+)
+ANY_STEP_NS = st.one_of(
+    st.sampled_from([0, 1, 10_000_000, 100_000_000, 100_000_001, -1, -10_000_000]),
+    st.integers(-(10**12), 10**12),
+)
+NUMBERS = ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps")
+LSB = {"accel_mps2": 0.001, "front_wheel_angle_rad": 1e-4, "rear_wheel_angle_rad": 1e-4, "speed_mps": 0.005}
+
+
+def channels() -> GateChannels:
+    return gate_channels(reference().profile.limits, lambda field: reference().resolutions[field])
+
+
+def state(front_wheel_angle_rad: float = 0.0) -> VehicleState:
+    return VehicleState(
+        stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0, front_wheel_angle_rad=front_wheel_angle_rad
+    )
+
+
+def wish(**numbers: float) -> Command:
+    """A wish with any numbers, also those that `Command` itself would refuse."""
+    command = Command(stamp_ns=1, accel_mps2=0.0, front_wheel_angle_rad=0.0)
+    for name, number in numbers.items():
+        object.__setattr__(command, name, number)
+    return command
+
+
+@st.composite
+def wishes(draw: st.DrawFn) -> Command:
+    numbers = {name: draw(ANY_FLOAT) for name in NUMBERS}
+    return wish(**numbers, reason=draw(st.sampled_from(list(Reason))))
+
+
+def in_range(command: SafeCommand, *, reversing: bool) -> bool:
+    low, high = (-3.0, 6.0) if reversing else (-6.0, 3.0)
+    slack = 1e-9
+    return (
+        low - slack <= command.accel_mps2 <= high + slack
+        and abs(command.front_wheel_angle_rad) <= 0.6 + slack
+        and command.rear_wheel_angle_rad == 0.0
+        and abs(command.speed_mps) <= 20.0 + slack
+    )
+
+
+@given(st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans()), max_size=20))
+def test_any_wish_at_any_time_is_answered_finite_and_within_limits(steps: list[tuple[Command, int, bool]]) -> None:
+    gate, now_ns = Gate(channels()), 0
+    for command, step_ns, reversing in steps:
+        now_ns += step_ns
+        safe = gate.permit(command, now_ns=now_ns, reversing=reversing)
+        assert all(type(getattr(safe, name)) is float and math.isfinite(getattr(safe, name)) for name in NUMBERS)
+        assert in_range(safe, reversing=reversing)
+        assert safe.enable
+
+
+@given(st.lists(st.tuples(wishes(), ANY_STEP_NS), max_size=20), st.booleans(), st.floats(-0.6, 0.6))
+def test_no_step_is_greater_than_the_rate_grants_from_the_last_one_sent(
+    steps: list[tuple[Command, int]], reversing: bool, angle_rad: float
+) -> None:
+    gate, now_ns = Gate(channels()), 10**9
+    gate.start_from(state(front_wheel_angle_rad=angle_rad), now_ns)
+    accel_mps2, front_rad = 0.0, round(angle_rad / 1e-4) * 1e-4
+    for command, step_ns in steps:
+        now_ns += step_ns
+        dt_s = min(LONGEST_STEP_S, max(0.0, s_from_ns(step_ns)))
+        safe = gate.permit(command, now_ns=now_ns, reversing=reversing)
+        assert abs(safe.front_wheel_angle_rad - front_rad) <= 0.8 * dt_s + 1e-9
+        assert abs(safe.accel_mps2 - accel_mps2) <= 30.0 * dt_s + 1e-8
+        accel_mps2, front_rad = safe.accel_mps2, safe.front_wheel_angle_rad
+
+
+@given(st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans()), min_size=1, max_size=10))
+def test_what_is_read_back_from_the_frames_is_what_was_permitted(steps: list[tuple[Command, int, bool]]) -> None:
+    gate, encoder, now_ns = Gate(channels()), Encoder(reference().sent), 0
+    for command, step_ns, reversing in steps:
+        now_ns += step_ns
+        safe = gate.permit(command, now_ns=now_ns, reversing=reversing)
+        drive, steer = (taken_apart(frame) for frame in encoder.encode_command(safe))
+        assert drive["ACCEL_REQUEST"] == pytest.approx(safe.accel_mps2, abs=1e-9)
+        assert drive["SPEED_REQUEST"] == pytest.approx(safe.speed_mps, abs=1e-9)
+        assert steer["FRONT_WHEEL_ANGLE_REQUEST"] == pytest.approx(safe.front_wheel_angle_rad, abs=1e-9)
+        assert steer["REAR_WHEEL_ANGLE_REQUEST"] == pytest.approx(safe.rear_wheel_angle_rad, abs=1e-9)
+        assert (drive["ENABLE"], steer["ENABLE"], drive["SAFE_STOP"]) == (1, 1, safe.safe_stop)
+        assert drive["REASON"] == safe.reason
+        for name in NUMBERS:
+            counts = getattr(safe, name) / LSB[name]
+            assert abs(counts - round(counts)) < 1e-6
+
+
+@given(st.floats(-0.6, 0.6))
+def test_the_first_command_starts_from_the_measured_wheel_angle(angle_rad: float) -> None:
+    gate = Gate(channels())
+    gate.start_from(state(front_wheel_angle_rad=angle_rad), 10**12)
+    first = gate.permit(wish(front_wheel_angle_rad=0.6), now_ns=10**12, reversing=False)
+    assert first.front_wheel_angle_rad == pytest.approx(angle_rad, abs=0.5001e-4)
+    second = gate.permit(wish(front_wheel_angle_rad=0.6), now_ns=10**12 + 10_000_000, reversing=False)
+    assert second.front_wheel_angle_rad == pytest.approx(min(0.6, first.front_wheel_angle_rad + 0.008), abs=1.0001e-4)
+
+
+@pytest.mark.parametrize(("measured", "taken"), [(0.9, 0.6), (-0.9, -0.6), (0.60006, 0.6)])
+def test_a_measured_angle_beyond_the_limit_starts_at_the_limit(measured: float, taken: float) -> None:
+    gate = Gate(channels())
+    gate.start_from(state(front_wheel_angle_rad=measured), 0)
+    assert gate.permit(wish(), now_ns=0, reversing=False).front_wheel_angle_rad == pytest.approx(taken)
+
+
+def test_after_a_long_silence_a_tenth_of_a_second_of_change_is_granted_and_no_more() -> None:
+    gate = Gate(channels())
+    gate.start_from(state(), 0)
+    safe = gate.permit(wish(front_wheel_angle_rad=0.6), now_ns=3600 * 10**9, reversing=False)
+    assert safe.front_wheel_angle_rad == pytest.approx(0.08)
+
+
+@pytest.mark.parametrize(("reversing", "low", "high"), [(False, -6.0, 3.0), (True, -3.0, 6.0)])
+def test_drive_and_brake_change_sides_when_reversing(reversing: bool, low: float, high: float) -> None:
+    for wanted, reached in ((-9.0, low), (9.0, high)):
+        gate = Gate(channels())
+        for step in range(40):
+            safe = gate.permit(wish(accel_mps2=wanted), now_ns=step * 10_000_000, reversing=reversing)
+        assert safe.accel_mps2 == pytest.approx(reached)
+
+
+def test_a_change_of_direction_cuts_to_the_range_of_the_new_one_at_once() -> None:
+    gate = Gate(channels())
+    for step in range(40):
+        braking = gate.permit(wish(accel_mps2=-6.0), now_ns=step * 10_000_000, reversing=False)
+    assert braking.accel_mps2 == pytest.approx(-6.0)
+    assert gate.permit(wish(accel_mps2=-6.0), now_ns=39 * 10_000_000, reversing=True).accel_mps2 == pytest.approx(-3.0)
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_one_number_that_is_not_finite_makes_the_whole_wish_a_controller_error(name: str, value: float) -> None:
+    gate = Gate(channels())
+    good: dict[str, Any] = {"accel_mps2": 1.0, "front_wheel_angle_rad": 0.3, "speed_mps": 5.0}
+    safe = gate.permit(wish(**good | {name: value}), now_ns=10**9, reversing=False)
+    assert (safe.reason, safe.safe_stop) == (Reason.CONTROLLER_ERROR, True)
+    assert (safe.accel_mps2, safe.front_wheel_angle_rad, safe.speed_mps) == (0.0, 0.0, 0.0)
+    assert gate.limited["not_finite"] == 1
+
+
+@pytest.mark.parametrize("reason", list(Reason))
+def test_every_reason_but_nominal_is_a_safe_stop(reason: Reason) -> None:
+    safe = Gate(channels()).permit(wish(reason=reason), now_ns=0, reversing=False)
+    assert (safe.reason, safe.safe_stop) == (reason, reason is not Reason.NOMINAL)
+
+
+def test_what_was_cut_is_counted_by_name_and_what_was_only_rounded_is_not() -> None:
+    gate = Gate(channels())
+    gate.start_from(state(), 0)
+    gate.permit(wish(speed_mps=19.9987, front_wheel_angle_rad=0.00004), now_ns=10_000_000, reversing=False)
+    assert not any(gate.limited.values())
+    gate.permit(wish(speed_mps=25.0, accel_mps2=9.0, front_wheel_angle_rad=0.5), now_ns=20_000_000, reversing=False)
+    assert {name for name, count in gate.limited.items() if count} == {
+        "speed_mps",
+        "accel_mps2",
+        "front_wheel_angle_rad",
+    }
+
+
+@pytest.mark.parametrize("reason", list(Reason))
+def test_letting_go_asks_for_nothing(reason: Reason) -> None:
+    safe = Gate(channels()).release(stamp_ns=7, reason=reason)
+    assert (safe.enable, safe.safe_stop, safe.reason, safe.stamp_ns) == (False, False, reason, 7)
+    assert [getattr(safe, name) for name in NUMBERS] == [0.0] * 4
+    assert safe.gear_request is Gear.NO_REQUEST
+
+
+@pytest.mark.parametrize("gear", list(Gear))
+def test_the_gear_request_passes_as_it_is(gear: Gear) -> None:
+    assert Gate(channels()).permit(wish(), now_ns=0, reversing=False, gear_request=gear).gear_request is gear

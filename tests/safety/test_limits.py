@@ -1,0 +1,115 @@
+"""Limits on wire integers: in range always, within one step of the last value, nearest to what was wanted."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle_iface.errors import InvalidValueError
+from vehicle_iface.safety.limits import Channel, limited_raw
+
+ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
+
+
+def channel(lowest: float = -0.6, highest: float = 0.6, rate_per_s: float = 0.8, lsb: float = 1e-4) -> Channel:
+    return Channel(name="c", lsb=lsb, lowest=lowest, highest=highest, rate_per_s=rate_per_s)
+
+
+@st.composite
+def channels(draw: st.DrawFn) -> Channel:
+    return channel(
+        lowest=-draw(st.floats(0.0, 100.0)),
+        highest=draw(st.floats(0.0, 100.0)),
+        rate_per_s=draw(st.one_of(st.floats(0.0, 1e4), st.just(math.inf))),
+        lsb=draw(st.sampled_from([1e-6, 1e-4, 1e-3, 0.005, 0.1, 1.0])),
+    )
+
+
+@given(channels(), ANY_FLOAT, st.integers(-(10**9), 10**9), st.floats(-1.0, 10.0))
+def test_whatever_is_wanted_the_result_is_in_range(c: Channel, wanted: float, last_raw: int, dt_s: float) -> None:
+    raw = limited_raw(c, wanted, last_raw, dt_s)
+    assert type(raw) is int
+    assert c.lowest_raw <= raw <= c.highest_raw
+    assert c.lowest - 2e-6 * c.lsb <= raw * c.lsb <= c.highest + 2e-6 * c.lsb
+
+
+@given(channels(), ANY_FLOAT, st.data(), st.floats(-1.0, 10.0))
+def test_from_a_value_in_range_no_step_is_greater_than_the_rate_grants(
+    c: Channel, wanted: float, data: st.DataObject, dt_s: float
+) -> None:
+    last_raw = data.draw(st.integers(c.lowest_raw, c.highest_raw))
+    step = abs(limited_raw(c, wanted, last_raw, dt_s) - last_raw)
+    assert step * c.lsb <= c.rate_per_s * max(0.0, dt_s) + 2e-6 * c.lsb or math.isinf(c.rate_per_s)
+
+
+@given(channels(), st.floats(-100.0, 100.0), st.data(), st.floats(0.0, 1.0))
+def test_no_value_that_was_allowed_is_nearer_to_the_wanted_one(
+    c: Channel, wanted: float, data: st.DataObject, dt_s: float
+) -> None:
+    last_raw = data.draw(st.integers(c.lowest_raw, c.highest_raw))
+    raw = limited_raw(c, wanted, last_raw, dt_s)
+    step = c.step_raw(dt_s)
+    for other in (raw - 1, raw + 1):
+        allowed = c.lowest_raw <= other <= c.highest_raw and abs(other - last_raw) <= step
+        assert not allowed or abs(raw * c.lsb - wanted) <= abs(other * c.lsb - wanted) + 1e-9 * c.lsb + 1e-12
+
+
+@pytest.mark.parametrize("wanted", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_asks_for_zero_and_never_for_full_lock(wanted: float) -> None:
+    assert limited_raw(channel(), wanted, 0, 1.0) == 0
+    assert limited_raw(channel(), wanted, 500, 0.01) == 420
+
+
+@pytest.mark.parametrize("offset", [-3, -2, -1, 0, 1, 2, 3])
+@pytest.mark.parametrize("limit", [6000, -6000])
+def test_around_each_limit_every_count_is_cut_where_it_must_be(limit: int, offset: int) -> None:
+    for fraction in (-0.5, -0.49, 0.0, 0.49, 0.5):
+        wanted = (limit + offset + fraction) * 1e-4
+        raw = limited_raw(channel(rate_per_s=math.inf), wanted, 0, 0.0)
+        assert raw == max(-6000, min(6000, round(wanted / 1e-4)))
+
+
+@pytest.mark.parametrize("offset", [-2, -1, 0, 1, 2])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_around_the_greatest_step_every_count_is_cut_where_it_must_be(sign: int, offset: int) -> None:
+    wanted = sign * (80 + offset) * 1e-4
+    assert limited_raw(channel(), wanted, 0, 0.01) == sign * min(80, 80 + offset)
+
+
+@pytest.mark.parametrize("dt_s", [0.0, -1e-9, -1.0, -math.inf])
+def test_without_time_nothing_moves(dt_s: float) -> None:
+    assert limited_raw(channel(), 0.6, 17, dt_s) == 17
+
+
+def test_a_start_value_out_of_range_comes_back_into_it_at_once() -> None:
+    assert limited_raw(channel(), 0.7, 7000, 0.0) == 6000
+    assert limited_raw(channel(), 0.0, -7000, 0.01) == -5920
+
+
+@pytest.mark.parametrize(("lsb", "highest", "counts"), [(1e-4, 0.6, 6000), (0.005, 20.0, 4000), (0.1, 0.3, 3)])
+def test_a_limit_that_is_a_whole_number_of_counts_can_be_reached(lsb: float, highest: float, counts: int) -> None:
+    assert channel(lsb=lsb, highest=highest).highest_raw == counts
+
+
+def test_a_limit_between_two_counts_is_the_one_inside() -> None:
+    c = channel(lsb=0.1, lowest=-0.25, highest=0.25)
+    assert (c.lowest_raw, c.highest_raw) == (-2, 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"lowest": 0.1}, "must contain 0"),
+        ({"highest": -0.1}, "must contain 0"),
+        ({"lowest": math.nan}, "c: lowest = nan"),
+        ({"highest": math.inf}, "c: highest = inf"),
+        ({"lsb": 0.0}, "c: lsb = 0.0"),
+        ({"lsb": math.nan}, "c: lsb = nan"),
+        ({"rate_per_s": -0.1}, "c: rate_per_s = -0.1"),
+        ({"rate_per_s": math.nan}, "c: rate_per_s = nan"),
+    ],
+)
+def test_a_channel_that_could_not_stop_or_is_no_number_is_refused_by_name(change: dict[str, float], text: str) -> None:
+    with pytest.raises(InvalidValueError, match=text):
+        channel(**change)
