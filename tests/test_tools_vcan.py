@@ -79,6 +79,18 @@ def terminal(*command: str, rows: int = 24, columns: int = 80) -> Iterator[Termi
         opened.close()
 
 
+@pytest.fixture(autouse=True)
+def heeded_signals() -> Iterator[None]:
+    """A shell that starts us in the background has us ignore some, and what we start would inherit that."""
+    usual = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT)
+    heeded = [number for number in usual if signal.getsignal(number) is signal.SIG_IGN]
+    for number in heeded:
+        signal.signal(number, lambda *_: None)
+    yield
+    for number in heeded:
+        signal.signal(number, signal.SIG_IGN)
+
+
 @pytest.fixture
 def folder() -> Iterator[Path]:
     """A short path: tools/vcan takes it for its own files."""
@@ -194,8 +206,9 @@ def test_ctrl_z_stops_it_and_fg_lets_it_go_on() -> None:
         screen.read_until(b"up")
         screen.type(b"\x1a")
         screen.read_until(b"stopped")
-        screen.type(b"hello\n\x04")
+        screen.type(b"hello\n")
         screen.read_until(b"HELLO")
+        screen.type(b"\x04")
         assert screen.process.wait() == 0
 
 

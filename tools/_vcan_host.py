@@ -605,7 +605,7 @@ class Visit:
     def _enter_raw(self) -> None:
         if self._settings is None and os.tcgetpgrp(0) == os.getpgrp():
             self._settings = termios.tcgetattr(0)
-            tty.setraw(0)
+            tty.setraw(0, termios.TCSADRAIN)  # keeps what was typed ahead
 
     def _leave_raw(self) -> None:
         if self._settings is not None:
