@@ -233,3 +233,10 @@ def test_killing_it_leaves_no_kernel_and_no_files_behind(folder: Path) -> None:
     assert os.read(alive, 1) == b""
     os.close(alive)
     assert list(folder.iterdir()) == []
+
+
+def test_where_the_kernel_has_socketcan_it_brings_vcan0_back_and_becomes_the_command() -> None:
+    script = f"ip link del vcan0; echo $$; exec '{VCAN}' sh -c 'echo $$; cat /sys/class/net/vcan0/type'"
+    outer, inner, kind = run("sh", "-c", script).stdout.split()
+    assert outer == inner
+    assert int(kind) == 280  # ARPHRD_CAN, <linux/if_arp.h>
