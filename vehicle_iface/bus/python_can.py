@@ -22,13 +22,13 @@ class PythonCanBus:
         self.description = f"python-can {interface} {channel}"
         self._counters = {"received": 0, "sent": 0, "send_no_room": 0, "error_frames": 0}
         self._next: CanFrame | None = None
-        filters = [{"can_id": can_id, "can_mask": 0x1FFFFFFF} for can_id in sorted(set(can_ids))]
+        # Filtered here: with filters of its own python-can says "nothing there" at the first frame of another node.
+        self._can_ids = frozenset(can_ids)
         try:
             self._bus = can.Bus(
                 interface=interface,
                 channel=channel,
                 bitrate=bitrate,
-                can_filters=filters,
                 **({"fd": True} if is_fd else {}),  # type: ignore[arg-type]  # only adapters with FD know it
             )
         except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
@@ -84,7 +84,7 @@ class PythonCanBus:
         self._bus.shutdown()
 
     def _read(self) -> CanFrame | None:
-        """The next data or remote frame that is waiting; error frames are counted and passed over."""
+        """The next data or remote frame of ours that is waiting; error frames are counted and passed over."""
         while True:
             try:
                 message = self._bus.recv(timeout=0)
@@ -92,7 +92,9 @@ class PythonCanBus:
                 raise BusError(f"{self.description}: {error}") from error
             if message is None:
                 return None
-            if not message.is_error_frame:
+            if message.is_error_frame:
+                self._counters["error_frames"] += 1
+            elif message.arbitration_id in self._can_ids:
                 return CanFrame(
                     message.arbitration_id,
                     bytes(message.data),
@@ -101,4 +103,3 @@ class PythonCanBus:
                     message.is_remote_frame,
                     message.is_fd,
                 )
-            self._counters["error_frames"] += 1
