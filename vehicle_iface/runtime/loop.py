@@ -191,7 +191,7 @@ class Loop:
 
     def _look_at_foreign(self, frame: CanFrame) -> None:
         """Our own frames do not come back to us, so this one is another node's command."""
-        if frame.can_id in self._parts.command_ids and not frame.is_extended:
+        if frame.can_id in self._parts.command_ids and not (frame.is_extended or frame.is_error):
             self._counts.foreign_commands += 1
             self._engagement.happened(Event.DUPLICATE_COMMANDER, self._now_ns())
 
@@ -218,6 +218,10 @@ class Loop:
         except TrajectoryRejectedError as error:
             self._counts.trajectories_rejected += 1
             log.warning("trajectory rejected, the old one stays in force: %s", error)
+            return
+        except Exception:  # a controller is the user's code: its hooks may raise anything
+            self._counts.trajectories_rejected += 1
+            log.exception("the controller raised at a new trajectory; the old one stays in force")
             return
         self._counts.trajectories += 1
         self._parts.teller.tell_trajectory()
