@@ -1,0 +1,177 @@
+"""What is answered to one sample: the reason that decides, the gear, and the gate's permission."""
+
+import math
+from typing import Any
+
+import pytest
+from harness import ms, pure_pursuit, reference, straight
+
+from vehicle_iface import Command, ControllerBase, Reason, VehicleState
+from vehicle_iface.runtime.counts import Counts
+from vehicle_iface.runtime.pilot import Pilot
+from vehicle_iface.safety.engagement import Engagement, EngagementTiming, Mode
+from vehicle_iface.safety.gate import Gate, gate_channels
+from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
+from vehicle_iface.tracker import Sample
+
+NOW_NS = 10**9
+TIMING = EngagementTiming(
+    fresh_ns=ms(500), stale_ns=ms(50), lost_ns=ms(500), give_up_ns=ms(3000), end_ns=ms(10_000), steer_torque_nm=3.0
+)
+
+
+class Always(ControllerBase):
+    """A controller that always does one thing."""
+
+    def __init__(self, **wish: Any) -> None:
+        super().__init__()
+        self.wish = {"accel_mps2": 1.0, "front_wheel_angle_rad": 0.0} | wish
+        self.set_trajectory(straight())
+
+    def compute_command_impl(self, state: VehicleState) -> Command:
+        return Command(stamp_ns=state.stamp_ns, **self.wish)
+
+
+class Raises(Always):
+    """A controller with somebody's mistake in it."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__()
+        self.error = error
+
+    def compute_command_impl(self, state: VehicleState) -> Command:  # noqa: ARG002
+        raise self.error
+
+
+class Cabin:
+    """A pilot at work."""
+
+    def __init__(self, controller: ControllerBase, mode: Mode = Mode.ENGAGED) -> None:
+        self.engagement = Engagement(TIMING, armed=True)
+        self.engagement.mode = mode
+        self.counts = Counts()
+        self.pilot = Pilot(
+            controller,
+            Gate(gate_channels(reference().profile.limits, lambda field: reference().resolutions[field])),
+            self.engagement,
+            gear_change_speed_mps=0.5,
+            status_stale_ns=ms(200),
+            counts=self.counts,
+        )
+
+    def answer(
+        self,
+        *,
+        speed_mps: float = 2.0,
+        gear: Gear | None = Gear.DRIVE,
+        status_age_ns: int = 0,
+        pose_valid: bool = True,
+        frame_id: str = "map",
+    ) -> Any:
+        state = VehicleState(stamp_ns=NOW_NS, frame_id=frame_id, x_m=5.0, y_m=0.0, heading_rad=0.0, speed_mps=speed_mps)
+        self.pilot.controller.set_trajectory(straight(time_s=1e6))
+        sample = Sample(state=state, pose_valid=pose_valid, counter=1, completed_ns=NOW_NS)
+        status = None
+        if gear is not None:
+            status = VehicleStatus(stamp_ns=NOW_NS - status_age_ns, mode=VehicleMode.AUTONOMOUS, gear=gear)
+        return self.pilot.answer(sample, status, NOW_NS)
+
+
+@pytest.mark.parametrize("gear", [Gear.PARK, Gear.REVERSE, Gear.NEUTRAL, Gear.DRIVE])
+@pytest.mark.parametrize("speed_mps", [0.0, 0.2, 0.495, 0.499, 0.5, 0.505, 2.0, -0.495, -0.5, -2.0])
+@pytest.mark.parametrize(("wanted_mps", "wanted"), [(3.0, Gear.DRIVE), (-3.0, Gear.REVERSE)])
+def test_a_gear_is_asked_for_only_below_half_a_metre_per_second_and_only_for_a_change(
+    gear: Gear, speed_mps: float, wanted_mps: float, wanted: Gear
+) -> None:
+    request = Cabin(Always(speed_mps=wanted_mps)).answer(speed_mps=speed_mps, gear=gear).safe.gear_request
+    changes = abs(speed_mps) < 0.5 and gear is not wanted
+    assert request is (wanted if changes else Gear.NO_REQUEST)
+
+
+@pytest.mark.parametrize(("accel_mps2", "wanted"), [(0.5, Gear.DRIVE), (-0.5, Gear.REVERSE), (0.0, Gear.NO_REQUEST)])
+def test_at_a_standing_start_the_direction_is_that_of_the_acceleration(accel_mps2: float, wanted: Gear) -> None:
+    answer = Cabin(Always(speed_mps=0.0, accel_mps2=accel_mps2)).answer(speed_mps=0.0, gear=Gear.PARK)
+    assert answer.safe.gear_request is wanted
+
+
+def test_braking_to_a_stop_while_rolling_asks_for_no_other_gear() -> None:
+    answer = Cabin(Always(speed_mps=0.0, accel_mps2=-1.0)).answer(speed_mps=0.3, gear=Gear.DRIVE)
+    assert answer.safe.gear_request is Gear.NO_REQUEST
+
+
+@pytest.mark.parametrize("gear", [Gear.PARK, Gear.REVERSE, Gear.NEUTRAL, Gear.DRIVE])
+def test_a_stop_asks_for_no_gear(gear: Gear) -> None:
+    answer = Cabin(Always(speed_mps=-3.0, reason=Reason.DEVIATION)).answer(speed_mps=0.0, gear=gear)
+    assert answer.safe.gear_request is Gear.NO_REQUEST
+
+
+def test_without_a_status_the_gear_is_asked_for() -> None:
+    assert Cabin(Always(speed_mps=3.0)).answer(speed_mps=0.0, gear=None).safe.gear_request is Gear.DRIVE
+
+
+@pytest.mark.parametrize(
+    "error",
+    [ValueError("x"), ZeroDivisionError(), KeyError(1), RecursionError(), AssertionError(), MemoryError(), OSError(5)],
+    ids=lambda error: type(error).__name__,
+)
+def test_whatever_a_controller_raises_is_a_stop_with_its_reason(error: Exception) -> None:
+    cabin = Cabin(Raises(error))
+    safe = cabin.answer(speed_mps=2.0).safe
+    assert (safe.enable, safe.safe_stop, safe.reason) == (True, True, Reason.CONTROLLER_ERROR)
+    assert cabin.counts.controller_errors == 1
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None, "fast"])
+@pytest.mark.parametrize("name", ["accel_mps2", "front_wheel_angle_rad", "speed_mps", "rear_wheel_angle_rad"])
+def test_a_number_that_is_none_is_a_controller_error(name: str, value: Any) -> None:
+    safe = Cabin(Always(**{name: value})).answer().safe
+    assert (safe.safe_stop, safe.reason) == (True, Reason.CONTROLLER_ERROR)
+
+
+def test_an_answer_that_is_no_command_is_a_controller_error() -> None:
+    class Odd(Always):
+        def compute_command_impl(self, state: VehicleState) -> Command:  # noqa: ARG002
+            return None  # type: ignore[return-value]
+
+    assert Cabin(Odd()).answer().safe.reason is Reason.CONTROLLER_ERROR
+
+
+def test_a_pose_that_the_vehicle_does_not_trust_is_a_stop() -> None:
+    assert Cabin(Always()).answer(pose_valid=False).safe.reason is Reason.STATE_INVALID
+
+
+def test_another_frame_of_reference_is_a_stop() -> None:
+    assert Cabin(Always()).answer(frame_id="odom").safe.reason is Reason.FRAME_MISMATCH
+
+
+@pytest.mark.parametrize(
+    ("age_ns", "reason"), [(ms(200), Reason.NOMINAL), (ms(200) + 1, Reason.STATE_STALE), (ms(9000), Reason.STATE_STALE)]
+)
+def test_a_status_older_than_200_ms_is_a_stop(age_ns: int, reason: Reason) -> None:
+    assert Cabin(Always()).answer(status_age_ns=age_ns).safe.reason is reason
+
+
+@pytest.mark.parametrize("speed_mps", [-8.0, -0.1, 0.0, 0.1, 0.299, 0.3, 0.301, 8.0])
+def test_every_stop_brakes_against_the_motion_and_no_harder_than_safe(speed_mps: float) -> None:
+    wish = Cabin(Always()).answer(speed_mps=speed_mps, pose_valid=False).wish
+    assert wish.accel_mps2 == pytest.approx(-math.copysign(min(abs(speed_mps) / 0.1, 3.0), speed_mps))
+
+
+def test_a_stop_for_good_outranks_every_other_reason() -> None:
+    answer = Cabin(Raises(ValueError()), Mode.ENDING).answer(pose_valid=False, frame_id="odom")
+    assert answer.safe.reason is Reason.SHUTDOWN
+
+
+@pytest.mark.parametrize("mode", [Mode.STARTING, Mode.STANDBY, Mode.OVERRIDDEN, Mode.FAULT, Mode.RELEASED])
+def test_who_does_not_drive_lets_go(mode: Mode) -> None:
+    cabin = Cabin(pure_pursuit(), mode)
+    cabin.engagement.reason = Reason.DRIVER_OVERRIDE
+    safe = cabin.answer().safe
+    assert (safe.enable, safe.safe_stop, safe.reason) == (False, False, Reason.DRIVER_OVERRIDE)
+
+
+def test_when_driving_begins_the_first_angle_is_the_measured_one() -> None:
+    cabin = Cabin(Always(front_wheel_angle_rad=0.5), Mode.STANDBY)
+    cabin.answer()
+    cabin.engagement.mode = Mode.ENGAGING
+    assert cabin.answer().safe.front_wheel_angle_rad == 0.0

@@ -1,0 +1,259 @@
+"""The house's rules, read off the source: who may import whom, who reads a clock, who builds a permission."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCES = ("vehicle_iface", "viewer")
+
+WORDS = {"errors", "units", "clock", "checks"}
+DATA = {"frame", "reason", "status", "state", "trajectory", "command", "message", "profile"}
+ROOMS = {"bus", "codec", "control", "safety", "tracker", "trajectories"}
+UPPER = {"sim", "runtime"}
+TOP = {"compose", "demo", "cli", "__main__"}
+FLOORS = (WORDS, DATA, ROOMS, UPPER, TOP)
+FLOOR_OF = {room: number for number, floor in enumerate(FLOORS) for room in floor}
+AMONG_DATA = {
+    "command": {"reason", "status"},
+    "profile": {"reason", "status"},
+}
+"""Which data may be made of which."""
+HOMES = {
+    "can": ("vehicle_iface/bus/",),
+    "cantools": ("vehicle_iface/codec/",),
+    "e2e": ("vehicle_iface/codec/",),
+    "viser": ("viewer/",),
+    "trimesh": ("viewer/",),
+    "websockets": ("viewer/",),
+}
+"""Where each foreign package lives, and nowhere else."""
+CLOCKS = {
+    *((module, name) for module in ("time",) for name in ("time", "time_ns", "monotonic", "monotonic_ns")),
+    *(("time", name) for name in ("perf_counter", "perf_counter_ns", "process_time", "sleep", "localtime", "gmtime")),
+    *(("datetime", name) for name in ("now", "utcnow", "today")),
+    ("date", "today"),
+}
+
+
+def violations(root: Path) -> list[str]:
+    """Every breach of the rules below `root`, as `file:line: what`."""
+    found = []
+    for package in SOURCES:
+        for path in sorted((root / package).rglob("*.py")):
+            place = path.relative_to(root).as_posix()
+            tree = ast.parse(path.read_text(encoding="utf-8"), filename=place)
+            found += [f"{place}:{line}: {what}" for line, what in _of_module(place, tree)]
+    return found
+
+
+def _of_module(place: str, tree: ast.Module) -> Iterator[tuple[int, str]]:
+    if tree.body and not ast.get_docstring(tree):
+        yield 1, "module without a docstring"
+    for line, module in _imports(tree, place):
+        yield from ((line, what) for what in _import_faults(place, module))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            yield from ((node.lineno, what) for what in _call_faults(place, node))
+
+
+def _imports(tree: ast.Module, place: str) -> Iterator[tuple[int, str]]:
+    """Line and dotted name of everything imported; `from a import b` is a.b."""
+    package = place.removesuffix(".py").split("/")[:-1]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            yield from ((node.lineno, f"{module}.{alias.name}") for alias in node.names)
+
+
+def _room(place: str) -> str:
+    """`vehicle_iface/bus/base.py` → bus, `vehicle_iface/tracker.py` → tracker."""
+    return place.split("/")[1].removesuffix(".py")
+
+
+def _import_faults(place: str, module: str) -> Iterator[str]:
+    top, *rest = module.split(".")
+    homes = HOMES.get(top)
+    if homes is not None and not place.startswith(homes):
+        yield f"imports {top}, which lives in {' and '.join(homes)}"
+    if top == "time" and place != "vehicle_iface/clock.py":
+        yield "imports time: clocks are read in clock.py"
+    if top == "viewer" and place.startswith("vehicle_iface/"):
+        yield "vehicle_iface imports viewer"
+    if top != "vehicle_iface" or not rest:
+        return
+    if place.startswith("viewer/"):
+        if rest[0] not in WORDS | DATA and rest[:2] != ["runtime", "telemetry"]:
+            yield f"viewer imports {module}: only words, data and runtime.telemetry"
+    elif place != "vehicle_iface/__init__.py":
+        yield from _floor_faults(_room(place), rest[0])
+
+
+def _floor_faults(here: str, there: str) -> Iterator[str]:
+    if here not in FLOOR_OF:
+        yield f"{here} is on no floor: give it one in this test and in architecture.md"
+    elif there not in FLOOR_OF:
+        yield f"imports {there}, which is on no floor"
+    elif FLOOR_OF[there] > FLOOR_OF[here]:
+        yield f"{here} imports {there} from a floor above"
+    elif here != there and FLOOR_OF[there] == FLOOR_OF[here]:
+        may = here in WORDS | TOP or there in AMONG_DATA.get(here, ())
+        if not may:
+            yield f"{here} imports {there} of its own floor"
+    elif here == "sim" and there in ROOMS - {"codec"}:
+        yield f"sim imports {there}: of the rooms only codec"
+
+
+def _call_faults(place: str, call: ast.Call) -> Iterator[str]:
+    function = call.func
+    if isinstance(function, ast.Name) and function.id == "SafeCommand" and place != "vehicle_iface/safety/gate.py":
+        yield "builds a SafeCommand: only safety/gate.py may"
+    if isinstance(function, ast.Attribute):
+        owner = function.value
+        owner_name = owner.id if isinstance(owner, ast.Name) else owner.attr if isinstance(owner, ast.Attribute) else ""
+        if function.attr == "SafeCommand" and place != "vehicle_iface/safety/gate.py":
+            yield "builds a SafeCommand: only safety/gate.py may"
+        if (owner_name, function.attr) in CLOCKS and place != "vehicle_iface/clock.py":
+            yield f"reads {owner_name}.{function.attr}(): clocks are read in clock.py"
+
+
+def test_the_house_keeps_its_rules() -> None:
+    assert violations(ROOT) == []
+
+
+def test_every_module_of_the_house_is_looked_at() -> None:
+    rooms = {_room(path.relative_to(ROOT).as_posix()) for path in (ROOT / "vehicle_iface").rglob("*.py")}
+    assert rooms - {"__init__"} == set(FLOOR_OF)
+
+
+PLANTED = [
+    ("vehicle_iface/units.py", "import vehicle_iface.frame", "from a floor above"),
+    ("vehicle_iface/frame.py", "from vehicle_iface.bus import base", "from a floor above"),
+    ("vehicle_iface/frame.py", "from vehicle_iface import state", "of its own floor"),
+    ("vehicle_iface/state.py", "from . import trajectory", "of its own floor"),
+    ("vehicle_iface/bus/memory.py", "from vehicle_iface.codec.decoder import Decoder", "of its own floor"),
+    ("vehicle_iface/tracker.py", "from vehicle_iface.control import base", "of its own floor"),
+    ("vehicle_iface/control/base.py", "from ..safety import gate", "of its own floor"),
+    ("vehicle_iface/safety/gate.py", "def f():\n    from vehicle_iface.runtime import loop", "from a floor above"),
+    ("vehicle_iface/sim/model.py", "from vehicle_iface.bus.base import Bus", "of the rooms only codec"),
+    ("vehicle_iface/sim/model.py", "from vehicle_iface.runtime.loop import Loop", "of its own floor"),
+    ("vehicle_iface/runtime/loop.py", "from vehicle_iface import compose", "from a floor above"),
+    ("vehicle_iface/runtime/loop.py", "from vehicle_iface.sim import model", "of its own floor"),
+    ("vehicle_iface/attic.py", "from vehicle_iface import units", "is on no floor"),
+    ("vehicle_iface/cli.py", "import viewer.app", "vehicle_iface imports viewer"),
+    ("viewer/app.py", "from vehicle_iface.runtime.loop import Loop", "only words, data and runtime.telemetry"),
+    ("viewer/app.py", "from vehicle_iface.safety import gate", "only words, data and runtime.telemetry"),
+    ("vehicle_iface/runtime/loop.py", "import can", "imports can"),
+    ("vehicle_iface/tracker.py", "from cantools.database import Message", "imports cantools"),
+    ("vehicle_iface/runtime/telemetry.py", "import viser", "imports viser"),
+    ("vehicle_iface/control/base.py", "from time import monotonic_ns", "imports time"),
+    ("viewer/feed.py", "import time\nx = time.time()", "reads time.time()"),
+    ("vehicle_iface/cli.py", "import datetime\nx = datetime.datetime.now()", "reads datetime.now()"),
+    ("vehicle_iface/cli.py", "from datetime import datetime\nx = datetime.utcnow()", "reads datetime.utcnow()"),
+    ("vehicle_iface/runtime/pilot.py", "x = SafeCommand(enable=True)", "builds a SafeCommand"),
+    (
+        "vehicle_iface/compose.py",
+        "from vehicle_iface import command as c\nx = c.SafeCommand()",
+        "builds a SafeCommand",
+    ),
+]
+
+
+@pytest.mark.parametrize(("place", "source", "what"), PLANTED)
+def test_a_planted_breach_is_found(tmp_path: Path, place: str, source: str, what: str) -> None:
+    path = tmp_path / place
+    path.parent.mkdir(parents=True)
+    path.write_text(f'"""A module."""\n{source}\n', encoding="utf-8")
+    found = violations(tmp_path)
+    assert found
+    assert all(line.startswith(f"{place}:") for line in found)
+    assert any(what in line for line in found)
+
+
+def test_a_module_without_a_docstring_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "vehicle_iface" / "units.py"
+    path.parent.mkdir()
+    path.write_text("x = 1\n", encoding="utf-8")
+    assert violations(tmp_path) == ["vehicle_iface/units.py:1: module without a docstring"]
+
+
+@pytest.mark.parametrize(
+    ("place", "source"),
+    [
+        ("vehicle_iface/clock.py", "import time\nx = time.monotonic_ns()"),
+        ("vehicle_iface/safety/gate.py", "x = SafeCommand(enable=True)"),
+        ("vehicle_iface/bus/python_can.py", "import can"),
+        ("vehicle_iface/sim/wire.py", "from vehicle_iface.codec.database import BoundMessage"),
+        ("vehicle_iface/cli.py", "from vehicle_iface import compose"),
+        ("viewer/app.py", "from vehicle_iface.runtime.telemetry import TelemetryReader\nimport viser"),
+    ],
+)
+def test_what_is_allowed_is_not_found(tmp_path: Path, place: str, source: str) -> None:
+    path = tmp_path / place
+    path.parent.mkdir(parents=True)
+    path.write_text(f'"""A module."""\n{source}\n', encoding="utf-8")
+    assert violations(tmp_path) == []
+
+
+# The tools
+
+
+def tool(*command: str, at: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", *command], cwd=at, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    """A small tree with the project's own configuration of the tools."""
+    (tmp_path / "pyproject.toml").write_bytes((ROOT / "pyproject.toml").read_bytes())
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("source", "rule"),
+    [
+        ("import os\n", "F401"),
+        ("try:\n    x = 1\nexcept Exception:\n    pass\n", "BLE001"),
+        ("def f(a=[]):\n    return a\n", "B006"),
+        ("import datetime\n\nx = datetime.datetime.now()\n", "DTZ005"),
+        ("import numpy as np\n\nnp.random.seed(1)\n", "NPY002"),
+        (f"x = '{'x' * 130}'\n", "E501"),
+    ],
+)
+def test_ruff_as_configured_fails_on_a_planted_mistake(copy: Path, source: str, rule: str) -> None:
+    (copy / "good.py").write_text('"""Good."""\n', encoding="utf-8")
+    assert tool("ruff", "check", "good.py", at=copy).returncode == 0
+    (copy / "bad.py").write_text(source, encoding="utf-8")
+    result = tool("ruff", "check", "bad.py", at=copy)
+    assert result.returncode == 1
+    assert rule in result.stdout
+
+
+def test_ruff_format_as_configured_fails_on_a_planted_layout(copy: Path) -> None:
+    (copy / "bad.py").write_text("x = {'a':1}\n", encoding="utf-8")
+    assert tool("ruff", "format", "--check", "bad.py", at=copy).returncode == 1
+
+
+def test_mypy_as_configured_fails_on_planted_mistakes(copy: Path) -> None:
+    bad = "def f(a):\n    return a\n\n\ndef g() -> int:\n    return 'x'\n\n\ndef h(a: list) -> None:\n    print(a)\n"
+    (copy / "bad.py").write_text(bad, encoding="utf-8")
+    result = tool("mypy", "--cache-dir", str(copy / "cache"), "bad.py", at=copy)
+    assert result.returncode == 1
+    for code in ("no-untyped-def", "return-value", "type-arg"):
+        assert code in result.stdout
+    (copy / "bad.py").write_text("x: int = 1\n", encoding="utf-8")
+    assert tool("mypy", "--cache-dir", str(copy / "cache"), "bad.py", at=copy).returncode == 0
+
+
+def test_a_warning_in_a_test_as_configured_is_an_error(copy: Path) -> None:
+    (copy / "test_bad.py").write_text("import warnings\n\n\ndef test_x():\n    warnings.warn('x')\n", encoding="utf-8")
+    result = tool("pytest", "-q", "-p", "no:cacheprovider", "test_bad.py", at=copy)
+    assert result.returncode == 1
+    assert "UserWarning" in result.stdout

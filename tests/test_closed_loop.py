@@ -1,0 +1,745 @@
+"""The whole loop with a vehicle on its bus, in virtual time: what the contract's page says, read off the frames."""
+
+import math
+import threading
+from collections import Counter
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import NAME_OF, OURS, START_NS, Drive, Pair, counters_step_by_one, ms, pure_pursuit, reference, straight
+from sim.contract import pack
+
+from vehicle_iface import Command, ControllerBase, Reason, Trajectory, VehicleState, compose
+from vehicle_iface.control.tracking import point_at, tracking_error
+from vehicle_iface.errors import BusError
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.runtime.telemetry import SessionInfo, TelemetryWriter
+from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.sim.engagement import Event as VehicleEvent
+from vehicle_iface.sim.model import BicycleState
+from vehicle_iface.status import ControllerState, Gear, VehicleMode
+from vehicle_iface.trajectories.mailbox import Mailbox
+from vehicle_iface.trajectories.receding import RecedingRoute
+from vehicle_iface.trajectories.shapes import ROUTES, make_route
+from vehicle_iface.trajectories.source import FixedTrajectory
+
+NO_REQUEST = 7
+
+
+class Silent:
+    """A source that never gives a trajectory."""
+
+    def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:  # noqa: ARG002
+        return None
+
+    def restart(self) -> None:
+        pass
+
+
+class Moody(ControllerBase):
+    """Drives on until it is told to do something else."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.mood: Any = None
+        self.stamps_ns: list[int] = []
+
+    def compute_command_impl(self, state: VehicleState) -> Command:
+        self.stamps_ns.append(state.stamp_ns)
+        if isinstance(self.mood, Exception):
+            raise self.mood
+        accel_mps2 = 1.0 if self.mood is None else self.mood
+        return Command(stamp_ns=0, accel_mps2=accel_mps2, front_wheel_angle_rad=0.0, speed_mps=5.0)
+
+    def check_new_trajectory(self, trajectory: Trajectory) -> bool:
+        return len(trajectory) != 2
+
+
+class Recorded(ControllerBase):
+    """Answers each sample with a number that is read off that sample."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.angles_rad: list[float] = []
+
+    def compute_command_impl(self, state: VehicleState) -> Command:
+        tenths_of_ms = state.stamp_ns // 1_000_000 % 1000
+        self.angles_rad.append(tenths_of_ms * 1e-4)
+        return Command(stamp_ns=0, accel_mps2=0.5, front_wheel_angle_rad=self.angles_rad[-1], speed_mps=5.0)
+
+
+def says(pair: Pair, *, enable: int, stop: int, reason: Reason) -> bool:
+    """Whether both commands say so."""
+    assert pair.steer["ENABLE"] == pair.drive["ENABLE"]
+    return (pair["ENABLE"], pair["SAFE_STOP"], pair["REASON"]) == (enable, stop, reason)
+
+
+def cruising(**more: Any) -> Drive:
+    return Drive(**more).engage(3.0)
+
+
+def hazards(drive: Drive, since: int) -> set[float]:
+    return {body["HAZARD_LIGHTS"] for body in drive.named("BODY_COMMAND", since)}
+
+
+def after(drive: Drive, seconds: float) -> list[Pair]:
+    """The command pairs of the next seconds, of which there are some."""
+    since = len(drive.sent)
+    drive.run_s(seconds)
+    pairs = drive.pairs(since)
+    assert pairs
+    return pairs
+
+
+# Commands
+
+
+def test_each_complete_sample_is_answered_by_one_pair_with_that_samples_content() -> None:
+    controller = Recorded()
+    drive = Drive(controller=controller).engage()
+    since, done = len(drive.sent), len(controller.angles_rad)
+    completed = drive.loop._tracker.completed
+    drive.run_s(2.0)
+    pairs = drive.pairs(since)
+    assert len(pairs) == drive.loop._tracker.completed - completed == 200
+    wished = [min(angle, 0.6) for angle in controller.angles_rad[done:]]
+    assert len(wished) == len(pairs)
+    exact = sum(
+        math.isclose(pair["FRONT_WHEEL_ANGLE_REQUEST"], wish, abs_tol=1e-9)
+        for pair, wish in zip(pairs, wished, strict=True)
+    )
+    assert exact > 100  # where it differs the rate limit cut it: the content jumps once a second
+
+
+def test_every_frame_is_intact_and_every_counter_steps_by_one_and_never_repeats() -> None:
+    drive = cruising()
+    drive.run_s(3.0)
+    assert counters_step_by_one(drive.sent)
+    assert {sent.name for sent in drive.sent} == set(OURS)
+
+
+def test_commands_come_at_the_samples_rate_and_not_in_bursts() -> None:
+    drive = cruising()
+    pairs = after(drive, 5.0)
+    assert len(pairs) == 500
+    assert max(Counter(pair.step for pair in pairs).values()) == 1
+    steps_ns = {b.at_ns - a.at_ns for a, b in pairwise(pairs)}
+    assert steps_ns == {ms(10)}
+
+
+def test_body_and_status_come_ten_times_a_second() -> None:
+    drive = cruising()
+    since = len(drive.sent)
+    drive.run_s(5.0)
+    assert len(drive.named("BODY_COMMAND", since)) == 50
+    assert len(drive.named("CONTROLLER_STATUS", since)) == 50
+
+
+# Engagement
+
+
+def test_who_is_not_armed_sends_not_one_frame_whatever_happens() -> None:
+    drive = Drive(armed=False)
+    drive.run_s(2.0)
+    drive.loop.request_arming()
+    drive.run_s(2.0)
+    drive.say("mute STATE on")
+    drive.run_s(1.0)
+    drive.say("mute STATE off")
+    drive.say("brake 1")
+    drive.run_s(1.0)
+    drive.loop.request_end()
+    drive.run_s(1.0)
+    assert drive.sent == []
+    assert drive.loop.done
+    assert drive.vehicle.counters["to_autonomous"] == 0
+
+
+def test_it_engages_after_half_a_second_of_fresh_samples_when_the_vehicle_is_ready() -> None:
+    drive = Drive()
+    took_s = drive.run_until(lambda: drive.mode() is Mode.ENGAGING, 2.0)
+    assert 0.5 <= took_s <= 0.54
+    assert all(says(pair, enable=0, stop=0, reason=Reason.NOT_ENGAGED) for pair in drive.pairs()[:-1])
+    drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 0.1)
+    enabled = [pair for pair in drive.pairs() if pair["ENABLE"]]
+    assert 3 <= len(enabled) <= 6
+    assert drive.vehicle.mode is VehicleMode.AUTONOMOUS
+
+
+def test_a_vehicle_in_manual_is_not_engaged_until_it_is_ready() -> None:
+    drive = Drive(mode=VehicleMode.MANUAL)
+    drive.run_s(2.0)
+    assert drive.mode() is Mode.STANDBY
+    assert not any(pair["ENABLE"] for pair in drive.pairs())
+    drive.say("ready")
+    assert drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 1.0) < 0.2
+
+
+def test_a_vehicle_that_never_becomes_autonomous_is_given_up_after_three_seconds() -> None:
+    drive = Drive()
+    drive.run_until(lambda: drive.mode() is Mode.ENGAGING, 1.0)
+    drive.vehicle._watch.break_row()
+    took_s = 0.0
+    while drive.mode() is Mode.ENGAGING:
+        drive.vehicle._watch.break_row()
+        drive.step()
+        took_s += 0.01
+        assert took_s < 4.0
+    assert 2.9 <= took_s <= 3.1
+    assert all(says(p, enable=0, stop=0, reason=Reason.VEHICLE_NOT_AUTONOMOUS) for p in after(drive, 1.0)[1:])
+
+
+def test_the_gear_is_asked_for_until_it_is_in_and_never_again() -> None:
+    drive = Drive().engage(1.0)
+    requests = [pair["GEAR_REQUEST"] for pair in drive.pairs() if pair["ENABLE"]]
+    assert requests[0] == Gear.DRIVE
+    changed = requests.index(NO_REQUEST)
+    assert set(requests[:changed]) == {Gear.DRIVE}
+    assert set(requests[changed:]) == {NO_REQUEST}
+    assert drive.vehicle.counters["gear_refusals"] == 0
+
+
+def test_backwards_it_asks_for_reverse_and_drives_backwards() -> None:
+    drive = Drive(FixedTrajectory(straight(speed_mps=-3.0))).engage(2.0)
+    requests = {pair["GEAR_REQUEST"] for pair in drive.pairs() if pair["ENABLE"]}
+    assert requests == {Gear.REVERSE, NO_REQUEST}
+    assert drive.vehicle.state.speed_mps < -1.9
+    assert drive.last()["SPEED_REQUEST"] == pytest.approx(-3.0)
+
+
+def test_the_trajectorys_time_begins_with_the_engagement() -> None:
+    drive = Drive(FixedTrajectory(straight(length_m=50.0, time_s=5.0)), mode=VehicleMode.MANUAL)
+    drive.run_s(20.0)
+    drive.say("ready")
+    drive.engage(1.0)
+    drive.run_s(1.0)
+    assert says(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
+
+
+# Stops
+
+
+def stopped(drive: Drive, reason: Reason, within_s: float = 0.15) -> int:
+    """Wait for the stop and for standstill, and check both; the number of the first frame of the stop."""
+    drive.run_until(lambda: drive.last()["SAFE_STOP"] == 1, within_s)
+    since = len(drive.sent)
+    drive.run_until(lambda: drive.vehicle.state.speed_mps == 0.0, 10.0)
+    drive.run_s(1.0)
+    pairs = drive.pairs(since)
+    assert all(says(pair, enable=1, stop=1, reason=reason) for pair in pairs)
+    assert all(-3.0 - 1e-9 <= pair["ACCEL_REQUEST"] <= 3.0 for pair in pairs)
+    assert {pair["GEAR_REQUEST"] for pair in pairs} == {NO_REQUEST}
+    assert drive.vehicle.state.speed_mps == 0.0
+    assert drive.vehicle.mode is VehicleMode.AUTONOMOUS
+    report = drive.named("CONTROLLER_STATUS")[-1]
+    assert (report["STATE"], report["REASON"]) == (ControllerState.STOPPING, reason)
+    return since
+
+
+def test_without_a_trajectory_it_engages_and_stands() -> None:
+    drive = Drive(Silent())
+    drive.engage()
+    stopped(drive, Reason.NO_TRAJECTORY)
+    assert hazards(drive, len(drive.sent) - 100) == {1}
+
+
+def test_an_empty_trajectory_stops() -> None:
+    mailbox = Mailbox()
+    drive = Drive(mailbox)
+    drive.run_s(0.1)
+    mailbox.put(replace_stamp(straight(time_s=1e4), drive))
+    drive.engage(3.0)
+    mailbox.put(Trajectory.empty(stamp_ns=drive.clock.t_ns))
+    since = stopped(drive, Reason.EMPTY_TRAJECTORY)
+    assert 1 in hazards(drive, since)
+
+
+def replace_stamp(trajectory: Trajectory, drive: Drive) -> Trajectory:
+    return replace(trajectory, stamp_ns=drive.clock.t_ns)
+
+
+def test_the_end_in_space_stops_without_hazard_lights_and_holds() -> None:
+    drive = Drive(FixedTrajectory(straight(length_m=20.0, speed_mps=2.0, time_s=1e4))).engage(1.5)
+    since = stopped(drive, Reason.PAST_END_SPACE, within_s=30.0)
+    assert hazards(drive, since) == {0}
+
+
+def test_the_end_in_time_stops_without_hazard_lights() -> None:
+    drive = Drive(FixedTrajectory(straight(time_s=5.0))).engage(3.0)
+    since = stopped(drive, Reason.PAST_END_TIME, within_s=6.0)
+    assert hazards(drive, since) == {0}
+
+
+def test_another_frame_of_reference_stops_and_the_same_one_again_drives_on() -> None:
+    drive = cruising()
+    drive.say("frame ODOM")
+    since = stopped(drive, Reason.FRAME_MISMATCH)
+    assert hazards(drive, since) == {1}
+    drive.say("frame MAP")
+    drive.run_until(lambda: drive.last()["SAFE_STOP"] == 0, 0.1)
+
+
+def test_a_pose_that_is_not_valid_stops_and_a_valid_one_drives_on() -> None:
+    drive = cruising()
+    drive.say("pose_valid 0")
+    since = stopped(drive, Reason.STATE_INVALID)
+    assert hazards(drive, since) == {1}
+    drive.say("pose_valid 1")
+    drive.run_until(lambda: drive.last()["SAFE_STOP"] == 0, 0.1)
+
+
+@pytest.mark.parametrize("mood", [ValueError("mistake"), RuntimeError(), math.nan, math.inf, "fast"])
+def test_a_controller_that_raises_or_says_nonsense_stops(mood: object) -> None:
+    controller = Moody()
+    drive = cruising(controller=controller)
+    controller.mood = mood
+    since = stopped(drive, Reason.CONTROLLER_ERROR)
+    assert hazards(drive, since) == {1}
+    controller.mood = None
+    drive.run_until(lambda: drive.last()["SAFE_STOP"] == 0, 0.1)
+
+
+def test_a_controller_far_out_of_limits_is_limited_and_counted() -> None:
+    controller = Moody()
+    drive = cruising(controller=controller)
+    controller.mood = 1e300
+    pairs = after(drive, 0.5)
+    assert max(pair["ACCEL_REQUEST"] for pair in pairs) == pytest.approx(3.0)
+    assert says(pairs[-1], enable=1, stop=0, reason=Reason.NOMINAL)
+    assert drive.loop.summary()["limited"]["accel_mps2"] > 0
+
+
+def test_50_ms_without_a_sample_stop_from_the_last_state_at_the_command_period() -> None:
+    drive = cruising()
+    last_ns = drive.state.stamp_ns
+    drive.say("mute STATE on")
+    pairs = after(drive, 0.4)
+    assert 0 < pairs[0].at_ns - last_ns - ms(50) <= ms(20)
+    assert all(says(pair, enable=1, stop=1, reason=Reason.STATE_STALE) for pair in pairs)
+    assert {b.at_ns - a.at_ns for a, b in pairwise(pairs)} == {ms(10)}
+    assert pairs[-1]["ACCEL_REQUEST"] == pytest.approx(-3.0)
+    assert counters_step_by_one(drive.sent)
+    drive.say("mute STATE off")
+    drive.run_until(lambda: drive.last()["SAFE_STOP"] == 0, 0.05)
+    assert drive.mode() is Mode.ENGAGED
+
+
+def test_500_ms_without_a_sample_silence_for_good_until_armed_again() -> None:
+    drive = cruising()
+    drive.say("mute STATE on")
+    last_ns = drive.state.stamp_ns
+    drive.run_until(lambda: drive.mode() is Mode.SILENT, 1.0)
+    assert 0 < drive.clock.t_ns - last_ns - ms(500) <= ms(20)
+    count = len(drive.sent)
+    drive.run_s(1.0)
+    assert drive.vehicle.mode is VehicleMode.FAULT
+    drive.say("mute STATE off")
+    drive.run_s(3.0)
+    assert len(drive.sent) == count
+    drive.say("reset")
+    drive.say("ready")
+    drive.run_s(2.0)
+    assert len(drive.sent) == count
+    drive.loop.request_arming()
+    assert 0.5 <= drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 2.0) <= 0.7
+    assert counters_step_by_one(drive.sent)
+
+
+def test_a_status_that_stays_away_stops() -> None:
+    drive = cruising()
+    drive.say("mute VEHICLE_STATUS on")
+    drive.run_until(lambda: drive.last()["SAFE_STOP"] == 1, 0.25)
+    assert says(drive.last(), enable=1, stop=1, reason=Reason.STATE_STALE)
+
+
+def test_lost_and_damaged_samples_are_driven_through_while_the_state_is_young() -> None:
+    drive = cruising()
+    for order in ("corrupt POSE 3", "skip_counter STATE 2", "corrupt STATE 2"):
+        drive.say(order)
+        pairs = after(drive, 1.0)
+        assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
+
+
+# Letting go
+
+
+@pytest.mark.parametrize("order", ["brake 1", "throttle 1", "steer 3.0", "steer -3.0"])
+def test_the_driver_takes_over_and_the_controller_lets_go_until_told_again(order: str) -> None:
+    drive = cruising()
+    drive.say(order)
+    pairs = after(drive, 0.03)
+    assert says(pairs[-1], enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
+    word, _ = order.split()
+    drive.say(f"{word} 0")
+    drive.say("ready")
+    assert all(says(p, enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE) for p in after(drive, 3.0))
+    drive.loop.request_arming()
+    drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 1.0)
+    assert says(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
+
+
+@pytest.mark.parametrize("order", ["steer 2.9", "steer -2.9"])
+def test_a_hand_that_rests_on_the_wheel_does_not_take_over(order: str) -> None:
+    drive = cruising()
+    drive.say(order)
+    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 1.0))
+
+
+@pytest.mark.parametrize("order", ["fault 7", "emergency_stop"])
+def test_a_fault_of_the_vehicle_is_latched(order: str) -> None:
+    drive = cruising()
+    drive.say(order)
+    assert says(after(drive, 0.05)[-1], enable=0, stop=0, reason=Reason.VEHICLE_FAULT)
+    drive.say("reset")
+    drive.say("ready")
+    assert all(says(p, enable=0, stop=0, reason=Reason.VEHICLE_FAULT) for p in after(drive, 2.0))
+    drive.loop.request_end()
+    drive.run_s(1.0)
+    assert drive.loop.done
+    assert drive.loop.ended_in_fault
+
+
+def test_a_vehicle_that_drops_out_to_ready_by_itself_is_let_go_for_good() -> None:
+    drive = cruising()
+    assert drive.vehicle._happen(VehicleEvent.LET_GO)
+    drive.run_until(lambda: drive.last()["ENABLE"] == 0, 0.2)
+    assert all(says(p, enable=0, stop=0, reason=Reason.VEHICLE_NOT_AUTONOMOUS) for p in after(drive, 2.0))
+    assert drive.mode() is Mode.FAULT
+
+
+@pytest.mark.parametrize("name", ["DRIVE_COMMAND", "STEER_COMMAND"])
+def test_another_commander_silences_at_once_and_for_good(name: str) -> None:
+    drive = cruising()
+    drive.line.inject(pack(name, 3, ENABLE=1))
+    drive.step()
+    count = len(drive.sent)
+    drive.run_s(2.0)
+    assert len(drive.sent) == count
+    assert (drive.mode(), drive.loop.reason) == (Mode.SILENT, Reason.DUPLICATE_COMMANDER)
+    assert drive.vehicle.mode is VehicleMode.FAULT
+    assert drive.loop.details()["loop"]["foreign_commands"] == 1
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        CanFrame(0x080, bytes(8), is_error=True),
+        CanFrame(0x080, bytes(8), is_extended=True),
+        CanFrame(0x07F, bytes(8)),
+        CanFrame(0x7FF, bytes(8)),
+    ],
+)
+def test_what_only_looks_like_another_commander_changes_nothing(frame: CanFrame) -> None:
+    drive = cruising()
+    drive.line.inject(frame)
+    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 1.0))
+
+
+@pytest.mark.parametrize("seconds", [0.01, 0.3, 5.0])
+def test_a_lost_link_is_latched_also_when_it_comes_back(seconds: float) -> None:
+    drive = cruising()
+    drive.line.down = True
+    count = len(drive.sent)
+    drive.run_s(seconds)
+    drive.line.down = False
+    drive.run_s(3.0)
+    assert len(drive.sent) == count
+    assert (drive.mode(), drive.loop.reason, drive.line.opened) == (Mode.SILENT, Reason.LINK_DOWN, 2)
+    assert drive.loop.details()["loop"]["link_losses"] == 1
+    drive.say("reset")
+    drive.say("ready")
+    drive.loop.request_arming()
+    drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 2.0)
+    assert counters_step_by_one(drive.sent)
+
+
+def test_a_link_that_is_down_at_the_start_is_an_error() -> None:
+    def refuse() -> Any:
+        raise BusError("vcan0: down")
+
+    with pytest.raises(BusError, match="vcan0"):
+        compose.build_loop(
+            database=reference(),
+            open_bus=refuse,
+            controller=pure_pursuit(),
+            source=Silent(),
+            telemetry=None,
+            armed=True,
+        )
+
+
+# The end
+
+
+def test_asked_to_end_it_stops_the_vehicle_then_lets_go_and_is_done() -> None:
+    drive = cruising()
+    since = len(drive.sent)
+    drive.loop.request_end()
+    drive.run_until(lambda: drive.loop.done, 10.0)
+    pairs = drive.pairs(since)
+    stop = [pair for pair in pairs if says(pair, enable=1, stop=1, reason=Reason.SHUTDOWN)]
+    released = [pair for pair in pairs if says(pair, enable=0, stop=0, reason=Reason.SHUTDOWN)]
+    assert len(stop) + len(released) in (len(pairs), len(pairs) - 1)
+    assert pairs[-1] in released
+    assert all(pair.at_ns < released[0].at_ns for pair in stop)
+    assert drive.vehicle.state.speed_mps == pytest.approx(0.0, abs=0.05)
+    assert drive.vehicle.mode is VehicleMode.READY
+    assert not drive.loop.ended_in_fault
+    assert 1 in hazards(drive, since)
+
+
+def test_a_vehicle_that_does_not_come_to_rest_is_let_go_after_ten_seconds() -> None:
+    drive = cruising()
+    drive.say("freeze on")
+    drive.loop.request_end()
+    took_s = drive.run_until(lambda: drive.loop.done, 12.0)
+    assert 10.0 <= took_s <= 10.3
+    assert says(drive.last(), enable=0, stop=0, reason=Reason.SHUTDOWN)
+
+
+def test_asked_twice_it_sends_exactly_one_pair_that_lets_go() -> None:
+    drive = cruising()
+    drive.loop.request_end()
+    drive.run_s(0.3)
+    since = len(drive.sent)
+    drive.loop.request_end()
+    drive.run_until(lambda: drive.loop.done, 0.05)
+    assert [pair["ENABLE"] for pair in drive.pairs(since)].count(0) == 1
+    assert drive.last()["ENABLE"] == 0
+    assert counters_step_by_one(drive.sent)
+
+
+def test_asked_twice_at_once_it_sends_exactly_one_pair_that_lets_go() -> None:
+    drive = cruising()
+    since = len(drive.sent)
+    drive.loop.request_end()
+    drive.loop.request_end()
+    drive.run_until(lambda: drive.loop.done, 0.05)
+    assert [pair["ENABLE"] for pair in drive.pairs(since)].count(0) == 1
+
+
+def test_a_driver_who_takes_over_during_the_end_ends_it() -> None:
+    drive = cruising()
+    drive.loop.request_end()
+    drive.run_s(0.3)
+    drive.say("brake 1")
+    assert drive.run_until(lambda: drive.loop.done, 1.0) < 0.3
+    assert drive.last()["ENABLE"] == 0
+
+
+@pytest.mark.parametrize("order", ["mute STATE on", "mute ALL on"])
+def test_an_end_without_samples_is_silent_and_still_an_end(order: str) -> None:
+    drive = cruising()
+    drive.say(order)
+    drive.run_s(0.1)
+    drive.loop.request_end()
+    drive.run_until(lambda: drive.loop.done, 1.0)
+    assert drive.loop.ended_in_fault
+
+
+# Time
+
+
+def test_a_backlog_older_than_100_ms_is_never_answered() -> None:
+    controller = Moody()
+    drive = cruising(controller=controller)
+    drive.stall(2.0)
+    since, resumed_ns = len(drive.sent), drive.clock.t_ns
+    seen = len(controller.stamps_ns)
+    drive.run_s(1.0)
+    assert drive.loop.details()["loop"]["too_old_to_answer"] >= 185
+    assert min(controller.stamps_ns[seen:]) >= resumed_ns - ms(100)
+    pairs = drive.pairs(since)
+    assert pairs
+    assert not any(pair["ENABLE"] for pair in pairs)  # the vehicle's own watchdog acted long ago
+    later = [pair for pair in pairs if pair.at_ns > resumed_ns + ms(10)]
+    assert max(Counter(pair.step for pair in later).values()) == 1
+
+
+@pytest.mark.parametrize("seconds", [0.03, 0.09])
+def test_one_late_pass_is_counted_and_driven_through(seconds: float) -> None:
+    drive = cruising()
+    drive.stall(seconds)
+    pairs = after(drive, 1.0)
+    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
+    assert drive.loop.details()["loop"]["deadline_misses"] > 0
+    assert counters_step_by_one(drive.sent)
+
+
+def test_when_the_bus_has_no_room_the_frame_is_lost_and_not_kept() -> None:
+    drive = cruising()
+    drive.line.full = True
+    count = len(drive.sent)
+    drive.run_s(0.05)
+    drive.line.full = False
+    pairs = after(drive, 1.0)
+    assert len(drive.sent) > count
+    assert max(Counter(pair.step for pair in pairs).values()) == 1
+    assert drive.loop.details()["loop"]["frames_not_sent"] >= 10
+
+
+# Trajectories
+
+
+def test_a_rejected_trajectory_leaves_the_old_one_in_force() -> None:
+    mailbox, controller = Mailbox(), Moody()
+    drive = Drive(mailbox, controller=controller)
+    drive.run_s(0.1)
+    mailbox.put(replace_stamp(straight(time_s=1e4), drive))
+    drive.engage(3.0)
+    kept, index = controller.trajectory, controller.spatial_index
+    mailbox.put(replace_stamp(straight(length_m=1.0), drive))
+    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 0.5))
+    assert controller.trajectory is kept
+    assert controller.spatial_index >= index
+    assert drive.loop.details()["loop"]["trajectories_rejected"] == 1
+
+
+@pytest.mark.parametrize("hook", ["check_new_trajectory", "handle_new_trajectory"])
+@pytest.mark.parametrize("error", [ValueError("mistake"), KeyError(3), ZeroDivisionError()])
+def test_a_hook_that_raises_leaves_the_old_trajectory_in_force(
+    hook: str, error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mailbox, controller = Mailbox(), Moody()
+    drive = Drive(mailbox, controller=controller)
+    drive.run_s(0.1)
+    mailbox.put(replace_stamp(straight(time_s=1e4), drive))
+    drive.engage(3.0)
+    kept = controller.trajectory
+
+    def fail(_: Trajectory) -> None:
+        raise error
+
+    monkeypatch.setattr(controller, hook, fail)
+    mailbox.put(replace_stamp(straight(time_s=1e4), drive))
+    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 0.5))
+    assert controller.trajectory is kept
+    assert drive.loop.details()["loop"]["trajectories_rejected"] == 1
+
+
+def test_a_trajectory_put_by_another_thread_is_taken_at_the_next_pass() -> None:
+    mailbox = Mailbox()
+    drive = Drive(mailbox)
+    drive.engage()
+    assert says(drive.last(), enable=1, stop=1, reason=Reason.NO_TRAJECTORY)
+    new = replace_stamp(straight(time_s=1e4), drive)
+    thread = threading.Thread(target=mailbox.put, args=(new,))
+    thread.start()
+    thread.join()
+    drive.run_s(0.01)
+    assert drive.controller.trajectory is new
+    drive.run_s(0.01)
+    assert says(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
+
+
+def test_ten_new_trajectories_a_second_make_no_command_late() -> None:
+    mailbox = Mailbox()
+    drive = Drive(mailbox)
+    drive.run_s(0.1)
+    mailbox.put(replace_stamp(straight(time_s=1e4), drive))
+    drive.engage(3.0)
+    since = len(drive.sent)
+    for _ in range(30):
+        mailbox.put(replace_stamp(straight(time_s=1e4), drive))
+        drive.run_s(0.1)
+    pairs = drive.pairs(since)
+    assert len(pairs) == 300
+    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
+
+
+# Telemetry
+
+
+def test_telemetry_makes_no_difference_to_the_frames(tmp_path: Path) -> None:
+    def driven(telemetry: TelemetryWriter | None) -> list[tuple[int, bytes]]:
+        drive = Drive(RecedingRoute(make_route("figure8")), telemetry=telemetry, start=start_of("figure8"))
+        drive.run_s(3.0)
+        drive.say("pose_valid 0")
+        drive.run_s(1.0)
+        return [(sent.at_ns, sent.frame.data) for sent in drive.sent]
+
+    info = SessionInfo(
+        channel="test",
+        bus="test",
+        bus_hint="",
+        profile="reference",
+        route="figure8",
+        arming="armed",
+        period_s=0.01,
+        shape=compose.vehicle_shape(reference().profile),
+    )
+    with TelemetryWriter(str(tmp_path / "telemetry"), info) as writer:
+        with_telemetry = driven(writer)
+    assert with_telemetry == driven(None)
+
+
+# Routes, and the sign of a turn
+
+
+def start_of(route: str) -> BicycleState:
+    x_m, y_m, heading_rad = make_route(route).start
+    return BicycleState(x_m=x_m, y_m=y_m, heading_rad=heading_rad)
+
+
+@pytest.mark.parametrize(("name", "lateral_m"), [(name, 0.2 if name == "figure8" else 0.3) for name in sorted(ROUTES)])
+def test_every_route_is_driven_close_to_its_line(name: str, lateral_m: float) -> None:
+    route = make_route(name)
+    source = RecedingRoute(route)
+    drive = Drive(source, start=start_of(name))
+    worst_m = 0.0
+    while drive.now_s < 60.0 and not (source.finished and drive.vehicle.state.speed_mps == 0.0):
+        drive.step()
+        state = drive.vehicle.state
+        i = int(((route.x_m - state.x_m) ** 2 + (route.y_m - state.y_m) ** 2).argmin())
+        heading = float(route.heading_rad[i])
+        dx_m, dy_m = state.x_m - float(route.x_m[i]), state.y_m - float(route.y_m[i])
+        worst_m = max(worst_m, abs(math.cos(heading) * dy_m - math.sin(heading) * dx_m))
+    assert worst_m < lateral_m
+    assert drive.mode() is Mode.ENGAGED
+    assert source.finished or route.closed
+    assert source.laps >= (1 if route.closed else 0)
+    assert counters_step_by_one(drive.sent)
+    assert drive.vehicle.counters["gear_refusals"] == 0
+
+
+def test_a_left_turn_is_positive_in_every_layer() -> None:
+    drive = Drive(RecedingRoute(make_route("circle")), start=start_of("circle"))
+    heading_before = drive.vehicle.state.heading_rad
+    drive.engage(3.0)
+    drive.run_s(0.5)
+    steer = drive.last().steer
+    assert 0 < int.from_bytes(steer.frame.data[2:4], "little") < 6000  # the request's bytes, 0.0001 rad each
+    assert drive.loop._answer is not None
+    assert drive.loop._answer.wish.front_wheel_angle_rad > 0.0
+    assert drive.loop._answer.safe.front_wheel_angle_rad > 0.0
+    assert drive.vehicle.state.front_wheel_angle_rad > 0.0
+    assert drive.vehicle.state.yaw_rate_radps > 0.0
+    assert drive.vehicle.state.heading_rad > heading_before
+    assert drive.state.front_wheel_angle_rad > 0.0
+    assert drive.state.yaw_rate_radps > 0.0
+    trajectory = drive.controller.trajectory
+    assert trajectory is not None
+    assert trajectory.yaw_rate_radps.min() > 0.0
+    assert trajectory.front_wheel_angle_rad.min() > 0.0
+    assert np.all(np.diff(trajectory.heading_rad) > 0.0)
+    reference_point = point_at(trajectory, 0)
+    left = (-math.sin(reference_point.heading_rad), math.cos(reference_point.heading_rad))
+    inside = replace(drive.state, x_m=reference_point.x_m + left[0], y_m=reference_point.y_m + left[1])
+    assert tracking_error(inside, reference_point).lateral_m == pytest.approx(1.0)
+
+
+def test_beside_the_line_it_steers_back_towards_it() -> None:
+    for y_m in (1.0, -1.0):
+        drive = Drive(start=BicycleState(y_m=y_m)).engage(1.0)
+        assert drive.last()["FRONT_WHEEL_ANGLE_REQUEST"] * y_m < 0.0
+        error = tracking_error(drive.state, point_at(straight(), 0))
+        assert error.lateral_m * y_m > 0.0
+
+
+def test_the_harness_knows_every_message_of_ours() -> None:
+    assert sorted(NAME_OF) == [0x080, 0x081, 0x082, 0x180]
+    assert START_NS > 0
