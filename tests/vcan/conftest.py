@@ -1,0 +1,193 @@
+"""Real programs on a real vcan0: started, watched, ended, and their words shown when a test fails."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Generator, Iterator
+from pathlib import Path
+
+import pytest
+
+from .contract import CHANNEL, PATIENCE_S, Observer
+from .peer import Vehicle
+
+ROOT = Path(__file__).resolve().parents[2]
+IFF_UP = 1
+_HOW = "run it through tools/vcan: tools/vcan python -m pytest tests/vcan"
+
+
+class Program:
+    """One process of the program; every line that it says is kept."""
+
+    def __init__(self, name: str, command: list[str], environment: dict[str, str]) -> None:
+        self.name = name
+        self.lines: list[str] = []
+        self._news = threading.Condition()
+        self._process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        self._reader = threading.Thread(target=self._read, name=f"reads {name}")
+        self._reader.start()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has not ended."""
+        return self._process.poll() is None
+
+    def says(self, pattern: str, patience_s: float = PATIENCE_S) -> re.Match[str]:
+        """The first line that matches, now or later."""
+        deadline_s = time.monotonic() + patience_s
+        seen = 0
+        while True:
+            with self._news:
+                while seen < len(self.lines):
+                    match = re.search(pattern, self.lines[seen])
+                    seen += 1
+                    if match:
+                        return match
+                left_s = deadline_s - time.monotonic()
+                is_over = not self._reader.is_alive()
+                if not is_over and left_s > 0.0:
+                    self._news.wait(min(left_s, 0.5))
+                    continue
+            raise AssertionError(f"{self.name} never said {pattern!r}\n{self.text}")
+
+    def tell(self, number: signal.Signals) -> None:
+        """Send it a signal."""
+        self._process.send_signal(number)
+
+    def ends(self, patience_s: float = PATIENCE_S) -> int:
+        """Its exit status, once it has ended by itself."""
+        try:
+            return self._process.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f"{self.name} has not ended in {patience_s:.0f} s\n{self.text}") from None
+
+    def kill(self) -> None:
+        """End it without a chance to do anything more."""
+        self._process.kill()
+        self._process.wait()
+        self._reader.join()
+
+    @property
+    def text(self) -> str:
+        """All that it has said."""
+        return "\n".join(self.lines)
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        with self._process.stdout as lines:
+            for line in lines:
+                with self._news:
+                    self.lines.append(line.rstrip("\n"))
+                    self._news.notify_all()
+        with self._news:
+            self._news.notify_all()
+
+
+class Programs:
+    """Everything that a test has started."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.started: list[Program] = []
+
+    def start(self, *arguments: str) -> Program:
+        """`vehicle-iface ARGUMENTS…`."""
+        return self.start_python("-m", "vehicle_iface", *arguments, name=arguments[0])
+
+    def start_python(self, *arguments: str, name: str) -> Program:
+        """This Python, with the project at hand."""
+        environment = os.environ | {"PYTHONUNBUFFERED": "1", "PYTHONPATH": str(ROOT)}
+        program = Program(name, [sys.executable, *arguments], environment)
+        self.started.append(program)
+        return program
+
+    def run(self, *arguments: str) -> Program:
+        """The loop, with its telemetry and its summary in the test's folder."""
+        telemetry, summary = str(self.folder / "telemetry"), str(self.folder / "summary.json")
+        return self.start("run", "--channel", CHANNEL, "--telemetry", telemetry, "--summary", summary, *arguments)
+
+    def kill_all(self) -> None:
+        """Nothing of ours runs on."""
+        for program in self.started:
+            program.kill()
+
+    @property
+    def text(self) -> str:
+        """Who said what."""
+        return "\n".join(f"── {program.name}\n{program.text}" for program in self.started)
+
+
+def set_link(state: str) -> None:
+    """`ip link set vcan0 up` or `down`."""
+    subprocess.run(["ip", "link", "set", CHANNEL, state], check=True, capture_output=True)
+
+
+def _link_is_up() -> bool:
+    return bool(int(Path(f"/sys/class/net/{CHANNEL}/flags").read_text(), 16) & IFF_UP)
+
+
+@pytest.fixture(scope="module")
+def vcan0() -> Iterator[None]:
+    """The interface, up before and after."""
+    if not Path(f"/sys/class/net/{CHANNEL}").exists():
+        pytest.fail(f"there is no {CHANNEL} here; {_HOW}", pytrace=False)
+    yield
+    if not _link_is_up():
+        set_link("up")
+
+
+@pytest.fixture
+def bus(vcan0: None) -> Iterator[Observer]:  # noqa: ARG001
+    """Sees every frame of the test; nobody else is on the bus at its start, and the link is up."""
+    if not _link_is_up():
+        set_link("up")
+    observer = Observer()
+    yield observer
+    observer.close()
+    if not _link_is_up():
+        set_link("up")
+
+
+@pytest.fixture
+def programs(request: pytest.FixtureRequest, bus: Observer, tmp_path: Path) -> Iterator[Programs]:  # noqa: ARG001
+    """Starts programs, and ends them all."""
+    started = Programs(tmp_path)
+    request.node.stash[_PROGRAMS] = started
+    yield started
+    started.kill_all()
+
+
+@pytest.fixture
+def vehicle(bus: Observer) -> Iterator[Vehicle]:
+    """The independent vehicle at the origin, READY, sending."""
+    peer = Vehicle()
+    peer.start()
+    bus.wait_for("the vehicle's first sample", "CHASSIS")
+    yield peer
+    peer.close()
+
+
+_PROGRAMS = pytest.StashKey[Programs]()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """A failing test shows what its programs said."""
+    report = yield
+    programs = item.stash.get(_PROGRAMS, None)
+    if report.failed and programs is not None:
+        report.sections.append(("programs", programs.text))
+    return report

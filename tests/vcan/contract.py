@@ -1,0 +1,254 @@
+"""An observer on vcan0 that shares nothing with the program: its own raw socket, the kernel's stamps, its own decoding.
+
+What it knows of the bus is in `tools/bus_contract.py`, written from the contract's page alone.
+"""
+
+import select
+import socket
+import struct
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+
+from bus_contract import (
+    AUTONOMOUS,
+    CONTROLLER_SENDS,
+    COUNTERS,
+    DRIVE,
+    FAULT,
+    GEAR_CHANGE_MPS,
+    GREATEST_STEP,
+    LAYOUT,
+    MANUAL,
+    MAP,
+    MS,
+    NAMES,
+    ODOM,
+    PAIR,
+    PARK,
+    READY,
+    REVERSE,
+    SAMPLE,
+    Frame,
+    Pair,
+    Record,
+    S,
+    Sample,
+    Told,
+    examine,
+    intact,
+    lateral_errors_m,
+    pack,
+)
+
+__all__ = [
+    "AUTONOMOUS",
+    "CONTROLLER_IDS",
+    "CONTROLLER_SENDS",
+    "COUNTERS",
+    "DRIVE",
+    "FAULT",
+    "GEAR_CHANGE_MPS",
+    "GREATEST_STEP",
+    "LAYOUT",
+    "MANUAL",
+    "MAP",
+    "MS",
+    "NAMES",
+    "ODOM",
+    "PAIR",
+    "PARK",
+    "READY",
+    "REVERSE",
+    "SAMPLE",
+    "Frame",
+    "Observer",
+    "Pair",
+    "Record",
+    "S",
+    "Sample",
+    "Told",
+    "drained",
+    "examine",
+    "intact",
+    "lateral_errors_m",
+    "pack",
+    "raw_socket",
+    "reasons",
+    "receive",
+    "send",
+]
+
+CHANNEL = "vcan0"
+PATIENCE_S = 20.0
+"""How long something may take that is expected; only a failing test ever waits so long."""
+_SO_TIMESTAMPNS, _SO_RCVBUFFORCE = 35, 33
+_ROOM_BYTES = 64 << 20
+_HEADER = struct.Struct("=IBB2x")
+_STAMP = struct.Struct("@qq")
+_EXTENDED, _REMOTE, _ERROR = 0x80000000, 0x40000000, 0x20000000
+CONTROLLER_IDS = frozenset(LAYOUT[name][0] for name in CONTROLLER_SENDS)
+
+
+def raw_socket() -> socket.socket:
+    """A socket on vcan0 that hears and sends everything, FD frames too."""
+    raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+    raw.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+    try:
+        raw.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _ROOM_BYTES)
+    except PermissionError:
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _ROOM_BYTES)
+    raw.setblocking(False)
+    raw.bind((CHANNEL,))
+    return raw
+
+
+def receive(raw: socket.socket) -> Frame | None:
+    """The next frame that has come; None when there is none, or no link."""
+    try:
+        data, ancillary, _, _ = raw.recvmsg(72, 64)
+    except OSError:
+        return None
+    word, length, _ = _HEADER.unpack_from(data)
+    stamp_ns = 0
+    for level, kind, content in ancillary:
+        if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS):
+            seconds, nanoseconds = _STAMP.unpack(content)
+            stamp_ns = seconds * S + nanoseconds
+    return Frame(
+        stamp_ns=stamp_ns,
+        can_id=word & 0x1FFFFFFF,
+        data=data[8 : 8 + length],
+        is_extended=bool(word & _EXTENDED),
+        is_remote=bool(word & _REMOTE),
+        is_fd=len(data) == 72,
+        is_error=bool(word & _ERROR),
+    )
+
+
+def send(raw: socket.socket, frame: Frame) -> bool:
+    """Whether the frame has left."""
+    word = frame.can_id | (_EXTENDED if frame.is_extended else 0) | (_REMOTE if frame.is_remote else 0)
+    try:
+        raw.send(_HEADER.pack(word, len(frame.data), 0) + frame.data.ljust(64 if frame.is_fd else 8, b"\0"))
+    except OSError:
+        return False
+    return True
+
+
+class Observer:
+    """Keeps every frame on vcan0 in the order of arrival, from a thread of its own."""
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+        self.on_failure: Callable[[], str] = lambda: ""
+        """More to say when something does not come."""
+        self._raw = raw_socket()
+        self._news = threading.Condition()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="observer")
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop watching; the record stays."""
+        self._over.set()
+        self._thread.join()
+        self._raw.close()
+
+    def now(self) -> int:
+        """Index of the next frame: the present, as a place in the record."""
+        return len(self.frames)
+
+    def wait_for(
+        self, what: str, *names: str, since: int = 0, patience_s: float = PATIENCE_S, **wanted: float | str
+    ) -> tuple[int, Told]:
+        """The first intact frame of one of the messages from index `since` on whose signals are as wanted.
+
+        REASON is wanted in words. Fails the test, naming `what`, when it does not come.
+        """
+
+        def fits(told: Told) -> bool:
+            return told.name in names and all(_value(told, signal) == value for signal, value in wanted.items())
+
+        return self.wait_until(what, fits, since=since, patience_s=patience_s)
+
+    def wait_until(
+        self, what: str, fits: Callable[[Told], bool], *, since: int = 0, patience_s: float = PATIENCE_S
+    ) -> tuple[int, Told]:
+        """The first intact frame from index `since` on that fits, and its index."""
+        deadline_s = time.monotonic() + patience_s
+        index = since
+        while True:
+            while index < len(self.frames):
+                told = intact(self.frames[index])
+                if told is not None and fits(told):
+                    return index, told
+                index += 1
+            with self._news:
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0.0:
+                    raise AssertionError(f"{what}: did not come in {patience_s:.0f} s; {self._recent()}")
+                if index >= len(self.frames):
+                    self._news.wait(left_s)
+
+    def wait_samples(self, count: int, since: int | None = None) -> int:
+        """Let the vehicle send so many samples (each 10 ms); the index after them."""
+        index = self.now() if since is None else since
+        for _ in range(count):
+            index = self.wait_for("the vehicle's next sample", "CHASSIS", since=index)[0] + 1
+        return index
+
+    def record(self, since: int = 0, until: int | None = None) -> Record:
+        """Judge a part of what was seen."""
+        return examine(self.frames[since:until])
+
+    def pairs(self, since: int = 0, until: int | None = None) -> list[Pair]:
+        """The command pairs of a part of what was seen."""
+        return self.record(since, until).pairs
+
+    def sent_by_controller(self, since: int = 0, until: int | None = None) -> list[Frame]:
+        """Every frame that carries an identifier of the controller's."""
+        return [frame for frame in self.frames[since:until] if frame.can_id in CONTROLLER_IDS]
+
+    def _recent(self) -> str:
+        record = examine(self.frames[-200:])
+        newest = {told.name: told for told in record.told}
+        return "; ".join(
+            f"{name} { ({signal: round(value, 4) for signal, value in told.signals.items()}) }"
+            for name, told in newest.items()
+        )
+
+    def _watch(self) -> None:
+        while not self._over.is_set():
+            select.select([self._raw], [], [], 0.2)
+            fresh = list(iter(lambda: receive(self._raw), None))
+            if fresh:
+                with self._news:
+                    self.frames += fresh
+                    self._news.notify_all()
+
+
+def _value(told: Told, signal: str) -> float | str:
+    return told.reason if signal == "REASON" else told[signal]
+
+
+def reasons(pairs: Iterable[Pair]) -> list[str]:
+    """The reasons of the pairs, each named once as long as it stays the same."""
+    found: list[str] = []
+    for pair in pairs:
+        if not found or found[-1] != pair.reason:
+            found.append(pair.reason)
+    return found
+
+
+def drained(raw: socket.socket) -> list[Frame]:
+    """All frames that have come to a socket."""
+    with suppress(OSError):
+        return list(iter(lambda: receive(raw), None))
+    return []

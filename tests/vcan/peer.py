@@ -1,0 +1,236 @@
+"""A minimal vehicle written from the contract's page: what the program drives when it must not be our own simulator.
+
+A point on a bicycle without any lag. It sends, obeys, engages and watches as the contract says; everything that it
+could do wrong on the bus is a public attribute.
+"""
+
+import math
+import os
+import threading
+import time
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass
+
+from .contract import (
+    AUTONOMOUS,
+    COUNTERS,
+    DRIVE,
+    FAULT,
+    GEAR_CHANGE_MPS,
+    GREATEST_STEP,
+    MANUAL,
+    MAP,
+    MS,
+    NAMES,
+    PAIR,
+    PARK,
+    READY,
+    REVERSE,
+    SAMPLE,
+    Frame,
+    S,
+    Told,
+    drained,
+    intact,
+    pack,
+    raw_socket,
+    send,
+)
+
+PERIOD_NS = 10 * MS
+WATCHDOG_NS = 100 * MS
+WHEELBASE_M = 2.7
+FAULT_BRAKE_MPS2 = 3.0
+DRIVER_BRAKE_MPS2 = 4.0
+ALWAYS = 1 << 30
+
+
+@dataclass
+class Faults:
+    """How many of the next frames of a message, or of the next samples, are not as they should be."""
+
+    crc: Counter[str]
+    """By message: sent with a wrong CRC."""
+    muted: Counter[str]
+    """By message: stepped, but not sent."""
+    repeated: int = 0
+    """Samples: sent with the counter of the one before."""
+    skipped: int = 0
+    """Steps that the next sample's counter makes too many."""
+
+
+class Vehicle:
+    """Drives from its own thread between `start` and `close`."""
+
+    def __init__(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> None:
+        self.x_m, self.y_m, self.heading_rad = x_m, y_m, heading_rad
+        self.speed_mps = self.accel_mps2 = self.wheel_rad = 0.0
+        self.mode, self.gear, self.fault_code = READY, PARK, 0
+        self.pose_frame, self.pose_valid = MAP, True
+        self.driver_brake = self.driver_throttle = False
+        self.driver_torque_nm = 0.0
+        self.engages = True
+        self.faults = Faults(crc=Counter(), muted=Counter())
+        self._wish: dict[str, Told] = {}
+        self._last: dict[str, int] = {}
+        self._seen_ns: dict[str, int] = {}
+        self._half = ""
+        self._row = 0
+        self._counters = Counter(dict.fromkeys(NAMES.values(), 0))
+        self._raw = raw_socket()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._live, name="vehicle")
+
+    def start(self) -> None:
+        """Begin to send."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Fall silent. May be called twice."""
+        self._over.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._raw.close()
+
+    def mute(self, samples: int) -> None:
+        """Lose the next samples on their way."""
+        for name in SAMPLE:
+            self.faults.muted[name] = samples
+
+    def make_ready(self) -> None:
+        """The driver takes feet and hands off, acknowledges, and hands over."""
+        self.driver_brake = self.driver_throttle = False
+        self.driver_torque_nm, self.fault_code = 0.0, 0
+        self._row, self._half = 0, ""
+        self.mode = READY
+
+    def _live(self) -> None:
+        with suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
+        begin_ns, tick = time.monotonic_ns(), 0
+        while not self._over.is_set():
+            late_ns = time.monotonic_ns() - begin_ns - tick * PERIOD_NS
+            if late_ns < 0:
+                time.sleep(-late_ns / S)
+            now_ns = time.monotonic_ns()
+            for frame in drained(self._raw):
+                self._hear(frame, now_ns)
+            self._judge(now_ns)
+            self._move(PERIOD_NS / S)
+            self._speak(tick)
+            tick = max(tick + 1, (time.monotonic_ns() - begin_ns) // PERIOD_NS)
+
+    def _hear(self, frame: Frame, now_ns: int) -> None:
+        """Intact is: CRC good, counter advanced by 1 to 3."""
+        told = intact(frame)
+        if told is None or told.name not in PAIR:
+            return
+        before, self._last[told.name] = self._last.get(told.name), told.counter
+        if before is not None and not 1 <= (told.counter - before) % COUNTERS <= GREATEST_STEP:
+            self._row = 0
+            return
+        self._seen_ns[told.name] = now_ns
+        self._wish[told.name] = told
+        if not told["ENABLE"]:
+            self._row, self._half = 0, ""
+            if self.mode == AUTONOMOUS:
+                self.mode = READY
+            return
+        if self._half and self._half != told.name:
+            self._row, self._half = self._row + 1, ""
+        else:
+            self._half = told.name
+        if self.mode == READY and self._row >= 3 and self.engages and not self._driver_acts:
+            self.mode = AUTONOMOUS
+        if told.name == PAIR[0] and self.mode == AUTONOMOUS:
+            self._shift(int(told["GEAR_REQUEST"]))
+
+    def _shift(self, gear: int) -> None:
+        if gear in (DRIVE, REVERSE) and abs(self.speed_mps) < GEAR_CHANGE_MPS:
+            self.gear = gear
+
+    @property
+    def _driver_acts(self) -> bool:
+        return self.driver_brake or self.driver_throttle or abs(self.driver_torque_nm) >= 3.0
+
+    def _judge(self, now_ns: int) -> None:
+        """Driver, own faults and watchdog."""
+        if self.mode == AUTONOMOUS and self._driver_acts:
+            self.mode, self._row = MANUAL, 0
+        if self.fault_code:
+            self.mode = FAULT
+        oldest_ns = min((self._seen_ns.get(name, 0) for name in PAIR), default=0)
+        if self.mode == AUTONOMOUS and now_ns - oldest_ns > WATCHDOG_NS:
+            self.mode, self._row = FAULT, 0
+
+    def _move(self, dt_s: float) -> None:
+        accel_mps2, holds = self._accelerates()
+        before_mps = self.speed_mps
+        if self.mode == AUTONOMOUS:
+            self.wheel_rad = self._wish[PAIR[1]]["FRONT_WHEEL_ANGLE_REQUEST"]
+        elif self.mode == FAULT:
+            self.wheel_rad = 0.0
+        forward = {DRIVE: 1.0, REVERSE: -1.0}.get(self.gear, 0.0)
+        after_mps = before_mps + accel_mps2 * dt_s
+        against = accel_mps2 * before_mps < 0.0
+        if (against and after_mps * before_mps <= 0.0) or (not against and (holds or accel_mps2 * forward <= 0.0)):
+            after_mps = 0.0 if against or before_mps == 0.0 else before_mps
+        self.speed_mps = after_mps
+        self.accel_mps2 = (after_mps - before_mps) / dt_s if after_mps else 0.0
+        mean_mps = (before_mps + after_mps) / 2.0
+        turn_rad = mean_mps * math.tan(self.wheel_rad) / WHEELBASE_M * dt_s
+        self.x_m += mean_mps * dt_s * math.cos(self.heading_rad + turn_rad / 2.0)
+        self.y_m += mean_mps * dt_s * math.sin(self.heading_rad + turn_rad / 2.0)
+        self.heading_rad = math.remainder(self.heading_rad + turn_rad, math.tau)
+
+    def _accelerates(self) -> tuple[float, bool]:
+        """What engine and brakes are asked for along the body, and whether only to stop."""
+        if self.mode == AUTONOMOUS:
+            drive = self._wish[PAIR[0]]
+            return drive["ACCEL_REQUEST"], bool(drive["SAFE_STOP"])
+        brake = FAULT_BRAKE_MPS2 if self.mode == FAULT else DRIVER_BRAKE_MPS2 if self.driver_brake else 0.0
+        return -math.copysign(brake, self.speed_mps), True
+
+    def _speak(self, tick: int) -> None:
+        faults = self.faults
+        if tick % 2 == 0:
+            self._counters["VEHICLE_STATUS"] += 1
+            self._say(
+                "VEHICLE_STATUS",
+                self._counters["VEHICLE_STATUS"],
+                GEAR=self.gear,
+                MODE=self.mode,
+                DRIVER_BRAKE=self.driver_brake,
+                DRIVER_THROTTLE=self.driver_throttle,
+                DRIVER_STEER_TORQUE=self.driver_torque_nm,
+                FAULT_CODE=self.fault_code,
+            )
+        if faults.repeated > 0:
+            faults.repeated -= 1
+        else:
+            self._counters["POSE"] += 1 + faults.skipped
+            faults.skipped = 0
+        counter = self._counters["POSE"]
+        self._say(
+            "POSE",
+            counter,
+            POSE_FRAME=self.pose_frame,
+            POSE_VALID=self.pose_valid,
+            POS_X=self.x_m,
+            POS_Y=self.y_m,
+        )
+        yaw_radps = self.speed_mps * math.tan(self.wheel_rad) / WHEELBASE_M
+        self._say("MOTION", counter, HEADING=self.heading_rad, SPEED=self.speed_mps, YAW_RATE=yaw_radps)
+        self._say("CHASSIS", counter, ACCEL=self.accel_mps2, FRONT_WHEEL_ANGLE=self.wheel_rad)
+
+    def _say(self, name: str, counter: int, **signals: float) -> None:
+        faults = self.faults
+        if faults.muted[name] > 0:
+            faults.muted[name] -= 1
+            return
+        can_id, data = pack(name, counter % COUNTERS, **signals)
+        if faults.crc[name] > 0:
+            faults.crc[name] -= 1
+            data = bytes((data[0] ^ 0x5A,)) + data[1:]
+        send(self._raw, Frame(0, can_id, data))

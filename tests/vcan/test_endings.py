@@ -1,0 +1,171 @@
+"""How a drive ends: told to, killed, cut off, or refused before it began."""
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from .conftest import Programs, set_link
+from .contract import AUTONOMOUS, FAULT, MS, READY, Observer, reasons
+from .driving import driven, is_standing, line_file, own_faults, summary, wait_until_driven
+from .peer import Vehicle
+
+WATCHDOG_NS = 100 * MS
+STATUS_PERIOD_NS = 20 * MS
+SLACK_NS = 60 * MS
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_told_to_end_the_loop_stops_the_vehicle_and_then_lets_go(
+    programs: Programs, bus: Observer, vehicle: Vehicle, number: signal.Signals
+) -> None:
+    loop, moving = driven(programs, bus)
+    loop.tell(number)
+    assert loop.ends() == 0
+    record = bus.record(moving, bus.wait_samples(5))
+    assert reasons(record.pairs) == ["NOMINAL", "SHUTDOWN"]
+    stops = [pair for pair in record.pairs if pair.reason == "SHUTDOWN" and pair.is_enabled]
+    releases = [pair for pair in record.pairs if not pair.is_enabled]
+    assert stops
+    assert all(pair.is_stop for pair in stops)
+    assert releases
+    assert releases[0].stamp_ns > stops[-1].stamp_ns
+    assert all(abs(sample.speed_mps) < 0.06 for sample in record.samples if sample.stamp_ns >= releases[0].stamp_ns)
+    assert not own_faults(record)
+    assert vehicle.mode == READY
+    assert summary(programs)["reason"] == "SHUTDOWN"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_told_twice_the_loop_lets_go_at_once_with_one_pair(
+    programs: Programs, bus: Observer, vehicle: Vehicle, number: signal.Signals
+) -> None:
+    loop, moving = driven(programs, bus)
+    loop.tell(number)
+    bus.wait_for("the stop", "DRIVE_COMMAND", REASON="SHUTDOWN", ENABLE=1, since=moving)
+    loop.tell(number)
+    assert loop.ends() == 0
+    record = bus.record(moving, bus.wait_samples(30))
+    assert len([pair for pair in record.pairs if not pair.is_enabled]) == 1
+    assert not record.pairs[-1].is_enabled
+    assert record.samples[-1].speed_mps > 0.1
+    assert vehicle.mode == READY
+
+
+def test_when_its_time_is_over_the_loop_stops_the_vehicle_and_ends(programs: Programs, bus: Observer) -> None:
+    programs.start("sim", "--pedals", str(programs.folder / "pedals.sock"))
+    bus.wait_for("the vehicle's first sample", "CHASSIS")
+    loop, moving = driven(programs, bus, "--trajectory", line_file(programs.folder), "--duration", "2.5")
+    assert loop.ends() == 0
+    record = bus.record(moving, bus.wait_samples(5))
+    assert reasons(record.pairs) == ["NOMINAL", "SHUTDOWN"]
+    assert abs(record.samples[-1].speed_mps) < 0.06
+    assert not record.faults()
+
+
+def test_a_killed_loop_sends_nothing_more_and_the_vehicle_brakes_by_itself(programs: Programs, bus: Observer) -> None:
+    programs.start("sim", "--pedals", str(programs.folder / "pedals.sock"))
+    bus.wait_for("the vehicle's first sample", "CHASSIS")
+    loop, moving = driven(programs, bus)
+    loop.kill()
+    killed = bus.now()
+    index, fault = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
+    bus.wait_until("the vehicle stands", is_standing, since=index)
+    assert bus.sent_by_controller(killed, bus.wait_samples(30)) == []
+    last = bus.record(moving, index).pairs[-1]
+    watched_ns = fault.stamp_ns - last.stamp_ns
+    assert WATCHDOG_NS - STATUS_PERIOD_NS <= watched_ns <= WATCHDOG_NS + STATUS_PERIOD_NS + SLACK_NS
+
+
+def test_a_killed_vehicle_makes_the_loop_stop_fall_silent_and_end_in_status_4(
+    programs: Programs, bus: Observer
+) -> None:
+    sim = programs.start("sim", "--pedals", str(programs.folder / "pedals.sock"))
+    bus.wait_for("the vehicle's first sample", "CHASSIS")
+    loop, moving = driven(programs, bus)
+    sim.kill()
+    loop.says("SILENT .STATE_STALE")
+    record = bus.record(moving)
+    assert reasons(record.pairs) == ["NOMINAL", "STATE_STALE"]
+    assert all(pair.is_enabled for pair in record.pairs)
+    assert not own_faults(record)
+    silent = bus.now()
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 4
+    assert bus.sent_by_controller(silent) == []
+
+
+def test_a_link_that_goes_down_silences_the_loop_and_it_drives_again_only_when_armed(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    loop, _ = driven(programs, bus)
+    set_link("down")
+    loop.says("SILENT .LINK_DOWN")
+    cut = bus.now()
+    set_link("up")
+    loop.says("link is back")
+    bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=cut)
+    vehicle.make_ready()
+    quiet = bus.wait_samples(80)
+    assert bus.sent_by_controller(cut, quiet) == []
+    loop.tell(signal.SIGUSR1)
+    driving = wait_until_driven(bus, since=quiet)
+    assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
+
+
+def test_without_the_interface_the_loop_refuses_with_the_mending_command(programs: Programs) -> None:
+    loop = programs.start("run", "--channel", "vcan7", "--route", "figure8", "--arm")
+    assert loop.ends() == 3
+    assert "sudo ip link add dev vcan7 type vcan" in loop.text
+    assert len(loop.lines) == 1
+
+
+def test_with_the_interface_down_the_loop_refuses_with_the_mending_command(programs: Programs) -> None:
+    set_link("down")
+    loop = programs.run("--route", "figure8", "--arm")
+    assert loop.ends() == 3
+    assert "sudo ip link set vcan0 up" in loop.text
+    assert len(loop.lines) == 1
+
+
+def bad_profile(folder: Path) -> list[str]:
+    """The reference profile with a key that does not exist."""
+    reference = Path(__file__).resolve().parents[2] / "dbc" / "reference.toml"
+    (folder / "bad.toml").write_text(reference.read_text().replace("wheelbase_m", "wheelbas_m"))
+    (folder / "reference.dbc").write_bytes(reference.with_suffix(".dbc").read_bytes())
+    return ["--route", "line", "--profile", str(folder / "bad.toml")]
+
+
+def bad_csv(folder: Path) -> list[str]:
+    """A trajectory with a word in its third line."""
+    path = folder / "bad.csv"
+    path.write_text("time_s,x_m,y_m,heading_rad,speed_mps\n0,0,0,0,1\n1,1,zero,0,1\n")
+    return ["--trajectory", str(path)]
+
+
+@pytest.mark.usefixtures("vehicle")
+@pytest.mark.parametrize(
+    ("bad", "told"), [(bad_profile, "wheelbas_m"), (bad_csv, "bad.csv, line 3, column 3")], ids=["profile", "csv"]
+)
+def test_a_bad_file_is_refused_before_the_first_frame(
+    programs: Programs, bus: Observer, bad: Callable[[Path], list[str]], told: str
+) -> None:
+    loop = programs.run("--arm", *bad(programs.folder))
+    assert loop.ends() == 2
+    assert told in loop.text
+    assert len(loop.lines) == 1
+    assert bus.sent_by_controller() == []
+
+
+def test_a_vehicle_that_does_not_engage_is_given_up_after_three_seconds(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    vehicle.engages = False
+    loop = programs.run("--arm", "--route", "line")
+    index, first = bus.wait_for("engaging", "DRIVE_COMMAND", ENABLE=1)
+    _, last = bus.wait_for("giving up", "DRIVE_COMMAND", ENABLE=0, REASON="VEHICLE_NOT_AUTONOMOUS", since=index)
+    assert 2_900 * MS < last.stamp_ns - first.stamp_ns < 3_300 * MS
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 4
+    assert all(told["MODE"] != AUTONOMOUS for told in bus.record().of("VEHICLE_STATUS"))

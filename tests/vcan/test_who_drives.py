@@ -1,0 +1,137 @@
+"""Who may command, and who takes over."""
+
+import signal
+from collections.abc import Callable
+
+import pytest
+
+from .conftest import Programs
+from .contract import AUTONOMOUS, FAULT, MANUAL, READY, Frame, Observer, pack, raw_socket, reasons, send
+from .driving import driven, is_moving, line_file, own_faults, summary, wait_until_driven
+from .peer import Vehicle
+
+DRIVERS: dict[str, Callable[[Vehicle], None]] = {
+    "brakes": lambda vehicle: setattr(vehicle, "driver_brake", True),
+    "accelerates": lambda vehicle: setattr(vehicle, "driver_throttle", True),
+    "steers": lambda vehicle: setattr(vehicle, "driver_torque_nm", -3.0),
+}
+
+
+@pytest.mark.parametrize("mode", [[], ["--shadow"]], ids=["listen-only", "shadow"])
+def test_without_arm_not_one_frame_leaves(programs: Programs, bus: Observer, vehicle: Vehicle, mode: list[str]) -> None:
+    loop = programs.run("--route", "figure8", *mode)
+    loop.says("listen-only|shadow")
+    bus.wait_samples(150)
+    loop.tell(signal.SIGUSR1)
+    bus.wait_samples(100)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    found = summary(programs)
+    assert found["samples"] >= 200
+    assert found["counts"]["frames_sent"] == 0
+    assert bus.sent_by_controller() == []
+    assert vehicle.mode == READY
+
+
+@pytest.mark.parametrize("act", DRIVERS.values(), ids=DRIVERS)
+def test_the_driver_takes_over_with_the_next_sample_and_for_good(
+    programs: Programs, bus: Observer, vehicle: Vehicle, act: Callable[[Vehicle], None]
+) -> None:
+    loop, moving = driven(programs, bus)
+    bus.wait_samples(30, since=moving)
+    act(vehicle)
+    taken, status = bus.wait_for("the driver", "VEHICLE_STATUS", MODE=MANUAL, since=moving)
+    vehicle.make_ready()
+    end = bus.wait_samples(80, since=taken)
+    record = bus.record(moving, end)
+    before = [pair for stamp_ns, pair in record.answers if stamp_ns <= status.stamp_ns]
+    after = [pair for stamp_ns, pair in record.answers if stamp_ns > status.stamp_ns]
+    assert reasons(before) == ["NOMINAL"]
+    assert reasons(after) == ["DRIVER_OVERRIDE"]
+    assert not any(pair.is_enabled for pair in after)
+    assert not record.faults()
+    loop.tell(signal.SIGUSR1)
+    wait_until_driven(bus, since=end)
+
+
+def test_a_vehicle_fault_makes_the_controller_let_go_and_ends_in_status_4(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    loop, moving = driven(programs, bus)
+    bus.wait_samples(30, since=moving)
+    vehicle.fault_code = 7
+    index, status = bus.wait_for("the vehicle's fault", "VEHICLE_STATUS", MODE=FAULT, since=moving)
+    vehicle.make_ready()
+    end = bus.wait_samples(80, since=index)
+    after = [pair for stamp_ns, pair in bus.record(moving, end).answers if stamp_ns > status.stamp_ns]
+    assert reasons(after) == ["VEHICLE_FAULT"]
+    assert not any(pair.is_enabled for pair in after)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 4
+
+
+def test_a_second_commander_silences_the_controller_until_it_is_armed_again(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    loop, moving = driven(programs, bus)
+    with raw_socket() as raw:
+        assert send(raw, Frame(0, *pack("STEER_COMMAND", 3, ENABLE=1)))
+        intruder = bus.now()
+        fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
+    ours = [frame for frame in bus.sent_by_controller(intruder, fault) if frame.can_id in (0x080, 0x081)]
+    assert len(ours) <= 4
+    bus.wait_samples(30)
+    vehicle.make_ready()
+    quiet = bus.wait_samples(80, since=fault)
+    assert bus.sent_by_controller(fault, quiet) == []
+    loop.tell(signal.SIGUSR1)
+    driving = wait_until_driven(bus, since=quiet)
+    assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
+
+
+def test_two_loops_that_are_both_armed_do_not_drive_the_vehicle_together(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    first, moving = driven(programs, bus)
+    second = programs.start(
+        "run", "--arm", "--trajectory", line_file(programs.folder), "--telemetry", str(programs.folder / "second")
+    )
+    first.says("SILENT .DUPLICATE_COMMANDER")
+    second.says("SILENT .DUPLICATE_COMMANDER")
+    fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
+    assert bus.sent_by_controller(fault, bus.wait_samples(60, since=fault)) == []
+    assert vehicle.mode == FAULT
+
+
+def test_the_simulated_vehicles_driver_brakes_hands_back_and_is_driven_again(programs: Programs, bus: Observer) -> None:
+    pedals = str(programs.folder / "pedals.sock")
+    programs.start("sim", "--pedals", pedals)
+    bus.wait_for("the vehicle's first sample", "CHASSIS")
+    loop, moving = driven(programs, bus)
+    assert programs.start("pedals", pedals, "brake", "1").ends() == 0
+    taken, _ = bus.wait_for("the driver", "VEHICLE_STATUS", MODE=MANUAL, since=moving)
+    bus.wait_for("letting go", "DRIVE_COMMAND", ENABLE=0, REASON="DRIVER_OVERRIDE", since=taken)
+    assert programs.start("pedals", pedals, "brake", "0").ends() == 0
+    assert programs.start("pedals", pedals, "ready").ends() == 0
+    ready, _ = bus.wait_for("the driver hands back", "VEHICLE_STATUS", MODE=READY, since=taken)
+    latched = bus.wait_samples(60, since=ready)
+    assert reasons(bus.pairs(ready, latched)) == ["DRIVER_OVERRIDE"]
+    loop.tell(signal.SIGUSR1)
+    driving = wait_until_driven(bus, since=latched)
+    assert not own_faults(bus.record(moving, bus.wait_samples(30, since=driving)))
+
+
+def test_a_vehicle_in_another_frame_is_driven_in_that_frame_and_stopped_outside_it(
+    programs: Programs, bus: Observer
+) -> None:
+    pedals = str(programs.folder / "pedals.sock")
+    programs.start("sim", "--pedals", pedals, "--frame", "odom")
+    bus.wait_for("the vehicle's first sample", "CHASSIS")
+    _, moving = driven(programs, bus, "--route", "line", "--frame", "odom")
+    assert programs.start("pedals", pedals, "frame", "MAP").ends() == 0
+    bus.wait_for("the other frame", "POSE", POSE_FRAME=1, since=moving)
+    stop, _ = bus.wait_for("a stop", "DRIVE_COMMAND", ENABLE=1, SAFE_STOP=1, REASON="FRAME_MISMATCH", since=moving)
+    assert programs.start("pedals", pedals, "frame", "ODOM").ends() == 0
+    index, _ = bus.wait_for("driving on", "DRIVE_COMMAND", REASON="NOMINAL", since=stop)
+    index, _ = bus.wait_until("the vehicle moves", is_moving, since=index)
+    assert bus.record(moving, index).of("VEHICLE_STATUS")[-1]["MODE"] == AUTONOMOUS

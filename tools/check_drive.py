@@ -1,0 +1,145 @@
+#!/usr/bin/env python3
+"""Judge a recorded drive: `candump -L vcan0 > LOG.candump`, then `tools/check_drive.py LOG.candump`."""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from bus_contract import NAMES, Frame, Record, S, examine, lateral_errors_m
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+MOST_SHOWN = 10
+
+
+def main() -> int:
+    """0 when nothing is wrong, 1 when something is, 2 for a log that cannot be read."""
+    options = _options()
+    try:
+        frames = list(read_candump(Path(options.log)))
+    except (OSError, ValueError) as error:
+        print(f"check_drive: {options.log}: {error}", file=sys.stderr)
+        return 2
+    record = examine(frames)
+    worst_m, worst_s = _worst_lateral_error(record, options.route)
+    wrong = record.faults()
+    if not record.samples or not record.pairs:
+        wrong.append("no drive: not one complete sample or not one command pair")
+    if worst_m is not None and worst_m >= options.lateral_limit:
+        wrong.append(f"lateral error {worst_m:.3f} m at {worst_s:.3f} s: must be below {options.lateral_limit} m")
+    result = _result(record, worst_m, worst_s, wrong)
+    print(json.dumps(result, indent=2) if options.json else _table(result))
+    return 1 if wrong else 0
+
+
+def read_candump(path: Path) -> Iterator[Frame]:
+    """The frames of a `candump -L` log; `ValueError` naming the line that is none."""
+    with path.open(encoding="ascii", errors="replace") as lines:
+        for number, line in enumerate(lines, start=1):
+            if line.strip():
+                try:
+                    yield _frame(line)
+                except (ValueError, IndexError):
+                    raise ValueError(f"line {number}: {line.strip()[:60]!r} is no line of candump -L") from None
+
+
+def _frame(line: str) -> Frame:
+    """`(1700000000.123456) vcan0 080#1122334455667788`, `#R` for a remote frame, `##F…` for FD with its flags."""
+    words = line.split()
+    seconds, _, fraction = words[0].strip("()").partition(".")
+    word, _, payload = words[2].partition("#")
+    is_fd, is_remote = payload.startswith("#"), payload.startswith("R")
+    number = int(word, 16)
+    return Frame(
+        stamp_ns=int(seconds) * S + int(fraction.ljust(9, "0")[:9]),
+        can_id=number & 0x1FFFFFFF,
+        data=b"" if is_remote else bytes.fromhex(payload[2:] if is_fd else payload),
+        is_extended=len(word) == 8,
+        is_remote=is_remote,
+        is_fd=is_fd,
+        is_error=len(word) == 8 and bool(number & 0x20000000),
+    )
+
+
+def _worst_lateral_error(record: Record, route: str) -> tuple[float | None, float | None]:
+    """The greatest distance from the route from the first to the last command that drives, and when that was."""
+    driving = [pair.stamp_ns for pair in record.pairs if pair.reason == "NOMINAL"]
+    if route == "none" or not driving:
+        return None, None
+    from vehicle_iface.trajectories.shapes import make_route  # only its geometry
+
+    path = make_route(route)
+    driven = [sample for sample in record.samples if driving[0] <= sample.stamp_ns <= driving[-1]]
+    errors = lateral_errors_m(driven, path.x_m.tolist(), path.y_m.tolist())
+    if not errors:
+        return None, None
+    worst_m = max(errors)
+    return worst_m, (driven[errors.index(worst_m)].stamp_ns - record.begin_ns) / S
+
+
+def _result(record: Record, worst_m: float | None, worst_s: float | None, wrong: list[str]) -> dict[str, object]:
+    known = [*NAMES.values(), *sorted(set(record.frames) - set(NAMES.values()))]
+    return {
+        "duration_s": round((record.end_ns - record.begin_ns) / S, 3),
+        "frames": {name: record.frames[name] for name in known},
+        "crc_errors": len(record.crc_errors),
+        "malformed_frames": len(record.malformed),
+        "counter_gaps": len(record.counter_gaps),
+        "samples": len(record.samples),
+        "pairs": len(record.pairs),
+        "pairs_by_reason": _by_reason(record),
+        "unanswered_samples": len(record.unanswered),
+        "pairs_too_many": len(record.doubled),
+        "stale_stops": record.stale_stops,
+        "silences": len(record.silences),
+        "command_violations": len(record.violations),
+        "worst_lateral_error_m": None if worst_m is None else round(worst_m, 4),
+        "worst_lateral_error_at_s": None if worst_s is None else round(worst_s, 3),
+        "wrong": wrong,
+    }
+
+
+def _by_reason(record: Record) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    for pair in record.pairs:
+        key = f"{pair.reason}, {'enabled' if pair.is_enabled else 'released'}"
+        counts[key] = counts.get(key, 0) + 1
+    return counts
+
+
+def _table(result: dict[str, object]) -> str:
+    rows: list[tuple[str, str]] = []
+    for key, value in result.items():
+        name = key.replace("_", " ")
+        if isinstance(value, dict):
+            rows += [(f"{name}: {part}", str(count)) for part, count in value.items()]
+        elif not isinstance(value, list):
+            rows.append((name, "-" if value is None else str(value)))
+    width = max(len(name) for name, _ in rows)
+    lines = [f"  {name:<{width}}  {value}" for name, value in rows]
+    wrong = result["wrong"]
+    assert isinstance(wrong, list)
+    lines += [f"  wrong: {text}" for text in wrong[:MOST_SHOWN]]
+    if len(wrong) > MOST_SHOWN:
+        lines.append(f"  wrong: and {len(wrong) - MOST_SHOWN} more (--json lists them)")
+    return "\n".join([*lines, "  nothing is wrong" if not wrong else f"  {len(wrong)} things are wrong"])
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        epilog="Exit status: 0 nothing is wrong, 1 something is, 2 the log cannot be read.",
+    )
+    parser.add_argument("log", metavar="LOG.candump", help="what candump -L wrote")
+    parser.add_argument("--route", default="figure8", help="the route that was driven; 'none' leaves it out")
+    parser.add_argument(
+        "--lateral-limit", type=float, default=0.3, metavar="M", help="largest distance from it, in m (default 0.3)"
+    )
+    parser.add_argument("--json", action="store_true", help="everything, for programs")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
