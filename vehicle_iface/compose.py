@@ -122,14 +122,13 @@ def build_loop(
 
 def build_tracker(database: VehicleDatabase) -> Tracker:
     """A tracker for the profile's sample."""
-    timing = database.profile.timing
     return Tracker(
         sample={message.name: message.fields for message in database.sample},
         others={message.name: message.fields for message in (database.status, *database.extra)},
         frames=database.frames or {0: database.profile.state.frame_id},
         modes={int(mode): mode for mode in VehicleMode},
         gears={int(gear): gear for gear in Gear},
-        window_ns=ns_from_s(timing.state_stale_s),
+        window_ns=_window_ns(database),
     )
 
 
@@ -143,6 +142,17 @@ def vehicle_shape(profile: Profile) -> VehicleShape:
         height_m=geometry.height_m,
         rear_overhang_m=geometry.rear_overhang_m,
     )
+
+
+def _window_ns(database: VehicleDatabase) -> int:
+    """The messages of one sample come within this: less than half a round of their counter, so rounds never mix."""
+    timing = database.profile.timing
+    half_rounds_s = (
+        0.5 * message.protection.counter_states * timing.sample_period_s
+        for message in database.sample
+        if message.protection is not None
+    )
+    return ns_from_s(min((timing.state_stale_s, *half_rounds_s)))
 
 
 def _lsb(database: VehicleDatabase, field: str) -> float:

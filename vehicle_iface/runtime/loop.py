@@ -131,7 +131,11 @@ class Loop:
         """Every counter there is, by room and cause."""
         return {
             "loop": self._counts.as_dict() | {"grid_overruns": self.grid.overruns},
-            "samples": {"complete": self._tracker.completed, "incomplete": self._tracker.incomplete},
+            "samples": {
+                "complete": self._tracker.completed,
+                "incomplete": self._tracker.incomplete,
+                "repeated": self._tracker.repeated,
+            },
             "drops": {f"{cause.value} {name}".strip(): n for (cause, name), n in self._decoder.drops.items()},
             "lost": dict(self._decoder.lost),
             "limited": dict(self._pilot.gate.limited),
