@@ -171,6 +171,16 @@ def test_a_gap_longer_than_50_ms_begins_the_half_second_anew(gap_ns: int, starts
     assert engagement.mode is (Mode.STARTING if starts_anew else Mode.STANDBY)
 
 
+def test_a_gap_that_was_noticed_counts_also_when_the_samples_were_only_held_up() -> None:
+    engagement = Engagement(TIMING, armed=True)
+    for i in range(40):
+        engagement.see_sample(i * 10 * MS, i * 10 * MS)
+    engagement.see_time(450 * MS)
+    for i in range(40, 60):
+        engagement.see_sample(i * 10 * MS, 600 * MS)
+    assert engagement.mode is Mode.STARTING
+
+
 def test_in_standby_samples_that_stop_lead_back_to_starting() -> None:
     run = Run().for_ms(520)
     assert run.mode() is Mode.STANDBY
