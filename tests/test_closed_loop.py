@@ -457,6 +457,20 @@ def test_a_lost_link_is_latched_also_when_it_comes_back(seconds: float) -> None:
     assert counters_step_by_one(drive.sent)
 
 
+def test_a_lost_link_forgets_state_and_sequences_and_begins_anew() -> None:
+    drive = cruising()
+    drive.line.down = True
+    drive.step()
+    assert (drive.loop._tracker.newest, drive.loop._tracker.status) == (None, None)
+    drive.stall(0.25)
+    drive.line.close()  # what came meanwhile, nobody heard
+    drive.line.down = False
+    drive.run_s(1.0)
+    assert drive.state.stamp_ns > drive.clock.t_ns - ms(20)
+    assert drive.loop.details()["drops"] == {}
+    assert not any(drive.loop.details()["lost"].values())
+
+
 def test_a_link_that_is_down_at_the_start_is_an_error() -> None:
     def refuse() -> Any:
         raise BusError("vcan0: down")
