@@ -1,0 +1,48 @@
+"""Where the loop gets its trajectories from."""
+
+import copy
+from typing import Protocol
+
+from vehicle_iface.state import VehicleState
+from vehicle_iface.trajectory import Trajectory
+
+
+class TrajectorySource(Protocol):
+    """Gives the loop a new trajectory whenever one is due."""
+
+    def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:
+        """A new trajectory stamped `now_ns`, or None while the last one stays in force."""
+        ...
+
+    def restart(self) -> None:
+        """Forget what was given: the next call of `next` begins anew, as at the instant of engagement."""
+        ...
+
+
+class FixedTrajectory:
+    """One trajectory, given once; its time 0 is the instant of the first call."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self._trajectory = trajectory
+        self._given = False
+
+    def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:  # noqa: ARG002
+        """The trajectory stamped `now_ns` on the first call, None ever after."""
+        if self._given:
+            return None
+        self._given = True
+        return _restamped(self._trajectory, now_ns)
+
+    def restart(self) -> None:
+        """Have the trajectory given once more."""
+        self._given = False
+
+
+def _restamped(trajectory: Trajectory, stamp_ns: int) -> Trajectory:
+    """The same points at another time; costs no copy of the arrays, which are locked and may be shared.
+
+    Building a trajectory anew would check a million points again, in the loop's thread.
+    """
+    twin = copy.copy(trajectory)
+    object.__setattr__(twin, "stamp_ns", stamp_ns)
+    return twin
