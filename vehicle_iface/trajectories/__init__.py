@@ -1,0 +1,24 @@
+"""Where trajectories come from: CSV files, routes, and a route's next seconds again and again.
+
+load_csv ─▶ Trajectory ─▶ FixedTrajectory ─┐
+                                           ├─▶ TrajectorySource ─▶ the loop
+make_route ─▶ Route ─▶ RecedingRoute ──────┘
+"""
+
+from vehicle_iface.trajectories.csv_file import load_csv, save_csv
+from vehicle_iface.trajectories.receding import RecedingRoute
+from vehicle_iface.trajectories.route import Route, RouteConfig
+from vehicle_iface.trajectories.shapes import ROUTES, make_route
+from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
+
+__all__ = [
+    "ROUTES",
+    "FixedTrajectory",
+    "RecedingRoute",
+    "Route",
+    "RouteConfig",
+    "TrajectorySource",
+    "load_csv",
+    "make_route",
+    "save_csv",
+]

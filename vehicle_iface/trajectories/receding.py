@@ -1,0 +1,298 @@
+"""A route given to the controller piece by piece: the next seconds of it, again and again."""
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle_iface import checks
+from vehicle_iface.errors import InvalidValueError
+from vehicle_iface.state import VehicleState
+from vehicle_iface.trajectories.route import Route
+from vehicle_iface.trajectory import FloatArray, Trajectory
+from vehicle_iface.units import NS_PER_S, ns_from_s
+
+_S, _X, _Y, _HEADING, _CURVATURE, _WHEEL, _SQUARED = range(7)
+"""Rows of a leg's table. The last is v² with the floor under it: linear in s at constant acceleration."""
+
+_MAX_POINTS = 256
+_FLOOR_MPS = 0.3
+"""Slowest speed asked for, but on the way into a stop: a first point at 0 m/s would have no direction."""
+_STANDING_MPS = 0.1
+_ARRIVED_M = 0.02
+_STOPPED_SHORT_M = 2.5
+"""From here a controller that looks 2 m ahead sees only the stop's 0 m/s: who stands here stays."""
+_WINDOW_M = 5.0
+"""How far ahead along the route the vehicle is looked for: more than a period's drive, less than a loop."""
+_LOST_M = 4.0
+"""Farther off than this the vehicle is looked for on the whole route."""
+_HEADING_WEIGHT_M = 3.0
+"""In that search, 1 rad of wrong heading counts like this distance: so crossing branches are told apart."""
+_SAME_PLACE_M = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Leg:
+    """One stretch from standstill to standstill, or a closed route's lap and some more of the next."""
+
+    table: FloatArray
+    """(7, n), see the row names above; s in metres from the route's beginning."""
+    s_m: list[float]
+    """The table's first row as floats, which bisect faster than an array."""
+    direction: float
+    end_m: float
+    """Where the vehicle stops; infinite on a closed route."""
+    dwell_ns: int
+    """To stand at the end."""
+    short_m: float
+    """Standing as near as this to the end is having stopped there."""
+
+
+class RecedingRoute:
+    """The next seconds of a route from where the vehicle is on it, each period anew.
+
+    The vehicle's place is looked for near the last one and never goes back, so a route that crosses itself
+    keeps its branch; only at the beginning, and when the vehicle is metres off, is the whole route searched,
+    by distance and heading. Each trajectory begins at the vehicle's place and speed and joins the route's
+    speeds with the route's acceleration. It does not pass a stop or a change of direction: it ends there at
+    0 m/s, and when the vehicle has stood there for the dwell time the next one begins. A route's end is such
+    a stop without a next one: nothing more is given, and the last trajectory runs out by itself.
+
+    State and route are taken to be in one frame; that they are is the controller's to check.
+    """
+
+    def __init__(self, route: Route, horizon_s: float = 8.0, period_s: float = 0.1, *, frame_id: str = "map") -> None:
+        """`horizon_s` is how far ahead each trajectory reaches, `period_s` how often there is one.
+
+        Raises `InvalidValueError` when a number is not above zero or the frame has no name.
+        """
+        self.route = route
+        self._frame_id = checks.frame_id("frame_id", frame_id)
+        self._horizon_s = checks.positive("horizon_s", horizon_s)
+        self._period_ns = ns_from_s(checks.positive("period_s", period_s))
+        if self._period_ns < 1:
+            raise InvalidValueError(f"period_s = {period_s}: must be at least 1 ns")
+        self._accel_mps2 = route.config.accel_mps2
+        self._legs = _legs(route, self._horizon_s)
+        self.restart()
+
+    @property
+    def progress_m(self) -> float:
+        """The vehicle's place along the route, from its beginning; on a closed one within the lap."""
+        return self._s_m
+
+    @property
+    def laps(self) -> int:
+        """How often a closed route's beginning was passed since the start."""
+        return self._laps
+
+    @property
+    def finished(self) -> bool:
+        """Whether the vehicle has come to the end of an open route."""
+        return self._leg_index == len(self._legs)
+
+    def restart(self) -> None:
+        """Forget place, laps and time grid; the next call looks for the vehicle on the whole route."""
+        self._due_ns: int | None = None
+        self._found = False
+        self._s_m = 0.0
+        self._laps = 0
+        self._leg_index = 0
+        self._standing_since_ns: int | None = None
+        self._arrived = False
+
+    def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:
+        """The next seconds from the vehicle's place, stamped `now_ns`; None when not due, at a stop, at the end.
+
+        Due is the first call and then each whole period after it; what was missed is not made up for.
+        """
+        if not self._is_due(now_ns) or self.finished:
+            return None
+        self._locate(state)
+        if self._waits(now_ns, state):
+            return None
+        return self._cut(now_ns, state)
+
+    def _is_due(self, now_ns: int) -> bool:
+        if self._due_ns is None:
+            self._due_ns = now_ns
+        if now_ns < self._due_ns:
+            return False
+        missed = (now_ns - self._due_ns) // self._period_ns
+        self._due_ns += (missed + 1) * self._period_ns
+        return True
+
+    def _locate(self, state: VehicleState) -> None:
+        """Move the place along the route to where the vehicle is now."""
+        if self._arrived:
+            return
+        leg = self._legs[self._leg_index]
+        if self._found:
+            s_m, distance_m = _projection(leg, state, self._s_m)
+            if distance_m <= _LOST_M:
+                self._advance_to(max(s_m, self._s_m))
+                return
+        self._leg_index, index = _nearest(self._legs, self.route, state)
+        leg = self._legs[self._leg_index]
+        before = leg.s_m[max(index - 1, 0)]
+        self._found, self._s_m = True, before
+        self._advance_to(_projection(leg, state, before)[0])
+
+    def _advance_to(self, s_m: float) -> None:
+        length_m = self.route.length_m
+        if self.route.closed and s_m >= length_m:
+            s_m -= length_m
+            self._laps += 1
+        self._s_m = s_m
+
+    def _waits(self, now_ns: int, state: VehicleState) -> bool:
+        """Whether the vehicle has come to its leg's end and has to stay; when not, the next leg may be on."""
+        leg = self._legs[self._leg_index]
+        standing = abs(state.speed_mps) < _STANDING_MPS
+        left_m = leg.end_m - self._s_m
+        self._arrived |= left_m < _ARRIVED_M or (standing and left_m < leg.short_m)
+        if not self._arrived:
+            return False
+        if self._standing_since_ns is None and standing:
+            self._standing_since_ns = now_ns
+        if self._standing_since_ns is None or now_ns - self._standing_since_ns < leg.dwell_ns:
+            return True
+        self._s_m = leg.end_m
+        self._leg_index += 1
+        self._arrived, self._standing_since_ns = False, None
+        return self.finished
+
+    def _cut(self, now_ns: int, state: VehicleState) -> Trajectory:
+        """From the place on for the horizon, or to the leg's end."""
+        leg = self._legs[self._leg_index]
+        begin = bisect_right(leg.s_m, self._s_m + _SAME_PLACE_M)
+        cut = _piece(leg, self._s_m, begin)
+        s_m, heading, curvature = cut[_S], cut[_HEADING], cut[_CURVATURE]
+        start_mps = max(state.speed_mps * leg.direction, _FLOOR_MPS)
+        squared = np.minimum(cut[_SQUARED], start_mps**2 + 2.0 * self._accel_mps2 * (s_m - s_m[0]))
+        speed_mps = np.sqrt(squared)
+        spacing_m = s_m[1:] - s_m[:-1]
+        times_s = np.empty_like(s_m)
+        times_s[0] = 0.0
+        np.cumsum(2.0 * spacing_m / (speed_mps[1:] + speed_mps[:-1]), out=times_s[1:])
+        accel_mps2 = np.empty_like(s_m)
+        accel_mps2[:-1] = leg.direction * (squared[1:] - squared[:-1]) / (2.0 * spacing_m)
+        accel_mps2[-1] = 0.0
+        # A whole number of turns off the heading, so that it stays small after many laps.
+        turns = math.tau * round(float(heading[0]) / math.tau)
+        signed_mps = leg.direction * speed_mps
+        count = int(times_s.searchsorted(self._horizon_s)) + 1
+        return Trajectory(
+            stamp_ns=now_ns,
+            frame_id=self._frame_id,
+            time_from_start_ns=np.rint(times_s[:count] * NS_PER_S).astype(np.int64),
+            x_m=cut[_X, :count],
+            y_m=cut[_Y, :count],
+            heading_rad=heading[:count] - turns,
+            speed_mps=signed_mps[:count],
+            accel_mps2=accel_mps2[:count],
+            yaw_rate_radps=(signed_mps * curvature)[:count],
+            front_wheel_angle_rad=cut[_WHEEL, :count],
+        )
+
+
+def _legs(route: Route, horizon_s: float) -> list[_Leg]:
+    """The route's stretches as tables, thinned so that a piece of `_MAX_POINTS` reaches the horizon."""
+    reach_m = float(np.abs(route.speed_mps).max()) * horizon_s
+    spacing_m = float(np.diff(route.s_m).max())
+    stride = math.ceil(reach_m / (spacing_m * (_MAX_POINTS - 2)))
+    table = np.stack(
+        [
+            route.s_m,
+            route.x_m,
+            route.y_m,
+            route.heading_rad,
+            route.curvature_per_m,
+            route.front_wheel_angle_rad,
+            route.speed_mps**2,
+        ]
+    )
+    return [_leg(route, table, first, last, direction, stride) for first, last, direction in route.legs()]
+
+
+def _leg(route: Route, table: FloatArray, first: int, last: int, direction: float, stride: int) -> _Leg:
+    kept = np.append(np.arange(first, last, stride), last)
+    table = table[:, kept].copy()
+    squared = np.maximum(table[_SQUARED], _FLOOR_MPS**2)
+    if route.closed:
+        table = _laps(table)
+        squared = np.maximum(table[_SQUARED], _FLOOR_MPS**2)
+    else:
+        to_end_m = table[_S, -1] - table[_S]
+        squared = np.minimum(squared, 2.0 * route.config.decel_mps2 * to_end_m)
+    table[_SQUARED] = squared
+    end_m = math.inf if route.closed else float(table[_S, -1])
+    length_m = float(route.s_m[last] - route.s_m[first])
+    return _Leg(
+        table=table,
+        s_m=table[_S].tolist(),
+        direction=direction,
+        end_m=end_m,
+        dwell_ns=ns_from_s(float(route.dwell_s[last])),
+        short_m=min(_STOPPED_SHORT_M, 0.25 * length_m),
+    )
+
+
+def _laps(table: FloatArray) -> FloatArray:
+    """One lap, then as many more as a piece that begins at its very end can need."""
+    lap = table[:, :-1]
+    step = table[:, -1] - table[:, 0]
+    # Distance and heading go on from lap to lap; everything else begins anew.
+    step[[_X, _Y, _CURVATURE, _WHEEL, _SQUARED]] = 0.0
+    count = 1 + math.ceil((_MAX_POINTS + 1) / lap.shape[1])
+    return np.concatenate([lap + n * step[:, None] for n in range(count)], axis=1)
+
+
+def _piece(leg: _Leg, s_m: float, begin: int) -> FloatArray:
+    """(7, k) the table's columns from `begin` on, led by one interpolated at `s_m` just before them."""
+    behind, ahead = leg.table[:, begin - 1], leg.table[:, begin : begin + _MAX_POINTS - 1]
+    piece = np.empty((len(leg.table), ahead.shape[1] + 1))
+    share = (s_m - leg.s_m[begin - 1]) / (leg.s_m[begin] - leg.s_m[begin - 1])
+    piece[:, 0] = behind + share * (ahead[:, 0] - behind)
+    piece[:, 1:] = ahead
+    return piece
+
+
+def _projection(leg: _Leg, state: VehicleState, from_s_m: float) -> tuple[float, float]:
+    """Nearest place within the window ahead of `from_s_m`, and the distance to it, m."""
+    first = max(bisect_right(leg.s_m, from_s_m) - 1, 0)
+    last = bisect_right(leg.s_m, from_s_m + _WINDOW_M, first) + 1
+    x, y = leg.table[_X, first:last] - state.x_m, leg.table[_Y, first:last] - state.y_m
+    nearest = first + int((x * x + y * y).argmin())
+    candidates = [_on_chord(leg, state, i) for i in (nearest - 1, nearest) if first <= i < len(leg.s_m) - 1]
+    return min(candidates, key=lambda place: place[1], default=(leg.s_m[-1], math.inf))
+
+
+def _on_chord(leg: _Leg, state: VehicleState, i: int) -> tuple[float, float]:
+    """Nearest place on the straight line from point i to the next, and the distance to it, m."""
+    (s0, s1), (x0, x1), (y0, y1) = leg.table[: _Y + 1, i : i + 2].tolist()
+    dx, dy = x1 - x0, y1 - y0
+    share = ((state.x_m - x0) * dx + (state.y_m - y0) * dy) / (dx * dx + dy * dy)
+    share = min(max(share, 0.0), 1.0)
+    distance_m = math.hypot(x0 + share * dx - state.x_m, y0 + share * dy - state.y_m)
+    return s0 + share * (s1 - s0), distance_m
+
+
+def _nearest(legs: list[_Leg], route: Route, state: VehicleState) -> tuple[int, int]:
+    """Leg and point nearest to the vehicle in place and heading, on the whole route."""
+    best = (math.inf, 0, 0)
+    for number, leg in enumerate(legs):
+        count = bisect_right(leg.s_m, route.length_m)
+        x, y, heading = leg.table[[_X, _Y, _HEADING], :count]
+        turned = _wrapped(heading - state.heading_rad) * _HEADING_WEIGHT_M
+        cost = (x - state.x_m) ** 2 + (y - state.y_m) ** 2 + turned**2
+        index = int(cost.argmin())
+        best = min(best, (float(cost[index]), number, index))
+    return best[1], best[2]
+
+
+def _wrapped(angle_rad: npt.NDArray[np.float64]) -> FloatArray:
+    """The same directions in [−π, π]."""
+    return angle_rad - math.tau * np.rint(angle_rad / math.tau)
