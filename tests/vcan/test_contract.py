@@ -1,0 +1,233 @@
+"""The judge is judged: a faultless record is found faultless, and each fault put into it is found."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+
+from .conftest import ROOT
+from .contract import COUNTERS, DRIVE, MS, SAMPLE, Frame, S, examine, lateral_errors_m, pack
+
+BEGIN_NS = 1_700_000_000 * S
+CHECK_DRIVE = str(ROOT / "tools" / "check_drive.py")
+Frames = list[Frame]
+
+
+def steady(samples: int = 300) -> Frames:
+    """A vehicle that drives straight ahead at 2 m/s and is answered 1 ms after each sample."""
+    frames: Frames = []
+    for i in range(samples):
+        at_ns, counter = BEGIN_NS + i * 10 * MS, i % COUNTERS
+        frames += [
+            _frame(at_ns, "POSE", counter, POSE_FRAME=1, POSE_VALID=1, POS_X=0.02 * i),
+            _frame(at_ns + 1000, "MOTION", counter, SPEED=2.0),
+            _frame(at_ns + 2000, "CHASSIS", counter),
+            _frame(at_ns + MS, "DRIVE_COMMAND", counter, ENABLE=1, SPEED_REQUEST=2.0, GEAR_REQUEST=7),
+            _frame(at_ns + MS + 1000, "STEER_COMMAND", counter, ENABLE=1),
+        ]
+        if i % 2 == 0:
+            frames.append(_frame(at_ns - 1000, "VEHICLE_STATUS", i // 2 % COUNTERS, MODE=2, GEAR=DRIVE))
+        if i % 10 == 9:
+            frames.append(_frame(at_ns + 2 * MS, "BODY_COMMAND", i // 10 % COUNTERS))
+            frames.append(_frame(at_ns + 2 * MS, "CONTROLLER_STATUS", i // 10 % COUNTERS, STATE=3))
+    return sorted(frames, key=lambda frame: frame.stamp_ns)
+
+
+def _frame(stamp_ns: int, name: str, counter: int, **signals: float) -> Frame:
+    return Frame(stamp_ns, *pack(name, counter, **signals))
+
+
+def index(frames: Frames, name: str, number: int = 150) -> int:
+    """Where the frame of that number of a message is."""
+    can_id = pack(name, 0)[0]
+    return [i for i, frame in enumerate(frames) if frame.can_id == can_id][number]
+
+
+def rewrite(frames: Frames, name: str, number: int, signals: Mapping[str, float]) -> None:
+    """Another content for one frame, under its counter."""
+    i = index(frames, name, number)
+    frames[i] = _frame(frames[i].stamp_ns, name, frames[i].data[1] & 15, **signals)
+
+
+def lose_half_an_answer(frames: Frames) -> None:
+    """A pair without its DRIVE_COMMAND."""
+    del frames[index(frames, "DRIVE_COMMAND")]
+
+
+def lose_answers(frames: Frames) -> None:
+    """One sample is not answered, and no counter shows it."""
+    i = index(frames, "DRIVE_COMMAND")
+    del frames[i : i + 2]
+    for name in ("DRIVE_COMMAND", "STEER_COMMAND"):
+        recount(frames, name)
+
+
+def recount(frames: Frames, name: str) -> None:
+    """Counters of one message from 0 on, each one more than the last."""
+    can_id = pack(name, 0)[0]
+    for step, i in enumerate(i for i, frame in enumerate(frames) if frame.can_id == can_id):
+        frames[i] = _frame(frames[i].stamp_ns, name, step % COUNTERS, **CONTENT[name])
+
+
+CONTENT: dict[str, dict[str, float]] = {
+    "DRIVE_COMMAND": {"ENABLE": 1, "SPEED_REQUEST": 2.0, "GEAR_REQUEST": 7},
+    "STEER_COMMAND": {"ENABLE": 1},
+}
+
+
+def double_an_answer(frames: Frames) -> None:
+    """One sample is answered twice, with fresh counters."""
+    i = index(frames, "DRIVE_COMMAND")
+    for offset, name in enumerate(CONTENT):
+        old = frames[i + offset]
+        frames.insert(i + 2 + offset, Frame(old.stamp_ns + 10_000, old.can_id, old.data))
+        recount(frames, name)
+
+
+def corrupt(frames: Frames) -> None:
+    """One bit turned over."""
+    i = index(frames, "MOTION")
+    data = frames[i].data
+    frames[i] = Frame(frames[i].stamp_ns, frames[i].can_id, data[:5] + bytes((data[5] ^ 4,)) + data[6:])
+
+
+def shorten(frames: Frames) -> None:
+    """One byte too few."""
+    i = index(frames, "POSE")
+    frames[i] = Frame(frames[i].stamp_ns, frames[i].can_id, frames[i].data[:7])
+
+
+def lose_a_frame(frames: Frames) -> None:
+    """One status is missing."""
+    del frames[index(frames, "VEHICLE_STATUS", 60)]
+
+
+def fall_silent(frames: Frames) -> None:
+    """No command for half a second."""
+    commands = {pack(name, 0)[0] for name in CONTENT}
+    begin, end = index(frames, "POSE", 150), index(frames, "POSE", 200)
+    frames[begin:end] = [frame for frame in frames[begin:end] if frame.can_id not in commands]
+    for name in CONTENT:
+        recount(frames, name)
+
+
+def steer(**signals: float) -> Callable[[Frames], None]:
+    """One STEER_COMMAND says something else."""
+    return lambda frames: rewrite(frames, "STEER_COMMAND", 150, {"ENABLE": 1} | signals)
+
+
+def drive(**signals: float) -> Callable[[Frames], None]:
+    """One DRIVE_COMMAND says something else."""
+    return lambda frames: rewrite(frames, "DRIVE_COMMAND", 150, CONTENT["DRIVE_COMMAND"] | signals)
+
+
+FAULTS: dict[str, tuple[Callable[[Frames], None], str]] = {
+    "one bit": (corrupt, "CRC: MOTION at 1.50"),
+    "one byte": (shorten, "malformed: POSE at 1.50"),
+    "a lost frame": (lose_a_frame, "counter: VEHICLE_STATUS"),
+    "a lost answer": (lose_answers, "unanswered: a sample after 1.49"),
+    "a doubled answer": (double_an_answer, "doubled: pair at 1.50"),
+    "half an answer": (lose_half_an_answer, "unanswered: a sample after 1.49"),
+    "silence": (fall_silent, "silence: 1.49"),
+    "wheels too far": (steer(FRONT_WHEEL_ANGLE_REQUEST=0.61), "FRONT_WHEEL_ANGLE_REQUEST 0.6100"),
+    "wheels too fast": (steer(FRONT_WHEEL_ANGLE_REQUEST=0.03), "wheels faster than 0.8 rad/s"),
+    "too much brake": (drive(ACCEL_REQUEST=-6.1), "ACCEL_REQUEST -6.100"),
+    "too much throttle": (drive(ACCEL_REQUEST=3.1), "ACCEL_REQUEST 3.100"),
+    "half enabled": (drive(ENABLE=0, REASON=17), "ENABLE 0 and 1 in one pair"),
+    "a stop without a reason": (drive(SAFE_STOP=1), "SAFE_STOP 1 with NOMINAL"),
+    "a reason without a stop": (drive(REASON=6), "SAFE_STOP 0 with STATE_STALE"),
+    "an unknown reason": (drive(SAFE_STOP=1, REASON=99), "REASON 99 is none"),
+    "a shift at speed": (drive(GEAR_REQUEST=DRIVE), "GEAR_REQUEST 3 at 2.00 m/s"),
+    "lights without a stop": (
+        lambda frames: rewrite(frames, "BODY_COMMAND", 15, {"HAZARD_LIGHTS": 1}),
+        "BODY_COMMAND HAZARD_LIGHTS 1",
+    ),
+    "a report of a stop without one": (
+        lambda frames: rewrite(frames, "CONTROLLER_STATUS", 15, {"STATE": 4}),
+        "CONTROLLER_STATUS STATE 4",
+    ),
+}
+
+
+def test_the_worked_example_of_the_contract_is_met() -> None:
+    assert pack("VEHICLE_STATUS", 1)[1][:2].hex(" ") == "02 01"
+    assert pack("VEHICLE_STATUS", 2)[1][:2].hex(" ") == "e5 02"
+
+
+def test_a_faultless_record_is_found_faultless() -> None:
+    record = examine(steady())
+    assert record.faults() == []
+    assert len(record.samples) == len(record.pairs) == 300
+    assert record.frames["BODY_COMMAND"] == 30
+
+
+@pytest.mark.parametrize(("fault", "said"), FAULTS.values(), ids=FAULTS)
+def test_each_fault_is_found(fault: Callable[[Frames], None], said: str) -> None:
+    frames = steady()
+    fault(frames)
+    assert any(said in text for text in examine(frames).faults()), examine(frames).faults()
+
+
+def test_late_answers_are_neither_missing_nor_doubled() -> None:
+    commands = {pack(name, 0)[0] for name in CONTENT}
+    late = [
+        Frame(frame.stamp_ns + 35 * MS, frame.can_id, frame.data)
+        if frame.can_id in commands and 1 * S < frame.stamp_ns - BEGIN_NS < 1.5 * S
+        else frame
+        for frame in steady()
+    ]
+    found = [text for text in examine(late).faults() if not text.startswith("counter")]
+    assert found == []
+
+
+def test_parts_of_different_samples_never_make_one() -> None:
+    frames = [
+        _frame(BEGIN_NS + i * MS, name, i % COUNTERS)
+        for i in range(60)
+        for name in SAMPLE
+        if i % 3 != SAMPLE.index(name)
+    ]
+    assert examine(frames).samples == []
+
+
+def test_the_distance_from_a_path_follows_the_branch_that_is_driven_on() -> None:
+    samples = examine(steady(100)).samples
+    x_m, y_m = [-5.0, 10.0, 10.0, 1.0, 1.0], [0.5, 0.5, 8.0, 8.0, -8.0]
+    errors_m = lateral_errors_m(samples, x_m, y_m)
+    assert max(errors_m) == pytest.approx(0.5, abs=1e-6)
+
+
+def test_check_drive_reads_a_log_and_says_what_is_wrong_with_it(tmp_path: Path) -> None:
+    good, bad = steady(), steady()
+    corrupt(bad)
+    statuses, worst = [], []
+    for frames in (good, bad):
+        log = tmp_path / "log.candump"
+        log.write_text("".join(f"({_stamp(f)}) vcan0 {f.can_id:03X}#{f.data.hex().upper()}\n" for f in frames))
+        done = subprocess.run(
+            [sys.executable, CHECK_DRIVE, str(log), "--route", "line", "--lateral-limit", "41", "--json"],
+            check=False,
+            capture_output=True,
+            text=True,
+        )
+        statuses.append(done.returncode)
+        worst.append(json.loads(done.stdout))
+    assert statuses == [0, 1]
+    assert worst[0]["samples"] == worst[0]["pairs"] == 300
+    assert worst[1]["wrong"][0].startswith("CRC: MOTION at 1.50")
+
+
+def test_check_drive_refuses_what_is_no_log_with_the_line(tmp_path: Path) -> None:
+    (tmp_path / "no.log").write_text("(1700000000.000001) vcan0 080#0011223344556677\nhello\n")
+    done = subprocess.run(
+        [sys.executable, CHECK_DRIVE, str(tmp_path / "no.log")], check=False, capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert "line 2" in done.stderr
+
+
+def _stamp(frame: Frame) -> str:
+    return f"{frame.stamp_ns // S}.{frame.stamp_ns % S // 1000:06d}"
