@@ -1,0 +1,86 @@
+"""`python -m viewer`: the page in a browser, for as long as it is wanted."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import signal
+import sys
+import webbrowser
+from collections.abc import Sequence
+from types import FrameType
+
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.runtime.telemetry import telemetry_path
+from viewer.access import Access
+from viewer.app import App
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Serve the page until SIGINT or SIGTERM. 0: ended as told; 2: an option that does not fit."""
+    options = _parser().parse_args(arguments)
+    try:
+        path = telemetry_path(options.connect)
+        access = Access(host=options.host, port=options.port, token=options.token, allow_remote=options.allow_remote)
+        app = App(access, options.connect)
+    except ConfigError as error:
+        print(f"viewer: {error}", file=sys.stderr)
+        return 2
+    stop = _StopFlag()
+    url = _url(options.host, app.port, options.token)
+    print(f"viewer: {url}  (telemetry {options.connect!r}: {path})", flush=True)
+    if options.open:
+        webbrowser.open(url)
+    try:
+        app.run(lambda: not stop.is_set)
+    finally:
+        # viser reports its own end; one program, one voice.
+        with contextlib.redirect_stdout(io.StringIO()):
+            app.close()
+    print("viewer: ended", flush=True)
+    return 0
+
+
+class _StopFlag:
+    """Set by the first SIGINT or SIGTERM; a second SIGINT ends at once."""
+
+    def __init__(self) -> None:
+        self.is_set = False
+        signal.signal(signal.SIGINT, self._set)
+        signal.signal(signal.SIGTERM, self._set)
+
+    def _set(self, _number: int, _frame: FrameType | None) -> None:
+        self.is_set = True
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _url(host: str, port: int, token: str | None) -> str:
+    name = f"[{host}]" if ":" in host else host
+    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="viewer",
+        description="Show a running loop in the browser. It reads the loop's telemetry and cannot answer it. "
+        "Replaying a recording is not part of it yet.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    parser.add_argument(
+        "--connect", metavar="ADDRESS", default="default", help="telemetry to show: a name, or a path with a '/'"
+    )
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen at")
+    parser.add_argument("--port", type=int, default=8080, help="TCP port to listen at; 0 takes a free one")
+    parser.add_argument("--open", action="store_true", help="open the page in this machine's browser")
+    parser.add_argument(
+        "--allow-remote",
+        action="store_true",
+        help="let other machines in, with --token; the connection is not encrypted",
+    )
+    parser.add_argument("--token", default=None, help="secret of 16 characters or more that a browser must show")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,104 @@
+"""The viewer's loop: thirty times a second it looks at the telemetry and brings the page up to it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import viser
+
+from vehicle_iface import clock
+from vehicle_iface.runtime.telemetry import TelemetryReader
+from vehicle_iface.units import NS_PER_S
+from viewer.access import Access, allow_switch, open_server
+from viewer.feed import Feed
+from viewer.panels import Panels
+from viewer.scene import ROOT, Scene
+
+_PERIOD_NS = NS_PER_S // 30
+_PANELS_EVERY = 3
+_PANEL_WIDTH_PX = 430
+
+
+class App:
+    """A server with its page, fed from one telemetry address."""
+
+    def __init__(self, access: Access, address: str) -> None:
+        self._reader = TelemetryReader(address)
+        self._feed = Feed(self._reader)
+        self.server = open_server(access)
+        self.server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+        self.server.gui.set_panel_label("vehicle-iface")
+        self.server.gui.main_panel.dock_right()
+        self.server.gui.main_panel.set_width(_PANEL_WIDTH_PX)
+        self._scene = Scene(self.server)
+        self._panels = Panels(self.server.gui)
+        self._followers: dict[int, _Follower] = {}
+        self._followers_lock = threading.Lock()
+        self.server.on_client_connect(self._joined)
+        self.server.on_client_disconnect(self._left)
+
+    @property
+    def port(self) -> int:
+        """The port that the page is at."""
+        return self.server.get_port()
+
+    def run(self, is_wanted: Callable[[], bool]) -> None:
+        """Keep the page up to date while `is_wanted` says so."""
+        tick = 0
+        due_ns = clock.monotonic_ns()
+        while is_wanted():
+            self.update(tick)
+            tick += 1
+            # Late is late: a viewer that tried to catch up would only be slower.
+            due_ns = max(due_ns + _PERIOD_NS, clock.monotonic_ns())
+            clock.sleep_until(due_ns)
+
+    def update(self, tick: int) -> None:
+        """One step: the picture each time, words and curves every third."""
+        view = self._feed.view(clock.monotonic_ns())
+        with self._followers_lock:
+            followers = list(self._followers.values())
+        with self.server.atomic():
+            place = self._scene.draw(view)
+            if tick % _PANELS_EVERY == 0:
+                self._panels.show(view)
+        if place is not None:
+            for follower in followers:
+                follower.move(place)
+        # Both at once: the vehicle's place and the world's shift belong into the same picture.
+        self.server.flush()
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._reader.close()
+        self.server.stop()
+
+    def _joined(self, client: viser.ClientHandle) -> None:
+        follower = _Follower(client)
+        with self._followers_lock:
+            self._followers[client.client_id] = follower
+
+    def _left(self, client: viser.ClientHandle) -> None:
+        with self._followers_lock:
+            self._followers.pop(client.client_id, None)
+
+
+class _Follower:
+    """One browser's own choice to keep the vehicle in the middle of its picture."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        self._client = client
+        self._is_following = True
+        self._frame = client.scene.add_frame(ROOT, show_axes=False)
+        box = client.gui.add_checkbox("Follow", initial_value=True, order=Panels.FOLLOW_ORDER)
+        allow_switch(client, box._impl.uuid, self._switch)
+
+    def _switch(self, is_following: bool) -> None:
+        self._is_following = is_following
+
+    def move(self, place: tuple[float, float]) -> None:
+        """Shift this browser's world so that `place` stays in the middle."""
+        if self._is_following:
+            self._frame.position = (-place[0], -place[1], 0.0)
+            self._client.flush()
