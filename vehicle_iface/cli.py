@@ -36,6 +36,7 @@ from vehicle_iface.units import ns_from_s
 log = logging.getLogger("vehicle_iface")
 
 DONE, BAD_USAGE, NO_BUS, LATCHED_FAULT = 0, 2, 3, 4
+COMMANDS = ("demo", "run", "sim", "view", "pedals")
 EMBEDDED = "embedded"
 """The interface that needs nothing outside the process."""
 EMBEDDED_HINT = "for a real bus: vehicle-iface run --channel can0, or tools/vcan for a virtual one"

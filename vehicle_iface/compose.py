@@ -111,7 +111,7 @@ def build_loop(
             teller=Teller(telemetry, controller, counts),
             counts=counts,
             timing=timing,
-            command_ids=frozenset(message.can_id for message in database.sent),
+            command_ids=frozenset((message.can_id, message.is_extended) for message in database.sent),
             body_message=database.body.name if database.body else None,
             report_message=database.report.name if database.report else None,
             now_ns=now_ns,

@@ -46,8 +46,8 @@ class Parts:
     teller: Teller
     counts: Counts
     timing: Timing
-    command_ids: frozenset[int]
-    """Identifiers that only we may send."""
+    command_ids: frozenset[tuple[int, bool]]
+    """Identifiers that only we may send, each with whether it is extended."""
     body_message: str | None
     """The message that carries a `BodyRequest`; None where the vehicle has none."""
     report_message: str | None
@@ -98,6 +98,7 @@ class Loop:
 
     def step(self) -> None:
         """One pass: hear, answer each complete sample, keep time."""
+        samples: list[Sample] = []
         for frame in self.link.hear(self.grid.next_ns):
             received = self._decoder.decode(frame)
             if received is None:
@@ -105,9 +106,11 @@ class Loop:
                 continue
             sample = self._tracker.take(received)
             if sample is not None:
-                self._answer_sample(sample)
+                samples.append(sample)
             else:
                 self._look_at_status(received.stamp_ns)
+        if samples:
+            self._answer_samples(samples)
         now_ns = self._now_ns()
         if self.grid.due(now_ns):
             self._keep_time(now_ns)
@@ -163,14 +166,23 @@ class Loop:
             "transitions": self._transitions,
         }
 
+    def _answer_samples(self, samples: list[Sample]) -> None:
+        """Each sample, unless they have waited: after a pause only the newest, and not even that when it is old."""
+        now_ns = self._now_ns()
+        self._counts.samples += len(samples)
+        for sample in samples:
+            self._engagement.see_sample(sample.state.stamp_ns, now_ns)
+        is_backlog = now_ns - samples[0].state.stamp_ns > self._stale_ns
+        answered = samples[-1:] if is_backlog else samples
+        if now_ns - answered[-1].state.stamp_ns > self._answer_age_ns:
+            answered = []
+        self._counts.too_old_to_answer += len(samples) - len(answered)
+        for sample in answered:
+            self._answer_sample(sample)
+
     def _answer_sample(self, sample: Sample) -> None:
         """Decide, send, and only then tell."""
         now_ns = self._now_ns()
-        self._counts.samples += 1
-        self._engagement.see_sample(sample.state.stamp_ns, now_ns)
-        if now_ns - sample.state.stamp_ns > self._answer_age_ns:
-            self._counts.too_old_to_answer += 1
-            return
         if self._answer is None:
             self._take_trajectory()
         if self._engagement.mode is Mode.ENDING and abs(sample.state.speed_mps) < STANDSTILL_MPS:
@@ -195,7 +207,7 @@ class Loop:
 
     def _look_at_foreign(self, frame: CanFrame) -> None:
         """Our own frames do not come back to us, so this one is another node's command."""
-        if frame.can_id in self._parts.command_ids and not (frame.is_extended or frame.is_error):
+        if (frame.can_id, frame.is_extended) in self._parts.command_ids and not frame.is_error:
             self._counts.foreign_commands += 1
             self._engagement.happened(Event.DUPLICATE_COMMANDER, self._now_ns())
 
@@ -207,25 +219,27 @@ class Loop:
         before = engagement.mode
         engagement.see_status(status, self._now_ns())
         if engagement.mode is not before and engagement.mode in (Mode.ENGAGING, Mode.ENGAGED):
-            self._parts.source.restart()  # its time 0 is the instant of engagement
-            self._take_trajectory()
+            self._take_trajectory(restart=True)  # its time 0 is the instant of engagement
 
-    def _take_trajectory(self) -> None:
+    def _take_trajectory(self, *, restart: bool = False) -> None:
         """The source's new trajectory, if it has one; one that is refused leaves the old one in force."""
         if self._tracker.newest is None:
             return
-        trajectory = self._parts.source.next(self._now_ns(), self._tracker.newest.state)
-        if trajectory is None:
-            return
         try:
+            if restart:
+                self._parts.source.restart()
+            trajectory = self._parts.source.next(self._now_ns(), self._tracker.newest.state)
+            if trajectory is None:
+                return
             self._pilot.controller.set_trajectory(trajectory)
         except TrajectoryRejectedError as error:
             self._counts.trajectories_rejected += 1
             log.warning("trajectory rejected, the old one stays in force: %s", error)
             return
-        except Exception:  # a controller is the user's code: its hooks may raise anything
+        except Exception:  # source and controller are the user's code: they may raise anything
             self._counts.trajectories_rejected += 1
-            log.exception("the controller raised at a new trajectory; the old one stays in force")
+            if self._counts.trajectories_rejected == 1:
+                log.exception("no new trajectory; the old one stays in force (further ones are counted)")
             return
         self._counts.trajectories += 1
         self._parts.teller.tell_trajectory()

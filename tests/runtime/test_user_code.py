@@ -1,0 +1,48 @@
+"""Whatever a user's controller, hook or source does, the loop goes on and the vehicle has an answer."""
+
+from collections import Counter
+
+import pytest
+from harness import Drive
+
+from vehicle_iface import BehaviorConfig, Command, ControllerBase, Reason, StopSteering, Trajectory, VehicleState
+
+
+class _Handy(ControllerBase):
+    def compute_command_impl(self, state: VehicleState) -> Command:
+        return Command(stamp_ns=state.stamp_ns, accel_mps2=1.0, front_wheel_angle_rad=0.0, speed_mps=5.0)
+
+    def stop_steering_impl(self, state: VehicleState) -> tuple[float, float]:
+        raise KeyError("table", state)
+
+
+class _Broken:
+    def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:
+        raise ValueError(now_ns, state)
+
+    def restart(self) -> None:
+        raise ValueError("again")
+
+
+def test_a_stop_steering_hook_that_raises_anything_is_a_straight_stop() -> None:
+    drive = Drive(controller=_Handy(BehaviorConfig(stop_steering=StopSteering.TRACK))).engage(3.0)
+    drive.say("pose_valid 0")
+    drive.run_s(0.5)
+    assert drive.last()["SAFE_STOP"] == 1
+    assert drive.last()["FRONT_WHEEL_ANGLE_REQUEST"] == 0.0
+
+
+def test_a_source_that_raises_stops_the_vehicle_and_not_the_loop() -> None:
+    drive = Drive(_Broken())
+    drive.run_s(1.0)
+    assert drive.last()["SAFE_STOP"] == 1
+    assert drive.loop.reason is Reason.NO_TRAJECTORY
+
+
+@pytest.mark.parametrize("seconds", [0.07, 0.09, 2.0])
+def test_after_a_stall_only_the_newest_sample_is_answered(seconds: float) -> None:
+    drive = Drive().engage(3.0)
+    drive.stall(seconds)
+    since = len(drive.sent)
+    drive.run_s(0.5)
+    assert max(Counter(pair.step for pair in drive.pairs(since)).values()) == 1

@@ -1,0 +1,118 @@
+"""Everything on one kernel: vcan, simulated vehicle, loop and viewer as processes, and a real browser looking."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, sync_playwright
+
+from vehicle_iface import Trajectory
+from vehicle_iface.sim.pedals import press
+from vehicle_iface.trajectories import Route, make_route, save_csv
+
+from .conftest import Programs
+from .contract import CHANNEL, Observer
+
+CHROMIUM = "/usr/bin/chromium"
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-quic",
+    "--no-first-run",
+]
+TELEMETRY = "everything-at-once"
+PATIENCE_MS = 240_000
+"""One slow processor draws the page in software while the vehicle drives: what counts is that it comes, in order."""
+ON_ROUTE_M = 0.3
+SPEED_MPS, SPACING_M = 2.5, 0.25
+WATCH_BANNER = """
+() => {
+  window.banners = [];
+  const note = () => {
+    const banner = document.getElementById('banner');
+    if (!banner) return;
+    const now = banner.dataset.state + ' ' + banner.dataset.reason;
+    if (window.banners[window.banners.length - 1] !== now) window.banners.push(now);
+  };
+  new MutationObserver(note).observe(document.body, {subtree: true, childList: true, attributes: true});
+  note();
+}
+"""
+NUMBER = "(key) => parseFloat(document.getElementById(`n-${key}`).textContent)"
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Iterator[Page]:
+    """A page of a browser with a profile of its own."""
+    with sync_playwright() as playwright:
+        context = playwright.chromium.launch_persistent_context(
+            str(tmp_path / "chromium"),
+            executable_path=CHROMIUM,
+            args=FLAGS,
+            headless=True,
+            viewport={"width": 640, "height": 480},
+            timeout=PATIENCE_MS,
+        )
+        context.set_default_timeout(PATIENCE_MS)
+        yield context.new_page()
+        context.close()
+
+
+@pytest.mark.timeout(600)
+def test_the_page_shows_the_vehicle_drive_its_lap_on_vcan_and_stop_when_its_state_goes_stale(
+    programs: Programs, bus: Observer, page: Page, tmp_path: Path
+) -> None:
+    route = make_route("figure8")
+    laps = tmp_path / "laps.csv"
+    save_csv(laps, _laps(route, 10))
+    pedals = str(tmp_path / "pedals")
+    programs.start("sim", "--channel", CHANNEL, "--start=" + ",".join(map(str, route.start)), "--pedals", pedals)
+    viewer = programs.start("view", "--connect", TELEMETRY, "--port", "0")
+    url = viewer.says(r"http://\S+").group()
+    page.goto(url)
+    page.wait_for_selector("#banner", state="attached")
+    page.evaluate(WATCH_BANNER)
+
+    programs.start("run", "--channel", CHANNEL, "--telemetry", TELEMETRY, "--arm", "--trajectory", str(laps))
+    page.wait_for_selector("#banner[data-state=ENGAGED][data-reason=NOMINAL]", state="attached")
+    seen = [_look(page)]
+    while seen[-1]["in-space"] < 60:
+        page.wait_for_timeout(500)
+        seen.append(_look(page))
+    page.screenshot(path=str(tmp_path / "page.png"))
+
+    places = np.array([(look["x"], look["y"]) for look in seen])
+    distances = [np.hypot(route.x_m - x, route.y_m - y).min() for x, y in places]
+    indices = [look["in-space"] for look in seen]
+    assert np.hypot(*(places[-1] - places[0])) > 5.0
+    assert max(distances) < ON_ROUTE_M
+    assert indices == sorted(indices)
+    assert seen[-1]["in-time"] > seen[0]["in-time"]
+
+    assert press(pedals, "mute STATE on") == "ok"
+    page.wait_for_function("() => window.banners.includes('STOPPING STATE_STALE')")
+    page.wait_for_selector("#banner[data-state=FAULT][data-reason=STATE_STALE]", state="attached")
+    bus.wait_for("the vehicle's own watchdog", "VEHICLE_STATUS", MODE=3)
+
+
+def _laps(route: Route, laps: int) -> Trajectory:
+    """A trajectory of many laps at one modest speed, so that its index grows as long as anybody looks."""
+    points = len(route) * laps
+    return Trajectory(
+        stamp_ns=0,
+        time_from_start_ns=np.round(np.arange(points) * SPACING_M / SPEED_MPS * 1e9).astype(np.int64),
+        x_m=np.tile(route.x_m, laps),
+        y_m=np.tile(route.y_m, laps),
+        heading_rad=np.tile(route.heading_rad, laps),
+        speed_mps=np.full(points, SPEED_MPS),
+    )
+
+
+def _look(page: Page) -> dict[str, float]:
+    return {key: page.evaluate(NUMBER, key) for key in ("x", "y", "in-space", "in-time")}
