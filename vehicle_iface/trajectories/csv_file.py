@@ -195,8 +195,8 @@ def _exact_table(text: _Text) -> FloatArray:
 def _row(text: _Text, index: int) -> list[float]:
     line = text.lines[index]
     cells = line.split(",")
-    if len(cells) != len(text.columns):
-        text.refuse(index, _wrong_count(line, len(cells), len(text.columns)), len(text.columns))
+    if (count := len(cells)) != (wanted := len(text.columns)):
+        text.refuse(index, _wrong_count(line, count, wanted), min(count, wanted))
     return [_number(text, index, column, cell.strip()) for column, cell in enumerate(cells)]
 
 

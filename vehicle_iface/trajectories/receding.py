@@ -1,7 +1,7 @@
 """A route given to the controller piece by piece: the next seconds of it, again and again."""
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -136,6 +136,7 @@ class RecedingRoute:
                 return
         self._leg_index, index = _nearest(self._legs, self.route, state)
         leg = self._legs[self._leg_index]
+        # Not across a closed route's beginning: who is put a hair behind it has not driven a lap when passing it.
         before = leg.s_m[max(index - 1, 0)]
         self._found, self._s_m = True, before
         self._advance_to(_projection(leg, state, before)[0])
@@ -219,12 +220,9 @@ def _legs(route: Route, horizon_s: float) -> list[_Leg]:
 
 def _leg(route: Route, table: FloatArray, first: int, last: int, direction: float, stride: int) -> _Leg:
     kept = np.append(np.arange(first, last, stride), last)
-    table = table[:, kept].copy()
+    table = _laps(table[:, kept]) if route.closed else table[:, kept]
     squared = np.maximum(table[_SQUARED], _FLOOR_MPS**2)
-    if route.closed:
-        table = _laps(table)
-        squared = np.maximum(table[_SQUARED], _FLOOR_MPS**2)
-    else:
+    if not route.closed:
         to_end_m = table[_S, -1] - table[_S]
         squared = np.minimum(squared, 2.0 * route.config.decel_mps2 * to_end_m)
     table[_SQUARED] = squared
@@ -236,7 +234,7 @@ def _leg(route: Route, table: FloatArray, first: int, last: int, direction: floa
         direction=direction,
         end_m=end_m,
         dwell_ns=ns_from_s(float(route.dwell_s[last])),
-        short_m=min(_STOPPED_SHORT_M, 0.25 * length_m),
+        short_m=min(_STOPPED_SHORT_M, 0.4 * length_m),
     )
 
 
@@ -284,7 +282,7 @@ def _nearest(legs: list[_Leg], route: Route, state: VehicleState) -> tuple[int, 
     """Leg and point nearest to the vehicle in place and heading, on the whole route."""
     best = (math.inf, 0, 0)
     for number, leg in enumerate(legs):
-        count = bisect_right(leg.s_m, route.length_m)
+        count = bisect_left(leg.s_m, route.length_m) if route.closed else len(leg.s_m)
         x, y, heading = leg.table[[_X, _Y, _HEADING], :count]
         turned = _wrapped(heading - state.heading_rad) * _HEADING_WEIGHT_M
         cost = (x - state.x_m) ** 2 + (y - state.y_m) ** 2 + turned**2

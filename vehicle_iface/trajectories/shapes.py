@@ -18,6 +18,7 @@ from vehicle_iface.trajectories.route import Route, RouteConfig
 from vehicle_iface.trajectory import FloatArray
 
 _DENSE_M = 0.002
+_MAX_DENSE = 2_000_000
 
 ISO_3888_1_SECTIONS_M = (15.0, 30.0, 25.0, 25.0, 15.0, 15.0)
 """Entry lane, transition, side lane, transition back, two sections of exit lane: 125 m (ISO 3888-1)."""
@@ -171,8 +172,8 @@ def make_route(name: str, config: RouteConfig | None = None) -> Route:
 
 
 def _dense(length_m: float) -> FloatArray:
-    """(m,) from 0 to the length, an odd number of points about 2 mm apart."""
-    return np.linspace(0.0, length_m, 2 * math.ceil(0.5 * length_m / _DENSE_M) + 1)
+    """(m,) from 0 to the length, points about 2 mm apart; farther on lengths of kilometres."""
+    return np.linspace(0.0, length_m, min(math.ceil(length_m / _DENSE_M), _MAX_DENSE) + 1)
 
 
 def _integral(rate: FloatArray, over: FloatArray) -> FloatArray:

@@ -26,8 +26,8 @@ def reachable_mps(s_m: FloatArray, limit_mps: FloatArray, *, accel_mps2: float, 
     squared = gain + np.minimum.accumulate(squared - gain)
     loss = 2.0 * decel_mps2 * s_m
     squared = np.minimum.accumulate((squared + loss)[::-1])[::-1] - loss
-    # What rounding leaves of a standstill must be exactly one, or its point would never be known as a stop.
-    return np.where(limit_mps == 0.0, 0.0, np.sqrt(np.maximum(squared, 0.0)))
+    # Rounding must not lift a limit; above all a stop stays exactly 0, by which it is known as one.
+    return np.minimum(limit_mps, np.sqrt(np.maximum(squared, 0.0)))
 
 
 def reachable_cyclic_mps(s_m: FloatArray, limit_mps: FloatArray, *, accel_mps2: float, decel_mps2: float) -> FloatArray:
