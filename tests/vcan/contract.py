@@ -9,6 +9,7 @@ import struct
 import sys
 import threading
 import time
+from bisect import bisect
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -23,7 +24,9 @@ from bus_contract import (
     FAULT,
     GEAR_CHANGE_MPS,
     GREATEST_STEP,
+    JITTER_NS,
     LAYOUT,
+    LEAST_LOSS_NS,
     MANUAL,
     MAP,
     MS,
@@ -73,6 +76,7 @@ __all__ = [
     "S",
     "Sample",
     "Told",
+    "decided",
     "drained",
     "examine",
     "intact",
@@ -252,3 +256,21 @@ def drained(raw: socket.socket) -> list[Frame]:
     with suppress(OSError):
         return list(iter(lambda: receive(raw), None))
     return []
+
+
+def decided(record: Record) -> list[str]:
+    """The reasons of a record's pairs, without the stops for state that really did not come.
+
+    On a machine that stands still for a moment the vehicle's samples are late on the wire, and a stop is right.
+    """
+    stamps = [sample.stamp_ns for sample in record.samples]
+
+    def is_right(pair: Pair) -> bool:
+        place = bisect(stamps, pair.drive.stamp_ns)
+        if pair.reason != "STATE_STALE" or place < 2:
+            return pair.reason == "STATE_STALE"
+        last_ns, before_ns = stamps[place - 1], stamps[place - 2]
+        waited_ns = pair.drive.stamp_ns - last_ns
+        return waited_ns > LEAST_LOSS_NS or (waited_ns < JITTER_NS and last_ns - before_ns > LEAST_LOSS_NS)
+
+    return reasons(pair for pair in record.pairs if not is_right(pair))

@@ -10,7 +10,7 @@ import pytest
 from vehicle_iface.trajectories.shapes import make_route
 
 from .conftest import Program, Programs
-from .contract import NAMES, Observer, Record, S, lateral_errors_m, reasons
+from .contract import NAMES, Observer, Record, S, decided, lateral_errors_m
 from .driving import own_faults, summary, wait_until_driven
 from .peer import Vehicle
 
@@ -119,13 +119,13 @@ def test_in_a_minute_each_sample_is_answered_by_exactly_one_pair(minute: Record)
 
 def test_in_a_minute_every_command_is_within_its_limits(minute: Record) -> None:
     assert minute.violations == []
-    assert reasons(minute.pairs) == ["NOMINAL"]
+    assert decided(minute) == ["NOMINAL"]
 
 
 def test_a_viewer_that_is_killed_and_restarted_changes_nothing_on_the_bus(drive: Drive) -> None:
     record = drive.bus.record(drive.killed - 400, drive.over)
     assert drive.killed < drive.restarted < drive.over
-    assert reasons(record.pairs) == ["NOMINAL"]
+    assert decided(record) == ["NOMINAL"]
     assert record.faults() == []
 
 
@@ -151,6 +151,6 @@ def test_an_independent_vehicle_is_driven_along_the_figure_of_eight_too(programs
         vehicle.close()
     record = bus.record(begin, end)
     assert record.faults() == []
-    assert reasons(record.pairs) == ["NOMINAL"]
+    assert decided(record) == ["NOMINAL"]
     assert max(lateral_errors_m(record.samples, route.x_m.tolist(), route.y_m.tolist())) < LATERAL_LIMIT_M
     assert re.search(r"samples +\d+ complete, 0 incomplete", loop.text)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from .conftest import Programs, set_link
-from .contract import AUTONOMOUS, FAULT, MS, READY, Observer, reasons
+from .contract import AUTONOMOUS, FAULT, MS, READY, Observer, decided, reasons
 from .driving import driven, is_standing, line_file, own_faults, summary, wait_until_driven
 from .peer import Vehicle
 
@@ -24,7 +24,7 @@ def test_told_to_end_the_loop_stops_the_vehicle_and_then_lets_go(
     loop.tell(number)
     assert loop.ends() == 0
     record = bus.record(moving, bus.wait_samples(5))
-    assert reasons(record.pairs) == ["NOMINAL", "SHUTDOWN"]
+    assert decided(record) == ["NOMINAL", "SHUTDOWN"]
     stops = [pair for pair in record.pairs if pair.reason == "SHUTDOWN" and pair.is_enabled]
     releases = [pair for pair in record.pairs if not pair.is_enabled]
     assert stops
@@ -59,7 +59,7 @@ def test_when_its_time_is_over_the_loop_stops_the_vehicle_and_ends(programs: Pro
     loop, moving = driven(programs, bus, "--trajectory", line_file(programs.folder), "--duration", "2.5")
     assert loop.ends() == 0
     record = bus.record(moving, bus.wait_samples(5))
-    assert reasons(record.pairs) == ["NOMINAL", "SHUTDOWN"]
+    assert decided(record) == ["NOMINAL", "SHUTDOWN"]
     assert abs(record.samples[-1].speed_mps) < 0.06
     assert not record.faults()
 

@@ -3,7 +3,7 @@
 import pytest
 
 from .conftest import ROOT, Programs
-from .contract import AUTONOMOUS, MAP, ODOM, Observer, reasons
+from .contract import AUTONOMOUS, MAP, ODOM, Observer, decided
 from .driving import driven, is_standing, line_file, own_faults, wait_until_driven
 from .peer import Vehicle
 
@@ -17,7 +17,7 @@ def stops(bus: Observer, reason: str, since: int, *, hazard_lights: bool) -> int
     end = bus.wait_samples(30, since=standing)
     bus.wait_for("the hazard lights", "BODY_COMMAND", HAZARD_LIGHTS=hazard_lights, since=standing)
     record = bus.record(index, end)
-    assert reasons(record.pairs) == [reason]
+    assert decided(record) == [reason]
     assert all(pair.is_enabled and pair.is_stop for pair in record.pairs)
     assert all(abs(sample.speed_mps) < 0.01 for sample in bus.record(standing, end).samples)
     assert not own_faults(bus.record(since))
@@ -87,6 +87,6 @@ def test_trajectories_from_another_process_at_10_hz_do_not_disturb_the_drive(pro
     assert poster.is_running
     end = bus.now()
     record = bus.record(moving, end)
-    assert reasons(record.pairs) == ["NOMINAL"]
+    assert decided(record) == ["NOMINAL"]
     assert not record.faults()
     assert loop.is_running
