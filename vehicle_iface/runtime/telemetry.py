@@ -221,6 +221,7 @@ _FILE_BYTES = -(-(_DETAILS_AT + 2 * _DETAILS_STRIDE) // 4096) * 4096
 _LAYOUT = _layout()
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+_BAD_JSON = (msgspec.MsgspecError, ValueError, RecursionError)
 _TAKEOVER_TRIES = 20
 _TAKEOVER_PAUSE_NS = 10_000_000
 
@@ -430,7 +431,7 @@ class TelemetryReader:
             return Link.UNREADABLE, "damaged"
         try:
             self.info = msgspec.json.decode(info, type=SessionInfo)
-        except (ValueError, RecursionError):
+        except _BAD_JSON:
             return Link.UNREADABLE, "damaged"
         if session != self.session:
             self.session, self.missed = session, 0
@@ -601,6 +602,6 @@ def _unpacked_details(area: bytes) -> tuple[int, dict[str, Any]]:
         return 0, {}
     try:
         found = msgspec.json.decode(area[_DETAILS.size : end])
-    except (ValueError, RecursionError):
+    except _BAD_JSON:
         return 0, {}
     return (number, found) if isinstance(found, dict) else (0, {})
