@@ -26,8 +26,6 @@ class CanFrame:
 
     def __post_init__(self) -> None:
         if not 0 <= self.can_id <= (0x1FFFFFFF if self.is_extended else 0x7FF):
-            raise InvalidValueError(
-                f"can_id = {self.can_id:#x}: must fit {29 if self.is_extended else 11} bits"
-            )
+            raise InvalidValueError(f"can_id = {self.can_id:#x}: must fit {29 if self.is_extended else 11} bits")
         if len(self.data) > (64 if self.is_fd else 8):
             raise InvalidValueError(f"data of {len(self.data)} bytes: at most {64 if self.is_fd else 8}")

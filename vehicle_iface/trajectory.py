@@ -57,9 +57,7 @@ class Trajectory:
             given = getattr(self, name)
             values = np.zeros(len(times)) if given is None and name in _OPTIONAL else _floats(name, given)
             if len(values) != len(times):
-                raise InvalidValueError(
-                    f"{name} has {len(values)} values: time_from_start_ns has {len(times)}"
-                )
+                raise InvalidValueError(f"{name} has {len(values)} values: time_from_start_ns has {len(times)}")
             values.setflags(write=False)
             object.__setattr__(self, name, values)
 
@@ -94,9 +92,7 @@ def _times(given: Any) -> IntArray:
     falls = np.flatnonzero(times[1:] < times[:-1])
     if falls.size:
         i = int(falls[0])
-        raise InvalidValueError(
-            f"time_from_start_ns[{i + 1}] = {times[i + 1]}: must not be below [{i}] = {times[i]}"
-        )
+        raise InvalidValueError(f"time_from_start_ns[{i + 1}] = {times[i + 1]}: must not be below [{i}] = {times[i]}")
     times.setflags(write=False)
     return times
 

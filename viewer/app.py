@@ -62,7 +62,7 @@ class App:
         with self.server.atomic():
             place = self._scene.draw(view)
             if tick % _PANELS_EVERY == 0:
-                self._panels.show(view)
+                self._panels.show(view, tick // _PANELS_EVERY)
         if place is not None:
             for follower in followers:
                 follower.move(place)

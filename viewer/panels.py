@@ -103,17 +103,21 @@ class Panels:
         with gui.add_folder("Counters", expand_by_default=False, order=20.0):
             self._details = gui.add_html("")
 
-    def show(self, view: View) -> None:
-        """Bring words and curves to `view`."""
-        for handle, content in (
-            (self._banner, banner_html(view)),
-            (self._numbers, numbers_html(view)),
-            (self._legend, legend_html(view)),
-            (self._details, details_html(view)),
-        ):
-            if handle.content != content:
-                handle.content = content
+    def show(self, view: View, turn: int) -> None:
+        """Bring words and curves to `view`: the banner each time, the rest in turns to spare the browser."""
+        _update(self._banner, banner_html(view))
+        if turn % 2 == 0:
+            _update(self._numbers, numbers_html(view))
+        else:
+            _update(self._legend, legend_html(view))
+            _update(self._details, details_html(view))
         self._plots.extend(view)
+        self._plots.send(turn)
+
+
+def _update(handle: viser.GuiHtmlHandle, content: str) -> None:
+    if handle.content != content:
+        handle.content = content
 
 
 class Plots:
@@ -122,6 +126,7 @@ class Plots:
     def __init__(self, gui: viser.GuiApi) -> None:
         self._due_ns = 0
         self._session = 0
+        self._unsent: set[int] = set()
         count = sum(len(curves) for _, curves in _PLOTS)
         self._times_ns = np.zeros(_PLOT_POINTS)
         self._values = np.full((count, _PLOT_POINTS), np.nan)
@@ -140,15 +145,17 @@ class Plots:
         self._values = np.roll(self._values, -1, axis=1)
         self._times_ns[-1] = snapshot.published_ns
         self._values[:, -1] = [value(snapshot) for _, curves in _PLOTS for _, _, value in curves]
-        self._send()
+        self._unsent = set(range(len(_PLOTS)))
 
-    def _send(self) -> None:
+    def send(self, turn: int) -> None:
+        """Send every other plot that has something new: whole arrays each time, and redrawing is dear."""
         ago_s = (self._times_ns - self._times_ns[-1]) / NS_PER_S
         kept = ago_s >= -_WINDOW_S
         row = 0
-        for handle, (_, curves) in zip(self._handles, _PLOTS, strict=True):
-            rows = self._values[row : row + len(curves), kept]
-            handle.data = (ago_s[kept], *rows)
+        for k, (_, curves) in enumerate(_PLOTS):
+            if k % 2 == turn % 2 and k in self._unsent:
+                self._unsent.remove(k)
+                self._handles[k].data = (ago_s[kept], *self._values[row : row + len(curves), kept])
             row += len(curves)
 
     def _added(self, gui: viser.GuiApi, title: str, curves: tuple[_Curve, ...], order: float) -> viser.GuiUplotHandle:
@@ -156,7 +163,7 @@ class Plots:
         series = [uplot.Series(label="s")]
         series += [uplot.Series(label=label, stroke=color, width=1.6) for label, color, _ in curves]
         line = {"stroke": "#343a40", "width": 1}
-        across, up = ({"stroke": "#adb5bd", "grid": line, "ticks": line, "size": size} for size in (32, 44))
+        across, up = ({"stroke": "#adb5bd", "grid": line, "ticks": line, "size": size} for size in (30, 54))
         return gui.add_uplot(
             (nothing, *(nothing for _ in curves)),
             tuple(series),
@@ -164,7 +171,7 @@ class Plots:
             scales={"x": uplot.Scale(time=False, auto=False, range=(-_WINDOW_S, 0.0))},
             axes=(across, up),  # type: ignore[arg-type]  # plain dictionaries of the keys that matter
             legend=uplot.Legend(show=True, live=False),
-            height=150,
+            height=118,
             order=order,
         )
 

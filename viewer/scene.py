@@ -44,7 +44,7 @@ _TRAIL_PERIOD_NS = 200_000_000
 _CHEVRON_STEP_M = 5.0
 _MAX_CHEVRONS = 60
 # Heights above the ground, so that what overlaps does not flicker.
-_Z_CHEVRON_M, _Z_TRAJECTORY_M, _Z_TRAIL_M = 0.05, 0.03, 0.07
+_Z_CHEVRON_M, _Z_TRAJECTORY_M, _Z_TRAIL_M = 0.16, 0.03, 0.1
 _SPATIAL_POST_M, _TEMPORAL_POST_M = 2.3, 3.7
 _NO_SNAPSHOT = Snapshot(0, 0, 0)
 _NOTHING = np.zeros((1, 2, 3))

@@ -191,11 +191,7 @@ def _bind_up(raw: socket.socket, channel: str) -> None:
         request = struct.pack("16sH22x", channel.encode(), 0)
         flags = struct.unpack_from("16xH", fcntl.ioctl(raw, SIOCGIFFLAGS, request))[0]
     except OSError as error:
-        how = (
-            f"`sudo ip link add dev {channel} type vcan`"
-            if channel.startswith("vcan")
-            else "`ip link` lists them"
-        )
+        how = f"`sudo ip link add dev {channel} type vcan`" if channel.startswith("vcan") else "`ip link` lists them"
         raise BusError(f"{channel}: no such CAN interface ({error.strerror}); {how}") from error
     if not flags & IFF_UP:
         setup = "" if channel.startswith("vcan") else " type can bitrate 500000"

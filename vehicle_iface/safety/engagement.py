@@ -69,10 +69,7 @@ TABLE: dict[tuple[Mode, Event], tuple[Mode, Reason]] = {
         (mode, Event.DUPLICATE_COMMANDER): (Mode.SILENT, Reason.DUPLICATE_COMMANDER)
         for mode in (*_ANSWERING, Mode.ENDING, Mode.RELEASED)
     },
-    **{
-        (mode, Event.ARMED): (Mode.STARTING, Reason.NOT_ENGAGED)
-        for mode in (Mode.OVERRIDDEN, Mode.FAULT, Mode.SILENT)
-    },
+    **{(mode, Event.ARMED): (Mode.STARTING, Reason.NOT_ENGAGED) for mode in (Mode.OVERRIDDEN, Mode.FAULT, Mode.SILENT)},
     **{(mode, Event.END): (Mode.ENDING, Reason.SHUTDOWN) for mode in _DRIVING},
     **{
         (mode, Event.END): (Mode.RELEASED, Reason.SHUTDOWN)

@@ -120,7 +120,7 @@ def post(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
 def fetch(path: str | os.PathLike[str]) -> Trajectory:
     """The trajectory in a posted file; `TrajectoryFileError` naming the file and what is wrong in it."""
     try:
-        with np.load(path, allow_pickle=False) as content:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as content:
             return Trajectory(
                 stamp_ns=int(content["stamp_ns"]),
                 frame_id=str(content["frame_id"]),
