@@ -36,6 +36,7 @@ MAX_CLIENTS = 64
 """Browsers at a time; each costs memory and a share of every update."""
 MIN_TOKEN_LENGTH = 16
 
+_PATIENCE_S = 2.0
 _COOKIE = "vehicle_iface_token"
 # Nothing from elsewhere is loaded, sent to, or allowed to frame the page. viser compiles its own WebAssembly and
 # builds its scripts and workers on the fly, hence the exceptions.
@@ -234,6 +235,8 @@ def _guarded_serve(listener: socket.socket, gate: _Gate) -> Iterator[None]:
     def serve(handler: Any, *_: Any, **options: Any) -> Any:
         options["max_size"] = MAX_MESSAGE_BYTES
         options["max_queue"] = 4
+        # Browsers connect in advance and then say nothing; neither that nor a page that hangs may hold up the end.
+        options["open_timeout"] = options["close_timeout"] = _PATIENCE_S
         options["server_header"] = None
         options["process_request"] = gate.wrap(options["process_request"])
         return original(handler, sock=listener, **options)

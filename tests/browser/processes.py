@@ -1,0 +1,55 @@
+"""The other processes of a browser test."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+class _Process:
+    """A Python module as a process that greets with one line."""
+
+    def __init__(self, *arguments: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=ROOT,
+        )
+        assert self._process.stdout is not None
+        self.greeting = self._process.stdout.readline()
+
+    def end(self, number: int) -> tuple[int, str]:
+        """Send a signal; the exit status and all that was printed after the greeting."""
+        self._process.send_signal(number)
+        printed, _ = self._process.communicate(timeout=20)
+        return self._process.returncode, printed
+
+    def close(self) -> None:
+        """End it, unless it has ended already."""
+        if self._process.poll() is None:
+            self._process.terminate()
+        self._process.communicate(timeout=20)
+
+
+class Publisher(_Process):
+    """A process that publishes a drive, and takes orders."""
+
+    def __init__(self, address: str, *options: str) -> None:
+        super().__init__("tests.browser.publisher", address, *options)
+
+    def order(self, word: str) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{word}\n")
+        self._process.stdin.flush()
+
+
+class Viewer(_Process):
+    """A viewer process, with the address of its page."""
+
+    def __init__(self, address: str, *options: str) -> None:
+        super().__init__("viewer", "--connect", address, "--port", "0", *options)
+        self.url = self.greeting.partition(" ")[2].partition(" ")[0]

@@ -1,0 +1,226 @@
+"""The page in a real browser: what a person would see, and what none may do."""
+
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Page, Request, expect
+from processes import ROOT, Publisher, Viewer
+
+from viewer.access import Access
+from viewer.app import App
+
+Start = Callable[..., Publisher]
+HOSTILE = "<img src=x onerror=\"document.title='owned'\"><b>bold</b> & [link](http://evil.example) `code`"
+
+
+@pytest.fixture
+def app(address: str) -> Iterator[App]:
+    """A viewer in this process, to look into."""
+    app = App(Access(port=0), address)
+    wanted = threading.Event()
+    wanted.set()
+    thread = threading.Thread(target=app.run, args=(wanted.is_set,))
+    thread.start()
+    yield app
+    wanted.clear()
+    thread.join()
+    app.close()
+
+
+def banner(page: Page, state: str, reason: str, *, stale: bool = False) -> None:
+    """Wait until the banner says so."""
+    expect(page.locator("#state")).to_have_text(state)
+    expect(page.locator("#reason")).to_have_text(reason)
+    expect(page.locator("#banner")).to_have_attribute("data-stale", str(stale).lower())
+
+
+def number(page: Page, name: str) -> float:
+    """A figure of the table of numbers."""
+    found = re.match(r"-?\d+(\.\d+)?", page.locator(f"#n-{name}").inner_text())
+    assert found is not None
+    return float(found[0])
+
+
+def differs(page: Page, name: str, old: float) -> None:
+    """Wait until a figure has changed."""
+    page.wait_for_function(
+        "([id, old]) => parseFloat(document.getElementById(id).innerText) !== old", arg=[f"n-{name}", old]
+    )
+
+
+def test_the_page_follows_the_loop_through_stop_death_and_restart(publish: Start, viewer: Viewer, page: Page) -> None:
+    page.goto(viewer.url)
+    expect(page.locator("#state")).to_have_text("NO LOOP")
+    first = publish()
+    banner(page, "ENGAGED", "NOMINAL")
+    for name in ("x", "in-space", "in-time"):
+        differs(page, name, number(page, name))
+    assert number(page, "in-time") >= number(page, "in-space")
+    first.order("stale")
+    banner(page, "STOPPING", "STATE_STALE")
+    expect(page.locator("#banner")).to_contain_text(re.compile(r"state age\s*\d{4,} ms"))
+    first.end(signal.SIGKILL)
+    banner(page, "STOPPING", "STATE_STALE", stale=True)
+    expect(page.locator("#stale")).to_contain_text(re.compile(r"LOOP GONE: no data for \d+\.\d s"))
+    publish("--route", "second")
+    banner(page, "ENGAGED", "NOMINAL")
+    expect(page.locator("#banner")).to_contain_text("route second")
+
+
+def test_a_loop_that_is_silent_or_has_ended_greys_the_page(publish: Start, viewer: Viewer, page: Page) -> None:
+    loop = publish()
+    page.goto(viewer.url)
+    banner(page, "ENGAGED", "NOMINAL")
+    loop.order("freeze")
+    banner(page, "ENGAGED", "NOMINAL", stale=True)
+    expect(page.locator("#stale")).to_contain_text(re.compile(r"^no data for"))
+    loop.order("quit")
+    expect(page.locator("#stale")).to_contain_text("LOOP ENDED")
+
+
+def test_fault_and_shadow_are_named(publish: Start, viewer: Viewer, page: Page) -> None:
+    loop = publish("--arming", "shadow")
+    page.goto(viewer.url)
+    loop.order("shadow")
+    banner(page, "SHADOW", "NOT_ENGAGED")
+    expect(page.locator("#bus")).to_contain_text("shadow")
+    loop.order("fault")
+    banner(page, "FAULT", "DEVIATION")
+
+
+def test_markup_in_names_is_shown_as_text(publish: Start, viewer: Viewer, page: Page) -> None:
+    publish("--bus", HOSTILE, "--hint", HOSTILE, "--route", HOSTILE)
+    page.goto(viewer.url)
+    banner(page, "ENGAGED", "NOMINAL")
+    assert page.locator("#banner").inner_text().count(HOSTILE) == 3
+    assert page.locator("#banner img, #bus b:has-text('bold')").count() == 0
+    assert page.title() == "vehicle-iface"
+
+
+def test_positions_that_cannot_be_drawn_leave_the_page_alive(publish: Start, viewer: Viewer, page: Page) -> None:
+    loop = publish()
+    page.goto(viewer.url)
+    banner(page, "ENGAGED", "NOMINAL")
+    loop.order("huge")
+    expect(page.locator("#n-x")).to_have_text("not a number to show")
+    loop.order("engaged")
+    expect(page.locator("#n-x")).to_contain_text(" m")
+    differs(page, "x", number(page, "x"))
+
+
+def test_the_page_asks_nobody_else_for_anything(publish: Start, viewer: Viewer, page: Page) -> None:
+    asked: list[str] = []
+
+    def note(request: Request) -> None:
+        asked.append(request.url)
+
+    page.on("request", note)
+    publish()
+    page.goto(viewer.url)
+    banner(page, "ENGAGED", "NOMINAL")
+    differs(page, "x", number(page, "x"))
+    own = (viewer.url, viewer.url.replace("http", "ws"), "data:", "blob:")
+    assert [url for url in asked if not url.startswith(own)] == []
+
+
+def test_the_picture_is_drawn_beside_legend_and_plots(publish: Start, viewer: Viewer, page: Page) -> None:
+    publish()
+    page.goto(viewer.url)
+    banner(page, "ENGAGED", "NOMINAL")
+    for words in ("speed, m/s", "reference in space", "reference in time", "look-ahead", "grid 1 m, bold 10 m"):
+        expect(page.locator("#legend")).to_contain_text(words)
+    expect(page.locator(".uplot")).to_have_count(4)
+    expect(page.get_by_text("Share")).to_have_count(0)
+    canvas = page.locator("canvas").first
+    assert len(canvas.screenshot()) > 10_000  # an empty ground compresses to far less
+
+
+def test_a_browser_decides_for_itself_whether_to_follow(publish: Start, app: App, page: Page) -> None:
+    publish()
+    page.goto(f"http://127.0.0.1:{app.port}/")
+    banner(page, "ENGAGED", "NOMINAL")
+    (follower,) = app._followers.values()
+    switch = page.get_by_role("checkbox").first
+    expect(switch).to_be_checked()
+    switch.click()
+    expect(switch).not_to_be_checked()
+    while follower._is_following:
+        page.wait_for_timeout(20)
+    app_tick, kept = page.locator("#n-x").inner_text(), tuple(follower._frame.position)
+    expect(page.locator("#n-x")).not_to_have_text(app_tick)
+    assert tuple(follower._frame.position) == kept
+    switch.click()
+    while tuple(follower._frame.position) == kept:
+        page.wait_for_timeout(20)
+
+
+def test_two_pages_see_the_same_drive(publish: Start, viewer: Viewer, page: Page) -> None:
+    other = page.context.new_page()
+    publish()
+    for each in (page, other):
+        each.goto(viewer.url)
+        banner(each, "ENGAGED", "NOMINAL")
+    other.close()
+    differs(page, "x", number(page, "x"))
+
+
+def test_a_page_from_elsewhere_cannot_listen(publish: Start, viewer: Viewer, page: Page) -> None:
+    publish()
+    socket_url = viewer.url.replace("http", "ws")
+    page.route(
+        "http://elsewhere.example/", lambda route: route.fulfill(body="<p>elsewhere</p>", content_type="text/html")
+    )
+    page.goto("http://elsewhere.example/")
+    attempt = """url => new Promise(done => {
+        const socket = new WebSocket(url, "viser-v1.1.1");
+        socket.onopen = () => done("open"); socket.onerror = () => done("refused");
+    })"""
+    assert page.evaluate(attempt, socket_url) == "refused"
+    frame = """url => new Promise(done => {
+        const frame = document.createElement("iframe");
+        frame.onload = () => done(frame.contentDocument === null);
+        frame.src = url;
+        document.body.append(frame);
+    })"""
+    assert page.evaluate(frame, viewer.url)
+    assert all(each.locator("#banner").count() == 0 for each in page.frames)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_viewer_says_what_it_shows_and_ends_when_told(viewer: Viewer, address: str, number: int) -> None:
+    assert re.fullmatch(rf"viewer: http://127\.0\.0\.1:\d+/  \(telemetry '{address}': {address}\)\n", viewer.greeting)
+    assert viewer.end(number) == (0, "viewer: ended\n")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--host", "0.0.0.0"], "--host 0.0.0.0: others could watch"),
+        (["--host", "0.0.0.0", "--allow-remote", "--token", "short"], "at least 16"),
+        (["--connect", "no such name"], "telemetry address 'no such name'"),
+        (["--port", "99999"], "--port 99999"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused_in_one_line(options: list[str], words: str) -> None:
+    done = run_viewer(*options)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_taken_port_is_refused_by_its_number(viewer: Viewer, address: str) -> None:
+    port = viewer.url.rstrip("/").rsplit(":", 1)[1]
+    done = run_viewer("--connect", address, "--port", port)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"--port {port} on 127.0.0.1" in done.stderr
+
+
+def run_viewer(*options: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "viewer", *options], capture_output=True, text=True, cwd=ROOT, timeout=60, check=False
+    )

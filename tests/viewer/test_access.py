@@ -1,0 +1,254 @@
+"""Who may watch, and that nobody can do more than watch."""
+
+import contextlib
+import http.client
+import socket
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+import viser
+import websockets.asyncio.server
+from viser import _messages
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.http11 import Request
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from vehicle_iface.errors import ConfigError
+from viewer.access import MAX_MESSAGE_BYTES, Access, open_server
+
+TOKEN = "0123456789abcdef"
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    opened = open_server(Access(port=0))
+    yield opened
+    opened.stop()
+
+
+@pytest.fixture(scope="module")
+def guarded() -> Iterator[viser.ViserServer]:
+    opened = open_server(Access(port=0, token=TOKEN))
+    yield opened
+    opened.stop()
+
+
+def status(server: viser.ViserServer, path: str = "/", **headers: str) -> http.client.HTTPResponse:
+    """The answer to one request; `Host` as given, once."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.get_port(), timeout=10)
+    with contextlib.closing(connection):
+        connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
+        connection.putheader("Host", headers.pop("Host", f"127.0.0.1:{server.get_port()}"))
+        for name, value in headers.items():
+            connection.putheader(name.replace("_", "-"), value)
+        connection.endheaders()
+        response = connection.getresponse()
+        response.body = response.read()  # type: ignore[attr-defined]
+        return response
+
+
+def joined(server: viser.ViserServer, **options: object) -> ClientConnection:
+    """A client of viser's own protocol."""
+    name = Subprotocol(f"viser-v{viser.__version__}")
+    return connect(
+        f"ws://127.0.0.1:{server.get_port()}/", subprotocols=[name], max_size=None, compression=None, **options
+    )  # type: ignore[arg-type]
+
+
+def packed(message: _messages.Message) -> bytes:
+    return msgspec.msgpack.encode(message.as_serializable_dict([]))
+
+
+def camera() -> _messages.ViewerCameraMessage:
+    return _messages.ViewerCameraMessage(
+        wxyz=(1.0, 0.0, 0.0, 0.0),
+        position=(1.0, 0.0, 0.0),
+        fov=1.0,
+        near=0.1,
+        far=100.0,
+        image_height=100,
+        image_width=100,
+        look_at=(0.0, 0.0, 0.0),
+        up_direction=(0.0, 0.0, 1.0),
+    )
+
+
+def test_the_private_names_that_access_leans_on_are_those_of_viser_1_1_1(server: viser.ViserServer) -> None:
+    assert viser.__version__ == "1.1.1"
+    inner = server._websock_server
+    assert isinstance(inner._incoming_handlers, dict)
+    assert isinstance(inner._client_state_from_id, dict)
+    assert callable(inner.on_client_connect)
+    assert {"uuid", "updates"} <= set(_messages.GuiUpdateMessage.__annotations__)
+    assert issubclass(_messages.ViewerCameraMessage, _messages.Message)
+    box = server.gui.add_checkbox("box", initial_value=False)
+    assert isinstance(box._impl.uuid, str)
+    box.remove()
+
+
+def test_websockets_is_as_before_once_the_server_runs(server: viser.ViserServer) -> None:
+    assert server.get_port() > 0
+    assert websockets.asyncio.server.serve.__module__ == "websockets.asyncio.server"
+
+
+def test_the_page_is_served_with_a_policy_and_our_title(server: viser.ViserServer) -> None:
+    response = status(server)
+    assert response.status == 200
+    assert b"<title>vehicle-iface</title>" in response.body  # type: ignore[attr-defined]
+    assert "frame-ancestors 'none'" in (response.getheader("Content-Security-Policy") or "")
+    assert response.getheader("X-Content-Type-Options") == "nosniff"
+    assert response.getheader("Server") is None
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:{port}", "127.0.0.1:1", "127.0.0.1.evil.example", "", "[::"]
+)
+def test_a_foreign_host_name_is_forbidden(server: viser.ViserServer, host: str) -> None:
+    assert status(server, Host=host.format(port=server.get_port())).status == 403
+
+
+@pytest.mark.parametrize("host", ["localhost:{port}", "127.0.0.1:{port}", "LOCALHOST:{port}", "[::1]:{port}"])
+def test_names_of_this_machine_are_served(server: viser.ViserServer, host: str) -> None:
+    assert status(server, Host=host.format(port=server.get_port())).status == 200
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "https://127.0.0.1:{port}", "http://127.0.0.1:1", ""]
+)
+def test_a_foreign_origin_is_forbidden(server: viser.ViserServer, origin: str) -> None:
+    origin = origin.format(port=server.get_port())
+    assert status(server, Origin=origin).status == 403
+    with pytest.raises(InvalidStatus) as refused:
+        joined(server, additional_headers={"Origin": origin})
+    assert refused.value.response.status_code == 403
+
+
+def test_our_own_page_may_open_a_websocket(server: viser.ViserServer) -> None:
+    with joined(server, additional_headers={"Origin": f"http://127.0.0.1:{server.get_port()}"}) as client:
+        assert client.recv(timeout=10)
+
+
+def test_no_token_is_unauthorized(guarded: viser.ViserServer) -> None:
+    assert status(guarded).status == 401
+    assert status(guarded, "/?token=wrong").status == 401
+    assert status(guarded, Cookie="vehicle_iface_token=wrong").status == 401
+    assert status(guarded, Cookie="a[=b;;=,").status == 401
+    with pytest.raises(InvalidStatus) as refused:
+        joined(guarded)
+    assert refused.value.response.status_code == 401
+
+
+def test_a_token_shown_once_is_kept_as_a_cookie(guarded: viser.ViserServer) -> None:
+    response = status(guarded, f"/?token={TOKEN}")
+    assert response.status == 200
+    cookie = response.getheader("Set-Cookie") or ""
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    kept = cookie.split(";")[0]
+    assert status(guarded, Cookie=kept).status == 200
+    with joined(guarded, additional_headers={"Cookie": kept}) as client:
+        assert client.recv(timeout=10)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "::", "example.org"])
+def test_another_address_needs_a_flag_and_a_token(host: str) -> None:
+    for options in ({}, {"allow_remote": True}, {"token": TOKEN}):
+        with pytest.raises(ConfigError, match=r"others could watch; .*--allow-remote and --token"):
+            Access(host=host, **options)  # type: ignore[arg-type]
+    assert not Access(host=host, allow_remote=True, token=TOKEN).is_local
+
+
+def test_a_remote_viewer_is_known_by_address_and_needs_the_token() -> None:
+    access = Access(host="0.0.0.0", port=8080, allow_remote=True, token=TOKEN)
+    for host, path, expected in (
+        ("192.0.2.7:8080", f"/?token={TOKEN}", None),
+        ("192.0.2.7:8080", "/", 401),
+        ("rebound.example:8080", f"/?token={TOKEN}", 403),
+    ):
+        assert access.refusal(Request(path, Headers(Host=host))) == expected
+
+
+def test_a_short_token_is_refused() -> None:
+    with pytest.raises(ConfigError, match="at least 16"):
+        Access(token="short")
+
+
+@pytest.mark.parametrize("port", [-1, 65536])
+def test_a_port_that_is_none_is_refused(port: int) -> None:
+    with pytest.raises(ConfigError, match=f"--port {port}: must be within"):
+        Access(port=port)
+
+
+def test_a_taken_port_is_refused_by_name() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ConfigError, match=rf"--port {port} on 127\.0\.0\.1: .*in use; .*another --port"):
+            open_server(Access(port=port))
+
+
+def test_of_a_clients_messages_only_the_camera_is_heard(server: viser.ViserServer) -> None:
+    box = server.gui.add_checkbox("box", initial_value=False)
+    hostile = (
+        _messages.GuiUpdateMessage(box._impl.uuid, {"value": True}),
+        _messages.GuiRemoveMessage(box._impl.uuid),
+        _messages.ShareUrlRequest(),
+        _messages.FileTransferStartUpload(box._impl.uuid, "u", "n", "m", 1, 2**40),
+        _messages.ResetGuiMessage(),
+    )
+    with joined(server) as client:
+        for message in hostile:
+            client.send(packed(message))
+        client.send(packed(camera()))
+        wait_for_client(server, client)
+        for message in hostile:
+            client.send(packed(message))
+        (handle,) = server.get_clients().values()
+        assert set(handle._websock_connection._incoming_handlers) == {_messages.ViewerCameraMessage}
+        client.send(b"\xc1")  # closes the connection, once all before it was read
+        wait_until_closed(client)
+    assert box.value is False
+    assert server._share_tunnel is None
+    assert server._websock_server._incoming_handlers == {}
+    assert handle.gui._current_file_upload_states == server.gui._current_file_upload_states == {}
+    box.remove()
+
+
+def test_too_long_and_senseless_messages_close_that_client_alone(server: viser.ViserServer) -> None:
+    with joined(server) as bystander:
+        bystander.recv(timeout=10)
+        for senseless in (b"\x00" * (MAX_MESSAGE_BYTES + 1), b"\xc1", b"\x91" * 10_000, b"", "text"):
+            with joined(server) as client:
+                client.send(senseless)
+                wait_until_closed(client)
+        wait_for_answer(bystander)
+    assert status(server).status == 200
+
+
+def test_a_connection_that_says_nothing_does_not_hold_up_the_end() -> None:
+    server = open_server(Access(port=0))
+    with socket.create_connection(("127.0.0.1", server.get_port())), joined(server) as client:
+        client.recv(timeout=10)
+        server.stop()
+    thread = server._websock_server._server_thread
+    assert thread is not None
+    assert not thread.is_alive()
+
+
+def wait_for_client(server: viser.ViserServer, client: ClientConnection) -> None:
+    """Until the server has heard of the client's camera."""
+    while not server.get_clients():
+        wait_for_answer(client)
+
+
+def wait_until_closed(client: ClientConnection) -> None:
+    with contextlib.suppress(ConnectionClosed):
+        while True:
+            client.recv(timeout=10)
+
+
+def wait_for_answer(client: ClientConnection) -> None:
+    """Until the server has answered a ping, having read what was sent before it."""
+    assert client.ping().wait(timeout=10)

@@ -1,0 +1,85 @@
+"""What the page is told: the newest, how old it is, and how fast it comes."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from vehicle_iface import Trajectory
+from vehicle_iface.runtime.telemetry import Link, SessionInfo, Snapshot, TelemetryReader, TelemetryWriter
+from vehicle_iface.units import NS_PER_MS, NS_PER_S
+from viewer.feed import Feed
+
+INFO = SessionInfo(channel="vcan0", bus="SocketCAN vcan0")
+ZEROS = np.zeros(3)
+PATH = Trajectory(stamp_ns=0, time_from_start_ns=np.arange(3), x_m=ZEROS, y_m=ZEROS, heading_rad=ZEROS, speed_mps=ZEROS)
+
+
+@pytest.fixture
+def writer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TelemetryWriter]:
+    with TelemetryWriter(str(tmp_path_factory.mktemp("feed") / "loop"), INFO) as opened:
+        yield opened
+
+
+@pytest.fixture
+def feed(writer: TelemetryWriter) -> Iterator[Feed]:
+    with TelemetryReader(writer.address) as reader:
+        yield Feed(reader)
+
+
+def test_without_a_loop_the_view_says_so(tmp_path_factory: pytest.TempPathFactory) -> None:
+    with TelemetryReader(str(tmp_path_factory.mktemp("feed") / "loop")) as reader:
+        view = Feed(reader).view(5)
+    assert (view.link, view.snapshot, view.is_stale) == (Link.ABSENT, None, True)
+
+
+def test_rates_are_counts_over_the_time_between(writer: TelemetryWriter, feed: Feed) -> None:
+    for k in range(200):
+        now_ns = k * 10 * NS_PER_MS
+        writer.publish(Snapshot(now_ns, 3, 0, samples=k, commands=k // 2))
+        view = feed.view(now_ns)
+    assert view.sample_rate_hz == pytest.approx(100.0)
+    assert view.command_rate_hz == pytest.approx(50.0, abs=1.0)
+
+
+def test_data_grows_old_and_keeps_being_shown(writer: TelemetryWriter, feed: Feed) -> None:
+    writer.publish(Snapshot(NS_PER_S, 3, 0, has_state=True, stamp_ns=NS_PER_S - 7 * NS_PER_MS, samples=1))
+    young, old = feed.view(NS_PER_S), feed.view(NS_PER_S + 1200 * NS_PER_MS)
+    assert (young.is_stale, old.is_stale) == (False, True)
+    assert old.data_age_s == pytest.approx(1.2)
+    assert old.state_age_s == pytest.approx(1.207)
+    assert old.snapshot == young.snapshot
+    assert old.sample_rate_hz == 0.0
+
+
+def test_the_trajectory_is_that_of_the_snapshot(writer: TelemetryWriter, feed: Feed) -> None:
+    writer.publish(Snapshot(1, 3, 0))
+    assert feed.view(1).trajectory is None
+    version = writer.publish_trajectory(PATH)
+    writer.publish(Snapshot(2, 3, 0, trajectory_version=version))
+    first = feed.view(2).trajectory
+    assert first is not None
+    assert first.version == version
+    assert feed.view(3).trajectory is first
+
+
+def test_a_new_session_starts_afresh(writer: TelemetryWriter, feed: Feed) -> None:
+    writer.publish(Snapshot(1, 3, 0, trajectory_version=writer.publish_trajectory(PATH)))
+    first = feed.view(1)
+    writer.close()
+    assert feed.view(2).link is Link.ENDED
+    assert feed.view(2).snapshot == first.snapshot
+    with TelemetryWriter(writer.address, INFO) as successor:
+        again = feed.view(3)
+        assert (again.link, again.snapshot, again.trajectory) == (Link.LIVE, None, None)
+        assert again.session != first.session
+        successor.publish(Snapshot(4, 1, 0))
+        assert feed.view(4).snapshot == Snapshot(4, 1, 0, sequence=1)
+
+
+def test_details_are_read_now_and_then(writer: TelemetryWriter, feed: Feed) -> None:
+    writer.publish_details({"a": 1})
+    assert feed.view(0).details == {"a": 1}
+    writer.publish_details({"a": 2})
+    assert feed.view(1).details == {"a": 1}
+    assert feed.view(NS_PER_S).details == {"a": 2}

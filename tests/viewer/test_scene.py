@@ -1,0 +1,146 @@
+"""The picture: everything bounded, nothing undrawable drawn, no node made twice."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import viser
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle_iface.runtime.telemetry import DrawnTrajectory, Link, SessionInfo, Snapshot, VehicleShape
+from vehicle_iface.units import NS_PER_S
+from viewer import shapes
+from viewer.access import Access, open_server
+from viewer.feed import View
+from viewer.panels import Panels
+from viewer.scene import Scene, drawable_points
+
+SHAPE = VehicleShape(length_m=7.0, width_m=2.4, wheelbase_m=4.0, height_m=2.8)
+INFO = SessionInfo(channel="vcan0", bus="SocketCAN vcan0", shape=SHAPE)
+
+
+@pytest.fixture
+def server() -> Iterator[viser.ViserServer]:
+    opened = open_server(Access(port=0))
+    yield opened
+    opened.stop()
+
+
+def path(x_m: npt.ArrayLike, y_m: npt.ArrayLike, version: int = 1) -> DrawnTrajectory:
+    x, y = np.asarray(x_m, dtype=np.float64), np.asarray(y_m, dtype=np.float64)
+    return DrawnTrajectory(
+        version=version,
+        stamp_ns=0,
+        frame_id="map",
+        original_count=len(x),
+        x_m=x,
+        y_m=y,
+        heading_rad=np.zeros(len(x)),
+        speed_mps=np.ones(len(x)),
+        time_s=np.arange(len(x), dtype=np.float64),
+    )
+
+
+def view(k: int, x_m: float, y_m: float, trajectory: DrawnTrajectory | None = None, **changes: object) -> View:
+    now_ns = k * NS_PER_S // 10
+    snapshot = Snapshot(now_ns, 3, 0, has_state=True, stamp_ns=now_ns, x_m=x_m, y_m=y_m)
+    snapshot = snapshot._replace(**changes)  # type: ignore[arg-type]
+    return View(
+        now_ns=now_ns,
+        address="a",
+        link=Link.LIVE,
+        session=1,
+        info=INFO,
+        snapshot=snapshot,
+        trajectory=trajectory,
+        details={"k": k},
+    )
+
+
+def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserServer) -> None:
+    scene, panels = Scene(server), Panels(server.gui)
+    sizes = []
+    for k in range(1, 1501):
+        along = path(np.arange(600.0) + k, np.zeros(600), version=k // 50)
+        changes = {"has_reference": True, "has_lookahead": True, "lookahead_x_m": k + 5.0}
+        now = view(k, 2.0 * k, math.sin(k), along if k % 50 == 0 else None, **changes)
+        scene.draw(now)
+        panels.show(now, k)
+        if k % 500 == 0:
+            buffer = server._websock_server._broadcast_buffer
+            sizes.append((len(server.scene._handle_from_node_name), len(buffer.message_from_id)))
+            assert len(scene._trail._line.points) < 400
+    assert sizes[0] == sizes[1] == sizes[2]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e12, 1e300])
+def test_what_cannot_be_drawn_is_hidden_and_comes_back(server: viser.ViserServer, bad: float) -> None:
+    scene = Scene(server)
+    assert scene.draw(view(1, 3.0, 4.0)) is not None
+    assert scene._vehicle._frame.visible
+    assert scene.draw(view(2, bad, 4.0)) is None
+    assert not scene._vehicle._frame.visible
+    assert scene.draw(view(3, 3.0, 4.0, heading_rad=bad if not math.isfinite(bad) else 0.0)) is not None
+    scene.draw(view(4, 3.0, 4.0, path([bad, bad], [0.0, bad]), has_reference=True, spatial_reference_x_m=bad))
+    assert not scene._path._line.visible
+    assert not scene._markers._spatial.visible
+    assert scene._markers._temporal.visible
+    scene.draw(view(5, 3.0, 4.0, path([0.0, 1.0], [0.0, 1.0])))
+    assert scene._vehicle._frame.visible
+    assert scene._path._line.visible
+
+
+def test_far_from_the_maps_origin_the_vehicle_still_moves_by_centimetres(server: viser.ViserServer) -> None:
+    scene = Scene(server)
+    places = []
+    for k in range(5):
+        scene.draw(view(k, 500_000.0 + 0.01 * k, 5_400_000.0))
+        places.append(float(scene._vehicle._frame.position[0]))
+    assert np.diff(places) == pytest.approx(0.01, abs=1e-6)
+
+
+def test_a_session_brings_its_vehicles_shape(server: viser.ViserServer) -> None:
+    scene = Scene(server)
+    scene.draw(view(1, 0.0, 0.0))
+    assert np.ptp(scene._vehicle._body.vertices[:, 0]) == pytest.approx(SHAPE.length_m)
+    assert scene._vehicle._wheels[0].position[0] == pytest.approx(SHAPE.wheelbase_m)
+
+
+def test_left_is_left(server: viser.ViserServer) -> None:
+    scene = Scene(server)
+    scene.draw(view(1, 0.0, 0.0, heading_rad=math.pi / 2, front_wheel_angle_rad=0.3))
+    assert scene._vehicle._frame.wxyz == pytest.approx((math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
+    assert scene._vehicle._wheels[0].wxyz == pytest.approx((math.cos(0.15), 0.0, 0.0, math.sin(0.15)))
+    assert scene._vehicle._wheels[2].wxyz == pytest.approx((1.0, 0.0, 0.0, 0.0))
+
+
+def test_a_trajectory_in_another_frame_is_not_drawn(server: viser.ViserServer) -> None:
+    scene = Scene(server)
+    scene.draw(view(1, 0.0, 0.0, path([0.0, 1.0], [0.0, 0.0]), frame_id="odom"))
+    assert not scene._path._line.visible
+
+
+@given(st.lists(st.tuples(st.floats(), st.floats()), max_size=30))
+def test_drawn_points_are_finite_and_near(points: list[tuple[float, float]]) -> None:
+    drawn, speeds = drawable_points(path([x for x, _ in points], [y for _, y in points]), (0.0, 0.0))
+    assert len(drawn) == len(speeds)
+    assert (np.abs(drawn) < 1e6).all()
+
+
+@pytest.mark.parametrize("make", [shapes.body, shapes.cabin, shapes.roof, lambda s: shapes.lamps(s, front=True)])
+def test_parts_of_the_car_are_symmetric_and_within_its_size(make: object) -> None:
+    vertices, faces = make(SHAPE)  # type: ignore[operator]
+    assert faces.max() < len(vertices)
+    assert vertices[:, 1].min() == pytest.approx(-vertices[:, 1].max())
+    assert vertices[:, 1].max() <= SHAPE.width_m / 2 + 1e-9
+    assert vertices[:, 2].min() >= 0.0
+    assert vertices[:, 2].max() <= SHAPE.height_m + 1e-9
+
+
+def test_slow_is_blue_and_fast_is_red() -> None:
+    slow, fast = shapes.speed_color(np.array([0.0, 1.0])).astype(int)
+    assert slow[2] > slow[0]
+    assert fast[0] > fast[2]
