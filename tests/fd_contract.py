@@ -1,0 +1,135 @@
+"""The reference vehicle's bus on CAN FD, from the table in `dbc/README.md`: shares no code with the program."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+Layout = Mapping[str, tuple[int, int, bool, float]]
+"""Signal → start bit, length, whether it is signed, factor."""
+
+LAYOUT: Mapping[str, tuple[int, int, Layout]] = {
+    "COMMAND": (
+        0x080,
+        16,
+        {
+            "ENABLE": (24, 1, False, 1.0),
+            "SAFE_STOP": (25, 1, False, 1.0),
+            "GEAR_REQUEST": (26, 3, False, 1.0),
+            "REASON": (32, 8, False, 1.0),
+            "ACCEL_REQUEST": (48, 16, True, 0.001),
+            "SPEED_REQUEST": (64, 16, True, 0.005),
+            "FRONT_WHEEL_ANGLE_REQUEST": (80, 16, True, 0.0001),
+            "REAR_WHEEL_ANGLE_REQUEST": (96, 16, True, 0.0001),
+        },
+    ),
+    "BODY_COMMAND": (
+        0x082,
+        8,
+        {
+            "HAZARD_LIGHTS": (24, 1, False, 1.0),
+            "HEADLIGHTS": (32, 2, False, 1.0),
+            "TURN_INDICATOR": (34, 2, False, 1.0),
+            "HORN": (36, 1, False, 1.0),
+        },
+    ),
+    "VEHICLE_STATUS": (
+        0x100,
+        12,
+        {
+            "GEAR": (24, 3, False, 1.0),
+            "DRIVER_BRAKE": (27, 1, False, 1.0),
+            "DRIVER_THROTTLE": (28, 1, False, 1.0),
+            "MODE": (32, 3, False, 1.0),
+            "FAULT_CODE": (40, 8, False, 1.0),
+            "DRIVER_STEER_TORQUE": (48, 16, True, 0.01),
+        },
+    ),
+    "STATE": (
+        0x110,
+        32,
+        {
+            "POSE_FRAME": (24, 2, False, 1.0),
+            "POSE_VALID": (26, 1, False, 1.0),
+            "POS_X": (32, 32, True, 0.005),
+            "POS_Y": (64, 32, True, 0.005),
+            "HEADING": (96, 16, True, 0.0001),
+            "SPEED": (112, 16, True, 0.005),
+            "YAW_RATE": (128, 16, True, 0.0002),
+            "ACCEL": (144, 16, True, 0.001),
+            "LATERAL_SPEED": (160, 16, True, 0.001),
+            "FRONT_WHEEL_ANGLE": (176, 16, True, 0.0001),
+            "REAR_WHEEL_ANGLE": (192, 16, True, 0.0001),
+        },
+    ),
+    "CONTROLLER_STATUS": (
+        0x180,
+        12,
+        {
+            "STATE": (24, 4, False, 1.0),
+            "REASON": (32, 8, False, 1.0),
+            "DEADLINE_MISSES": (40, 8, False, 1.0),
+            "REF_SPATIAL_INDEX": (48, 16, False, 1.0),
+            "REF_TEMPORAL_INDEX": (64, 16, False, 1.0),
+        },
+    ),
+}
+NAMES = {can_id: name for name, (can_id, _, _) in LAYOUT.items()}
+COUNTERS = 256
+MANUAL, READY, AUTONOMOUS, FAULT = range(4)
+NOMINAL, STATE_STALE, SHUTDOWN, NOT_ENGAGED = 0, 6, 15, 17
+
+
+@dataclass(frozen=True)
+class Told:
+    """One intact frame, taken apart."""
+
+    at_ns: int
+    name: str
+    counter: int
+    signals: Mapping[str, float]
+
+    def __getitem__(self, signal: str) -> float:
+        return self.signals[signal]
+
+
+def crc16(data: bytes) -> int:
+    """CRC-16/CCITT-FALSE: polynomial 0x1021, initial value 0xFFFF, most significant bit first, one bit at a time."""
+    register = 0xFFFF
+    for byte in data:
+        for bit in range(7, -1, -1):
+            top = register >> 15
+            register = (register << 1) & 0xFFFF
+            if top ^ (byte >> bit & 1):
+                register ^= 0x1021
+    return register
+
+
+def checksum(can_id: int, data: bytes) -> int:
+    """Over everything after the checksum, then the data id, low byte first."""
+    return crc16(data[2:] + bytes((can_id & 0xFF, can_id >> 8)))
+
+
+def pack(name: str, counter: int, **signals: float) -> tuple[int, bytes]:
+    """Identifier and payload of a message; signals that are not named are 0."""
+    can_id, size, layout = LAYOUT[name]
+    bits = counter << 16
+    for signal, value in signals.items():
+        start, length, _, factor = layout[signal]
+        bits |= (round(value / factor) & ((1 << length) - 1)) << start
+    data = bits.to_bytes(size, "little")
+    return can_id, checksum(can_id, data).to_bytes(2, "little") + data[2:]
+
+
+def unpack(at_ns: int, can_id: int, data: bytes) -> Told:
+    """A payload, taken apart; fails when it is not of the contract, or not intact."""
+    name = NAMES[can_id]
+    _, size, layout = LAYOUT[name]
+    assert len(data) == size, f"{name}: {len(data)} bytes"
+    assert int.from_bytes(data[:2], "little") == checksum(can_id, data), f"{name}: wrong CRC"
+    bits = int.from_bytes(data, "little")
+    signals: dict[str, float] = {}
+    for signal, (start, length, is_signed, factor) in layout.items():
+        raw = bits >> start & (1 << length) - 1
+        if is_signed and raw >> length - 1:
+            raw -= 1 << length
+        signals[signal] = raw * factor
+    return Told(at_ns, name, data[2], signals)

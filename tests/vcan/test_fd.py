@@ -1,0 +1,209 @@
+"""CAN FD end to end on vcan0: vehicle and loop as two processes, judged by frames that are taken apart here."""
+
+import re
+import select
+import signal
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from fd_contract import (
+    AUTONOMOUS,
+    COUNTERS,
+    LAYOUT,
+    NAMES,
+    NOMINAL,
+    SHUTDOWN,
+    STATE_STALE,
+    Told,
+    pack,
+    unpack,
+)
+
+from vehicle_iface.trajectories.shapes import make_route
+
+from .conftest import Programs, set_link
+from .contract import CHANNEL, PATIENCE_S, Frame, S, Sample, lateral_errors_m, raw_socket, receive, send
+
+
+FD_MTU = 72
+LATERAL_LIMIT_M = 0.3
+DRIVE_SAMPLES = 2000
+"""20 s."""
+TIMELY_NS = 40_000_000
+"""A sample later than this after the one before may rightly be answered by a stop."""
+
+
+class Record:
+    """Every frame on vcan0 from a thread of its own, each of them of the contract and intact."""
+
+    def __init__(self) -> None:
+        self.told: list[Told] = []
+        self.wrong: list[str] = []
+        self._raw = raw_socket()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="record")
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop watching; the record stays."""
+        self._over.set()
+        self._thread.join()
+        self._raw.close()
+
+    def of(self, name: str, since: int = 0) -> list[Told]:
+        """All frames of a message."""
+        return [told for told in self.told[since:] if told.name == name]
+
+    def wait_for(self, what: str, name: str, since: int = 0, **wanted: float) -> int:
+        """The index after the first frame with these values; fails, naming `what`, when it does not come."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        index = since
+        while time.monotonic() < deadline_s:
+            while index < len(self.told):
+                told, index = self.told[index], index + 1
+                if told.name == name and all(told[signal] == value for signal, value in wanted.items()):
+                    return index
+            time.sleep(0.005)
+        raise AssertionError(f"{what}: did not come in {PATIENCE_S:.0f} s; wrong: {self.wrong[:5]}")
+
+    def wait_samples(self, count: int, since: int) -> int:
+        """The index after so many samples."""
+        for _ in range(count):
+            since = self.wait_for("the vehicle's next sample", "STATE", since)
+        return since
+
+    def _watch(self) -> None:
+        while not self._over.is_set():
+            select.select([self._raw], [], [], 0.2)
+            for frame in iter(lambda: receive(self._raw), None):
+                try:
+                    assert frame.is_fd, "is no FD frame"
+                    assert not any((frame.is_extended, frame.is_remote, frame.is_error)), "is no data frame"
+                    self.told.append(unpack(frame.stamp_ns, frame.can_id, frame.data))
+                except (AssertionError, KeyError) as error:
+                    self.wrong.append(f"{frame.can_id:#x}: {error}")
+
+
+@pytest.fixture(scope="module")
+def fd_vcan0(vcan0: None) -> Iterator[None]:  # noqa: ARG001
+    """The interface with room for FD frames; afterwards as it was."""
+    before = int(Path(f"/sys/class/net/{CHANNEL}/mtu").read_text())
+    _set_mtu(FD_MTU)
+    yield
+    _set_mtu(before)
+
+
+def _set_mtu(mtu: int) -> None:
+    if int(Path(f"/sys/class/net/{CHANNEL}/mtu").read_text()) == mtu:
+        return
+    set_link("down")  # a running interface refuses another size
+    subprocess.run(["ip", "link", "set", CHANNEL, "mtu", str(mtu)], check=True, capture_output=True)
+    set_link("up")
+
+
+@pytest.fixture
+def record(fd_vcan0: None) -> Iterator[Record]:  # noqa: ARG001
+    """Sees every frame of the test."""
+    observer = Record()
+    yield observer
+    observer.close()
+
+
+@pytest.fixture
+def fd_programs(record: Record, tmp_path: Path) -> Iterator[Programs]:  # noqa: ARG001
+    """Starts programs, and ends them all."""
+    started = Programs(tmp_path)
+    yield started
+    print(started.text)
+    started.kill_all()
+
+
+def start_vehicle(programs: Programs, record: Record) -> None:
+    """The simulated vehicle at the route's start."""
+    x_m, y_m, heading_rad = make_route("figure8").start
+    start = f"--start={x_m:.6f},{y_m:.6f},{heading_rad:.6f}"
+    programs.start("sim", "--profile", "reference_fd", start, "--pedals", str(programs.folder / "pedals.sock"))
+    record.wait_for("the vehicle's first sample", "STATE")
+
+
+def steps(told: list[Told]) -> set[int]:
+    """By how much a counter has stepped."""
+    return {(after.counter - before.counter) % COUNTERS for before, after in pairwise(told)}
+
+
+def unreasonable(record: Record, since: int) -> list[Told]:
+    """Commands that neither drive nor stop for a sample that was late on the wire."""
+    samples = [told.at_ns for told in record.of("STATE")]
+    late = [after for before, after in pairwise(samples) if after - before > TIMELY_NS]
+    found = [told for told in record.of("COMMAND", since) if told["REASON"] != NOMINAL]
+    return [
+        told
+        for told in found
+        if told["REASON"] != STATE_STALE or not any(abs(told.at_ns - at_ns) < S // 2 for at_ns in late)
+    ]
+
+
+@pytest.mark.timeout(180)
+def test_two_processes_drive_the_figure_of_eight_on_can_fd(fd_programs: Programs, record: Record) -> None:
+    start_vehicle(fd_programs, record)
+    loop = fd_programs.run("--profile", "reference_fd", "--arm", "--route", "figure8")
+    begin = record.wait_for("the vehicle engages", "VEHICLE_STATUS", MODE=AUTONOMOUS)
+    end = record.wait_samples(DRIVE_SAMPLES, begin)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    route = make_route("figure8")
+    samples = [
+        Sample(told.at_ns, told["POS_X"], told["POS_Y"], told["HEADING"], told["SPEED"])
+        for told in record.told[begin:end]
+        if told.name == "STATE"
+    ]
+    assert max(lateral_errors_m(samples, route.x_m.tolist(), route.y_m.tolist())) < LATERAL_LIMIT_M
+    assert sum(sample.speed_mps for sample in samples) * 0.01 > 30.0
+    assert record.wrong == []
+    assert {told.name for told in record.told} == set(LAYOUT)
+    for name in LAYOUT:
+        assert steps(record.of(name)) == {1}
+    driven = [told for told in record.told[begin:end] if told.name == "COMMAND"]
+    assert abs(len(driven) - len(samples)) <= 0.05 * len(samples)
+    assert all(told["ENABLE"] == 1 for told in driven)
+    assert [told for told in unreasonable(record, begin) if told["REASON"] != SHUTDOWN] == []
+    last = record.of("COMMAND")[-1]
+    assert (last["ENABLE"], last["REASON"]) == (0, SHUTDOWN)
+    assert abs(record.of("STATE")[-1]["SPEED"]) < 0.06
+    assert re.search(r"samples +\d+ complete, 0 incomplete", loop.text)
+
+
+@pytest.mark.timeout(120)
+def test_frames_of_another_kind_or_a_wrong_checksum_change_nothing(fd_programs: Programs, record: Record) -> None:
+    start_vehicle(fd_programs, record)
+    loop = fd_programs.run("--profile", "reference_fd", "--arm", "--route", "figure8")
+    begin = record.wait_for("the vehicle engages", "VEHICLE_STATUS", MODE=AUTONOMOUS)
+    begin = record.wait_samples(200, begin)
+    raw = raw_socket()
+    with suppress(OSError):
+        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_RECV_OWN_MSGS, 0)
+    for count in range(50):
+        can_id, data = pack("STATE", count, POS_X=1e6, SPEED=50.0, POSE_VALID=1)
+        assert send(raw, Frame(0, can_id, bytes((data[0] ^ 1, *data[1:])), is_fd=True))
+        assert send(raw, Frame(0, can_id, data[:8]))
+        assert send(raw, Frame(0, can_id, data[:24], is_fd=True))
+        time.sleep(0.002)
+    raw.close()
+    record.wait_samples(100, begin)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    assert len(record.wrong) == 150
+    assert [told for told in unreasonable(record, begin) if told["REASON"] != SHUTDOWN] == []
+    assert steps(record.of("COMMAND")) == {1}
+    assert re.search(r"STATE.*bad CRC|bad CRC.*STATE", loop.text)
+
+
+def test_the_contract_knows_every_identifier() -> None:
+    assert sorted(NAMES) == [0x080, 0x082, 0x100, 0x110, 0x180]
