@@ -31,7 +31,6 @@ from vehicle_iface.trajectories.shapes import make_route
 from .conftest import Programs, set_link
 from .contract import CHANNEL, PATIENCE_S, Frame, S, Sample, lateral_errors_m, raw_socket, receive, send
 
-
 FD_MTU = 72
 LATERAL_LIMIT_M = 0.3
 DRIVE_SAMPLES = 2000
