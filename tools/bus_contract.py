@@ -148,7 +148,7 @@ LEAST_LOSS_NS = 40 * MS
 """After so long without a sample, as the observer sees it, a stop needs none."""
 JITTER_NS = 20 * MS
 """Between the instant for which a command was computed and its stamp on the wire."""
-STOP_NS = 150 * MS
+STOP_NS = 0
 """So long after its beginning a stop brakes; until then the acceleration may be on its way down."""
 END_OF_TRAJECTORY = ("PAST_END_SPACE", "PAST_END_TIME")
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from types import FrameType
 
-from vehicle_iface import clock, compose, demo
+from vehicle_iface import clock, compose, demo, doctor
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.errors import BusError, ConfigError, TrajectoryFileError, VehicleIfaceError
@@ -36,7 +36,7 @@ from vehicle_iface.units import ns_from_s
 log = logging.getLogger("vehicle_iface")
 
 DONE, BAD_USAGE, NO_BUS, LATCHED_FAULT = 0, 2, 3, 4
-COMMANDS = ("demo", "run", "sim", "view", "pedals")
+COMMANDS = ("demo", "run", "sim", "view", "pedals", "doctor")
 EMBEDDED = "embedded"
 """The interface that needs nothing outside the process."""
 EMBEDDED_HINT = "for a real bus: vehicle-iface run --channel can0, or tools/vcan for a virtual one"
@@ -77,11 +77,11 @@ def run(options: argparse.Namespace) -> int:
             telemetry=telemetry,
             armed=options.arm,
         )
+        signal.signal(signal.SIGUSR1, lambda *_: loop.request_arming())
+        _on_end_signals(loop.request_end)
         log.info("%s, %s: %s", loop.link.description, _arming(options), _wanted(options))
         for lack in realtime.claim():
             log.warning("%s", lack)
-        signal.signal(signal.SIGUSR1, lambda *_: loop.request_arming())
-        _on_end_signals(loop.request_end)
         _run_for(loop, options.duration)
         loop.link.close()
     summary = loop.summary()
@@ -108,7 +108,7 @@ def sim(options: argparse.Namespace) -> int:
         return end.is_set or (deadline_ns is not None and clock.monotonic_ns() >= deadline_ns)
 
     def opened() -> Bus:
-        return compose.open_bus(options.interface, options.channel, database.profile, database.sent)
+        return compose.open_bus(options.interface, options.channel, database.profile, hears=database.sent)
 
     with closing(PedalSocket(path)) as pedals:
         bus = opened()
@@ -139,6 +139,13 @@ def run_demo(options: argparse.Namespace) -> int:
         viewer=not options.no_viewer,
         open_page=options.open,
     )
+
+
+def examine(options: argparse.Namespace) -> int:
+    """What this machine lacks."""
+    findings = doctor.examine(options.channel, load_profile(options.profile).bus)
+    print(doctor.as_json(findings) if options.json else doctor.as_text(findings))
+    return DONE if doctor.is_ready(findings) else BAD_USAGE
 
 
 class _Flag:
@@ -186,9 +193,14 @@ def _route_config(database: VehicleDatabase) -> RouteConfig:
 
 def _bus_opener(options: argparse.Namespace, database: VehicleDatabase) -> Callable[[], Bus]:
     if options.interface != EMBEDDED:
-        # The sent ones too, to notice another commander.
-        hears = (*database.received, *database.sent)
-        return lambda: compose.open_bus(options.interface, options.channel, database.profile, hears)
+        return lambda: compose.open_bus(
+            options.interface,
+            options.channel,
+            database.profile,
+            hears=(*database.received, *database.sent),  # the sent ones too, to notice another commander
+            sends=database.sent,
+            patience_ns=ns_from_s(database.profile.timing.command_period_s),
+        )
     start = make_route(options.route, _route_config(database)).start if options.route else (0.0, 0.0, 0.0)
     vehicle = simulated_vehicle(
         database.profile, start_ns=clock.monotonic_ns(), start=_pose(start), frame_id=options.frame
@@ -263,6 +275,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(_command(commands, "run", "the loop: reads the vehicle's state and commands it"))
     _add_sim(_command(commands, "sim", "the simulated vehicle, as a node on a bus"))
     _add_pedals(_command(commands, "pedals", "press a simulated vehicle's pedals"))
+    _add_doctor(_command(commands, "doctor", "what this machine lacks, each with the command that mends it"))
     commands.add_parser("view", add_help=False, help="the browser viewer (vehicle-iface view --help)")
     return parser
 
@@ -332,6 +345,14 @@ def _add_demo(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-viewer", action="store_true", help="without the page")
     parser.add_argument("--open", action="store_true", help="open the page in this machine's browser")
     parser.set_defaults(command=run_demo)
+
+
+def _add_doctor(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--channel", default="vcan0", help="the SocketCAN interface to look at: vcan0, can0, …")
+    parser.add_argument("--profile", default="reference", help="whose bit rate and frames it shall carry")
+    parser.add_argument("--json", action="store_true", help="for a program: findings with verdict, text and mend")
+    parser.epilog = "Exit status: 0 when nothing needed is missing, 2 otherwise. Needs no rights and changes nothing."
+    parser.set_defaults(command=examine)
 
 
 def _add_bus(parser: argparse.ArgumentParser) -> None:

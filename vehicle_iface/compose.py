@@ -34,11 +34,24 @@ UNBOUND_LSB = 1e-6
 """Step of a command field that the vehicle does not take or takes as a float: finer than any actuator."""
 
 
-def open_bus(interface: str, channel: str, profile: Profile, hears: Iterable[BoundMessage]) -> Bus:
-    """The bus of that name, filtered to `hears`; `BusError` with the mending command when it cannot be used."""
+def open_bus(
+    interface: str,
+    channel: str,
+    profile: Profile,
+    *,
+    hears: Iterable[BoundMessage],
+    sends: Iterable[BoundMessage] = (),
+    patience_ns: int | None = None,
+) -> Bus:
+    """The bus of that name, filtered to `hears`; `BusError` with the mending command when it cannot be used.
+
+    `sends` are confirmed where the bus can tell; `patience_ns` is for a reader that lives on arrivals (see
+    `SocketCanBus`).
+    """
     can_ids = [message.can_id for message in hears]
     if interface == "socketcan":
-        return SocketCanBus(channel, can_ids)
+        own_ids = [message.can_id for message in sends]
+        return SocketCanBus(channel, can_ids, own_ids=own_ids, patience_ns=patience_ns)
     from vehicle_iface.bus.python_can import PythonCanBus  # 0.2 s to import, and SocketCAN does not need it
 
     return PythonCanBus(interface, channel, can_ids, bitrate=profile.bus.bitrate, is_fd=profile.bus.fd)

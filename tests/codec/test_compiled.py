@@ -12,7 +12,7 @@ from cantools.database.conversion import BaseConversion, LinearConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.codec.layouts import as_tuple, messages
+from codec.layouts import as_tuple, messages
 from vehicle_iface.codec import MessageCodec
 from vehicle_iface.errors import ConfigError, SignalError
 

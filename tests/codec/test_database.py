@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.codec.conftest import DBC_FOLDER
+from codec.conftest import DBC_FOLDER
 from vehicle_iface.codec.database import Role, load_database
 from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.errors import ConfigError

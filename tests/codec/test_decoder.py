@@ -114,12 +114,21 @@ def test_a_frame_with_an_impossible_value_was_its_senders_next_one(decoder):
     assert decoder.lost["MOTION"] == 0
 
 
-def test_a_frame_with_a_wrong_checksum_says_nothing_about_the_sequence(decoder):
+def test_a_damaged_frame_was_sent_and_does_not_break_the_sequence(decoder):
     decoder.decode(motion(0))
-    for counter in (1, 2, 3):
+    for counter in (1, 2, 3, 4):
         assert decoder.decode(motion(counter, data_id=1)) is None
-    assert decoder.decode(motion(4)) is None
+    assert decoder.decode(motion(5)) is not None
+    assert decoder.drops == {(DropCause.BAD_CRC, "MOTION"): 4}
+
+
+def test_damaged_frames_excuse_one_step_each_and_only_until_the_next_good_one(decoder):
+    decoder.decode(motion(0))
+    decoder.decode(motion(1, data_id=1))
+    assert decoder.decode(motion(5)) is None
     assert decoder.drops[DropCause.WRONG_SEQUENCE, "MOTION"] == 1
+    assert decoder.decode(motion(6)) is not None
+    assert decoder.decode(motion(10)) is None
 
 
 def test_each_message_has_its_own_sequence(decoder):

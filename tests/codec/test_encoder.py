@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.conftest import DBC_FOLDER
+from codec.conftest import DBC_FOLDER
 from vehicle_iface.codec.database import load_database
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder

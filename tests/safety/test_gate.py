@@ -1,6 +1,7 @@
 """The gate: whatever is wished, what leaves is finite, within limits, within rates, and what the wire will say."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -85,9 +86,24 @@ def test_no_step_is_greater_than_the_rate_grants_from_the_last_one_sent(
         now_ns += step_ns
         dt_s = min(LONGEST_STEP_S, max(0.0, s_from_ns(step_ns)))
         safe = gate.permit(command, now_ns=now_ns, reversing=reversing)
+        if safe.safe_stop and (accel_mps2 < 0.0 if reversing else accel_mps2 > 0.0):
+            accel_mps2 = 0.0  # a stop drops the drive at once
         assert abs(safe.front_wheel_angle_rad - front_rad) <= 0.8 * dt_s + 1e-9
         assert abs(safe.accel_mps2 - accel_mps2) <= 30.0 * dt_s + 1e-8
         accel_mps2, front_rad = safe.accel_mps2, safe.front_wheel_angle_rad
+
+
+@given(st.lists(wishes(), max_size=10), wishes(), st.booleans())
+def test_a_stop_never_goes_on_driving(before: list[Command], last: Command, reversing: bool) -> None:
+    gate, now_ns = Gate(channels()), 10**9
+    gate.start_from(state(), now_ns)
+    for command in before:
+        now_ns += 10_000_000
+        gate.permit(command, now_ns=now_ns, reversing=reversing)
+    opposing = abs(last.accel_mps2) if reversing else -abs(last.accel_mps2)
+    stop = replace(last, accel_mps2=opposing, reason=Reason.STATE_STALE)
+    safe = gate.permit(stop, now_ns=now_ns + 1, reversing=reversing)
+    assert safe.accel_mps2 >= 0.0 if reversing else safe.accel_mps2 <= 0.0
 
 
 @given(st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans()), min_size=1, max_size=10))

@@ -188,3 +188,15 @@ def test_without_its_bus_the_vehicle_goes_on_and_speaks_again_when_it_is_back(
     assert vehicle.mode is VehicleMode.FAULT  # its watchdog acted with the cable cut
     assert [round((b - a) / MS) for a, b in itertools.pairwise(tries)] == [100, 100, 100]
     assert len(world.sent) > sent + 100
+
+
+def test_a_vehicle_whose_process_got_no_time_blames_nobody_for_the_silence(
+    world: World, vehicle: SimulatedVehicle
+) -> None:
+    """A machine that stood still for 230 ms: the commander on it could not speak either."""
+    world.coming = [*commands(0, 200), *commands(440, 600)]
+    run(world, vehicle, 200)
+    world.late_ns[world.turns + 1] = 230 * MS
+    run(world, vehicle, 595)
+    assert vehicle.mode is VehicleMode.AUTONOMOUS
+    assert vehicle.counters["pauses"] == 1

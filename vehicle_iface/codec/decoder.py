@@ -97,6 +97,7 @@ class Decoder:
         counter = -1
         if entry.protection is not None and entry.counters is not None:
             if not entry.protection.intact(data):
+                entry.counters.note_damaged()
                 self._drop(DropCause.BAD_CRC, entry.name)
                 return None
             counter = entry.protection.counter_of(data)

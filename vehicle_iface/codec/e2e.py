@@ -141,24 +141,22 @@ class Sequence(Enum):
 
 
 class CounterCheck:
-    """The sequence rule of one message: steps of 1 … `max_step` are good.
+    """The sequence rule of one message: steps of 1 … `max_step` are good, and one more for each damaged frame that
+    came in between, for it was sent (AUTOSAR E2E profile 1 widens its MaxDeltaCounter likewise).
 
     A wrong step is dropped but remembered, so that one jump costs one frame, or two, and not the
     connection.
     """
 
-    __slots__ = ("_last", "_states", "_steps", "lost")
+    __slots__ = ("_damaged", "_last", "_max_step", "_states", "lost")
 
     def __init__(self, states: int, max_step: int) -> None:
         if not 1 <= max_step < states - 1:
             raise ConfigError(f"max_counter_step = {max_step}: must be in [1, {states - 2}]")
         self._states = states
-        self._steps = (
-            Sequence.REPEATED,
-            *(Sequence.OK for _ in range(max_step)),
-            *(Sequence.WRONG for _ in range(states - 1 - max_step)),
-        )
+        self._max_step = max_step
         self._last = -1
+        self._damaged = 0
         self.lost = 0
         """Frames that must have been sent between accepted ones."""
 
@@ -170,11 +168,20 @@ class CounterCheck:
         if last < 0:
             return Sequence.INITIAL
         step = (counter - last) % self._states
-        verdict = self._steps[step]
-        if verdict is Sequence.OK:
-            self.lost += step - 1
-        return verdict
+        if step == 0:
+            return Sequence.REPEATED
+        widest = min(self._max_step + self._damaged, self._states - 2)
+        self._damaged = 0
+        if step > widest:
+            return Sequence.WRONG
+        self.lost += step - 1
+        return Sequence.OK
+
+    def note_damaged(self) -> None:
+        """A frame came whose checksum was wrong, so that its counter cannot be known."""
+        self._damaged += 1
 
     def reset(self) -> None:
         """Forget the last frame: the next one is the first."""
         self._last = -1
+        self._damaged = 0

@@ -192,8 +192,6 @@ def _value_check(field: Field, value: str) -> list[str]:
         return _float_check(field, value)
     if not (math.isfinite(low) or math.isfinite(high)):
         return []
-    if field.kind is IdentityConversion and field.minimum is not None and field.maximum is not None:
-        low, high = field.minimum, field.maximum
     condition = f"not {_number(low)} <= {value} <= {_number(high)}"
     return [f"if {condition}:", f"{_INDENT}refuse({field.index}, {value})"]
 

@@ -29,7 +29,8 @@ class GateChannels:
 class Gate:
     """Limits each command in range and rate, on the value as encoded. It always answers and never raises.
 
-    Rates are taken from the last value that was sent; before the first one, from what was measured.
+    Rates are taken from the last value that was sent; before the first one, from what was measured. Only the drive
+    is dropped at once by a stop; from there the brake is ramped up like everything else.
     """
 
     def __init__(self, channels: GateChannels) -> None:
@@ -67,6 +68,8 @@ class Gate:
         self._last_ns = now_ns
         channels = self._channels
         accel_channel = self._backwards if reversing else channels.accel_mps2
+        if reason is not Reason.NOMINAL and (self._accel_raw < 0 if reversing else self._accel_raw > 0):
+            self._accel_raw = 0  # a stop does not go on driving while the rate limit ramps it down
         self._accel_raw = self._limit(accel_channel, accel, self._accel_raw, dt_s)
         self._front_raw = self._limit(channels.front_wheel_angle_rad, front, self._front_raw, dt_s)
         self._rear_raw = self._limit(channels.rear_wheel_angle_rad, rear, self._rear_raw, dt_s)

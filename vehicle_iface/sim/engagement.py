@@ -92,6 +92,10 @@ class CommandWatch:
             self._half.clear()
             self.pairs += 1
 
+    def excuse(self, pause_ns: int) -> None:
+        """For so long nobody could have been heard, and nobody is to blame for it."""
+        self._last_ns = {kind: last_ns + pause_ns for kind, last_ns in self._last_ns.items()}
+
     def break_row(self) -> None:
         """What came before does not count towards engaging any more."""
         self._half.clear()

@@ -14,6 +14,8 @@ from vehicle_iface.units import NS_PER_MS
 
 log = logging.getLogger(__name__)
 
+PAUSE_NS = 20 * NS_PER_MS
+"""Later than this after the due instant, the process got no time, and with it the whole machine perhaps."""
 REOPEN_EVERY_NS = 100 * NS_PER_MS
 """How often a lost bus is tried again."""
 
@@ -63,8 +65,11 @@ def run_vehicle(
 
 def _one_pass(vehicle: SimulatedVehicle, line: "_Line", pedals: PedalSocket | None, clock: Callable[[], int]) -> None:
     """Wait, hear, feel, speak: commands that came in time count before the watchdog looks."""
-    frames = line.hear(vehicle.next_due_ns)
+    due_ns = vehicle.next_due_ns
+    frames = line.hear(due_ns)
     now_ns = clock()
+    if now_ns - due_ns > PAUSE_NS:
+        vehicle.excuse(now_ns - due_ns)
     for frame in frames:
         vehicle.receive(frame, now_ns)
     if pedals is not None:

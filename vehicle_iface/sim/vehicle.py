@@ -236,6 +236,11 @@ class SimulatedVehicle:
         status_due = first or tick // every != (tick - passed) // every
         return self._frames(self.messages if status_due else self._wire.sample)
 
+    def excuse(self, pause_ns: int) -> None:
+        """The vehicle itself stood still for so long, as no real one does: its watchdog did not run meanwhile."""
+        self._watch.excuse(pause_ns)
+        self.counters["pauses"] += 1
+
     def drive_by(self, driver: Driver) -> None:
         """The driver's feet and hands from now on.
 

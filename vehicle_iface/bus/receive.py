@@ -1,0 +1,110 @@
+"""Many frames in one system call: recvmmsg, which Python does not have.
+
+CPython's own recvmsg asks for the interface's name (an ioctl) for each frame of a CAN socket, and needs one more
+call to learn that there are no more frames. This one takes all that are queued at once, and may be the call that
+waits for the first of them.
+"""
+
+import ctypes
+import errno
+import os
+import struct
+from typing import NamedTuple
+
+from vehicle_iface.units import NS_PER_S
+
+CANFD_MTU = 72
+BATCH = 64
+"""Frames of one call at most."""
+# From <asm-generic/socket.h> and <linux/socket.h>: Python does not export all of them.
+SOL_SOCKET, SO_TIMESTAMPNS, SO_RXQ_OVFL = 1, 35, 40
+MSG_DONTROUTE, MSG_DONTWAIT, MSG_WAITFORONE = 0x4, 0x40, 0x10000
+
+# struct iovec, struct mmsghdr (a msghdr and a length) and struct cmsghdr of a 64-bit or 32-bit Linux.
+_IOVEC = struct.Struct("@PN")
+_MMSGHDR = struct.Struct("@PIPNPNi0PI0P")
+_CMSGHDR = struct.Struct("@Nii")
+_TIMESPEC = struct.Struct("@ll")
+_UINT32 = struct.Struct("@I")
+_CONTROL_BYTES = 128
+"""Room for the stamp and the drop counter, each with its header and padding."""
+_NAME, _NAME_LENGTH, _VECTORS, _VECTOR_COUNT, _CONTROL, _CONTROL_LENGTH, _FLAGS, _LENGTH = range(8)
+
+
+class Packet(NamedTuple):
+    """One frame as the kernel handed it over."""
+
+    data: bytes
+    """A struct can_frame or canfd_frame."""
+    wall_ns: int
+    """Kernel receive time, nanoseconds of the wall clock; 0 when there is none."""
+    dropped: int | None
+    """Frames that this socket has lost so far, as of this one; None when the kernel did not say."""
+    is_local: bool
+    """Whether a program on this machine has sent it."""
+
+
+class BatchReceiver:
+    """Receives from one CAN socket into buffers that are made once."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._data = bytearray(CANFD_MTU * BATCH)
+        self._control = bytearray(_CONTROL_BYTES * BATCH)
+        self._vectors = bytearray(_IOVEC.size * BATCH)
+        self._headers = bytearray(_MMSGHDR.size * BATCH)
+        data, control, vectors = _address(self._data), _address(self._control), _address(self._vectors)
+        for i in range(BATCH):
+            _IOVEC.pack_into(self._vectors, i * _IOVEC.size, data + i * CANFD_MTU, CANFD_MTU)
+            vector = vectors + i * _IOVEC.size
+            fields = (0, 0, vector, 1, control + i * _CONTROL_BYTES, _CONTROL_BYTES, 0, 0)
+            _MMSGHDR.pack_into(self._headers, i * _MMSGHDR.size, *fields)
+        self._blank = bytes(self._headers)
+        self._address = _address(self._headers)
+        self._recvmmsg = ctypes.CDLL(None, use_errno=True).recvmmsg
+        self._recvmmsg.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
+
+    def receive(self, *, wait: bool) -> list[Packet]:
+        """What is queued, up to `BATCH`; with `wait`, after sleeping for the first as long as the socket's time-out.
+
+        Empty when nothing came. Raises `OSError` for what the socket reports (interface down, gone, …).
+        """
+        flags = MSG_WAITFORONE if wait else MSG_DONTWAIT
+        count = self._recvmmsg(self._descriptor, self._address, BATCH, flags, None)
+        if count < 0:
+            error = ctypes.get_errno()
+            if error in _NOTHING:
+                return []
+            raise OSError(error, os.strerror(error))
+        packets = [self._packet(i) for i in range(count)]
+        used = count * _MMSGHDR.size
+        self._headers[:used] = self._blank[:used]  # the kernel has written lengths into them
+        return packets
+
+    def _packet(self, i: int) -> Packet:
+        header = _MMSGHDR.unpack_from(self._headers, i * _MMSGHDR.size)
+        start = i * CANFD_MTU
+        wall_ns, dropped = self._ancillary(i * _CONTROL_BYTES, header[_CONTROL_LENGTH])
+        data = bytes(self._data[start : start + header[_LENGTH]])
+        return Packet(data, wall_ns, dropped, bool(header[_FLAGS] & MSG_DONTROUTE))
+
+    def _ancillary(self, start: int, length: int) -> tuple[int, int | None]:
+        """Stamp and drop counter from the control messages."""
+        wall_ns, dropped, place, end = 0, None, start, start + length
+        while place + _CMSGHDR.size <= end:
+            size, level, kind = _CMSGHDR.unpack_from(self._control, place)
+            if level == SOL_SOCKET and kind == SO_TIMESTAMPNS:
+                seconds, nanoseconds = _TIMESPEC.unpack_from(self._control, place + _CMSGHDR.size)
+                wall_ns = seconds * NS_PER_S + nanoseconds
+            elif level == SOL_SOCKET and kind == SO_RXQ_OVFL:
+                dropped = _UINT32.unpack_from(self._control, place + _CMSGHDR.size)[0]
+            place += (size + _ALIGN - 1) & -_ALIGN
+        return wall_ns, dropped
+
+
+_ALIGN = struct.calcsize("@N")
+_NOTHING = (errno.EAGAIN, errno.EINTR)
+
+
+def _address(buffer: bytearray) -> int:
+    return ctypes.addressof((ctypes.c_char * len(buffer)).from_buffer(buffer))
