@@ -248,9 +248,10 @@ _HASTY_WRITER = """
 import sys
 from vehicle_iface.runtime.telemetry import SessionInfo, Snapshot, TelemetryWriter
 with TelemetryWriter(sys.argv[1], SessionInfo(channel="a", bus="b")) as writer:
-    print("ready", flush=True)
     for n in range(1, 10**9):
         writer.publish(Snapshot(n, n, n, has_state=True, x_m=float(n), frame_id=str(n), samples=n))
+        if n == 1:
+            print("ready", flush=True)
 """
 
 

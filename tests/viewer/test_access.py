@@ -219,7 +219,8 @@ def test_of_a_clients_messages_only_the_camera_is_heard(server: viser.ViserServe
 def test_too_long_and_senseless_messages_close_that_client_alone(server: viser.ViserServer) -> None:
     with joined(server) as bystander:
         bystander.recv(timeout=10)
-        for senseless in (b"\x00" * (MAX_MESSAGE_BYTES + 1), b"\xc1", b"\x91" * 10_000, b"", "text"):
+        too_long = packed(_messages.GuiUpdateMessage("box", {"value": "x" * MAX_MESSAGE_BYTES}))
+        for senseless in (too_long, b"\xc1", b"\x91" * 10_000, b"", "text"):
             with joined(server) as client:
                 client.send(senseless)
                 wait_until_closed(client)
