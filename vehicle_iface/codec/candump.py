@@ -8,7 +8,6 @@ is taken, what cannot is reported. Nothing is passed over in silence.
 
 import mmap
 import re
-from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -25,6 +24,8 @@ Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+Frame = tuple[int, int, int, bytes]
+"""Line, stamp in ns, key, payload."""
 EXTENDED = 1 << 31
 """Set in the key of an extended identifier."""
 CHUNK_BYTES = 1 << 21
@@ -47,6 +48,17 @@ class Frames:
     """(n,) Identifier, plus `EXTENDED` for one of 29 bits."""
     data: Bytes
     """(n, length)"""
+
+    @classmethod
+    def of(cls, frames: "list[Frame]") -> "Frames":
+        """Some frames, all of one length."""
+        lines, stamps_ns, keys, data = zip(*frames, strict=True)
+        return cls(
+            lines=np.array(lines, np.int64),
+            stamps_ns=np.array(stamps_ns, np.int64),
+            keys=np.array(keys, np.int64),
+            data=np.frombuffer(b"".join(data), np.uint8).reshape(len(frames), len(data[0])),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,33 +122,225 @@ def _end_of_chunk(content: mmap.mmap, begin: int, size: int) -> int:
 def _parsed(raw: bytes, first_line: int) -> Chunk:
     """Whole lines; `raw` ends with a line end."""
     text = np.frombuffer(raw, np.uint8)
-    rows = _Rows(text)
-    chunk = Chunk(lines=rows.count)
-    for length, group in _groups(rows.stops - rows.firsts):
-        rows.take_data(length, group, first_line, chunk)
-    for index in np.flatnonzero(~rows.taken).tolist():
-        _take_irregular(raw[rows.starts[index] : rows.ends[index]], first_line + index, chunk)
-    chunk.frames += _gathered(rows.irregular(chunk))
+    starts, ends, rows = _regular(text)
+    chunk = Chunk(lines=len(starts))
+    taken = np.zeros(len(starts), bool)
+    for width, group in _groups(rows.stops - rows.firsts):
+        _take_regular(text, rows.some(group), width, first_line, chunk, taken)
+    by_length: dict[int, list[Frame]] = {}
+    for index in np.flatnonzero(~taken).tolist():
+        frame = _irregular(raw[starts[index] : ends[index]], first_line + index, chunk)
+        if frame is not None:
+            by_length.setdefault(len(frame[-1]), []).append(frame)
+    chunk.frames += [Frames.of(frames) for frames in by_length.values()]
     return chunk
 
 
 _SPACE, _HASH, _NEWLINE, _OPEN, _CLOSE, _DOT, _ZERO = b" #\n().0"
+_DIRECTIONS = b"RT"
 _SHAPES = (b"  #", b"  ##", b"  # ", b"  ## ")
 """The spaces and hashes of regular lines: classical, FD, and both with a direction."""
 
 
+@dataclass(frozen=True, slots=True)
 class _Rows:
-    """The regular lines of a text: where the parts of each are, its stamp and its key."""
+    """The lines of a regular shape: their number in the text, and where the parts of each begin and end."""
 
-    def __init__(self, text: Bytes) -> None:
-        self.text = text
-        marks = np.flatnonzero((text == _SPACE) | (text == _HASH) | (text == _NEWLINE))
-        kinds = text[marks]
-        last = np.flatnonzero(kinds == _NEWLINE)
-        self.ends = marks[last]
-        self.starts = np.concatenate(([0], self.ends[:-1] + 1))
-        self.count = len(last)
-        self.taken = np.zeros(self.count, bool)
-        first = np.concatenate(([0], last[:-1] + 1))
-        self._shape(marks, kinds, first, last - first)
-        self._narrow(self._numbers())
+    index: Ints
+    stamp_firsts: Ints
+    stamp_stops: Ints
+    id_firsts: Ints
+    id_stops: Ints
+    firsts: Ints
+    """Of the payload's digits."""
+    stops: Ints
+    is_fd: Bools
+
+    def some(self, which: NDArray[np.intp] | slice) -> "_Rows":
+        """Some of them."""
+        return _Rows(*(getattr(self, name)[which] for name in self.__slots__))
+
+
+def _regular(text: Bytes) -> tuple[Ints, Ints, _Rows]:
+    """Begin and end of every line, and those of a regular shape."""
+    marks = np.flatnonzero((text == _SPACE) | (text == _HASH) | (text == _NEWLINE))
+    kinds = text[marks]
+    last = np.flatnonzero(kinds == _NEWLINE)
+    ends = marks[last]
+    starts = np.concatenate(([0], ends[:-1] + 1))
+    first = np.concatenate(([0], last[:-1] + 1))
+    counts = last - first
+    found = [_shaped(text, marks, kinds, starts, ends, first, counts, shape) for shape in _SHAPES]
+    columns = (np.concatenate([getattr(rows, name) for rows in found]) for name in _Rows.__slots__)
+    return starts, ends, found[0] if len(found[0].index) == len(starts) else _Rows(*columns)
+
+
+def _shaped(
+    text: Bytes, marks: Ints, kinds: Bytes, starts: Ints, ends: Ints, first: Ints, counts: Ints, shape: bytes
+) -> _Rows:
+    index = np.flatnonzero(counts == len(shape))
+    for place, kind in enumerate(shape):
+        index = index[kinds[first[index] + place] == kind]
+    is_fd, mark = shape.count(b"#") == 2, first[index]
+    start, end, after_stamp, before_id, hash_ = (
+        starts[index],
+        ends[index],
+        marks[mark],
+        marks[mark + 1],
+        marks[mark + 2],
+    )
+    good = (text[start] == _OPEN) & (text[after_stamp - 1] == _CLOSE) & (before_id > after_stamp + 1)
+    stop = end
+    if shape.endswith(b" "):
+        stop = marks[mark + len(shape) - 1]
+        good &= (end == stop + 2) & np.isin(text[end - 1], list(_DIRECTIONS))
+    if is_fd:
+        good &= (marks[mark + 3] == hash_ + 1) & (stop >= hash_ + 3)
+        good &= _PAIR[text[np.minimum(hash_ + 2, len(text) - 1)].astype(np.uint16) << 8 | _ZERO] >= 0
+    firsts = hash_ + (3 if is_fd else 1)
+    good &= (stop - firsts) % 2 == 0
+    good &= stop - firsts <= 2 * _LONGEST[is_fd]
+    rows = _Rows(index, start + 1, after_stamp - 1, before_id + 1, hash_, firsts, stop, np.full(len(index), is_fd))
+    return rows if good.all() else rows.some(np.flatnonzero(good))
+
+
+def _take_regular(text: Bytes, rows: _Rows, width: int, first_line: int, chunk: Chunk, taken: Bools) -> None:
+    """Turn lines with payloads of one width into numbers; those that are none stay for the other way."""
+    stamps_ns, good = _stamps_ns(text, rows)
+    keys, good_keys = _keys(text, rows)
+    data, good_data = _hexadecimal(text, rows.firsts, width)
+    good &= good_keys & good_data
+    lines = rows.index + first_line
+    if not good.all():
+        rows, lines, stamps_ns, keys, data = (
+            rows.some(np.flatnonzero(good)),
+            lines[good],
+            stamps_ns[good],
+            keys[good],
+            data[good],
+        )
+    taken[rows.index] = True
+    chunk.frames.append(Frames(lines=lines, stamps_ns=stamps_ns, keys=keys, data=data))
+
+
+def _groups(values: Ints) -> list[tuple[int, NDArray[np.intp] | slice]]:
+    """Each value, and where it is."""
+    if not len(values):
+        return []
+    low, high = int(values.min()), int(values.max())
+    if low == high:
+        return [(low, slice(None))]
+    present = np.flatnonzero(np.bincount(values - low)) + low
+    return [(int(value), np.flatnonzero(values == value)) for value in present]
+
+
+def _stamps_ns(text: Bytes, rows: _Rows) -> tuple[Ints, Bools]:
+    """The stamps, with 6 or 9 digits after the point."""
+    stamps_ns, good = np.zeros(len(rows.index), np.int64), np.zeros(len(rows.index), bool)
+    for width, group in _groups(rows.stamp_stops - rows.stamp_firsts):
+        firsts = rows.stamp_firsts[group]
+        for digits in (6, 9):
+            whole = width - digits - 1
+            if not 1 <= whole <= 10:
+                continue
+            seconds, good_seconds = _decimal(text, firsts, whole)
+            fraction, good_fraction = _decimal(text, firsts + whole + 1, digits)
+            fits = good_seconds & good_fraction & (text[firsts + whole] == _DOT) & (seconds <= _GREATEST_STAMP_S)
+            if fits.any():
+                found = seconds * NS_PER_S + fraction * 10 ** (9 - digits)
+                stamps_ns[group] = np.where(fits, found, stamps_ns[group])
+                good[group] |= fits
+            if fits.all():
+                break
+    return stamps_ns, good
+
+
+def _keys(text: Bytes, rows: _Rows) -> tuple[Ints, Bools]:
+    """Identifiers of 3 digits, or of 8 for extended ones."""
+    keys, good = np.zeros(len(rows.index), np.int64), np.zeros(len(rows.index), bool)
+    for width, group in _groups(rows.id_stops - rows.id_firsts):
+        if width not in (3, 8):
+            continue
+        content, fits = _hexadecimal(text, rows.id_firsts[group], width)
+        number = np.zeros(len(content), np.int64)
+        for place in range(content.shape[1]):
+            number = number << 8 | content[:, place]
+        keys[group] = number | EXTENDED if width == 8 else number
+        good[group] = fits & (number <= (_LAST_ID if width == 8 else _LAST_STANDARD_ID))
+    return keys, good
+
+
+def _pairs(text: Bytes, firsts: Ints, width: int, table: NDArray[np.int16]) -> tuple[NDArray[np.int16], Bools]:
+    """`width` digits from each of `firsts` on, as numbers of two digits; and whether all of them are digits."""
+    if not width:
+        return np.zeros((len(firsts), 0), np.int16), np.ones(len(firsts), bool)
+    odd = width % 2
+    digits = sliding_window_view(text, width + odd)[firsts - odd]
+    if odd:
+        digits[:, 0] = _ZERO
+    values = table[digits.view(">u2")]
+    good = np.ones(len(firsts), bool) if values.size and values.min() >= 0 else (values >= 0).all(axis=1)
+    return values, good
+
+
+def _decimal(text: Bytes, firsts: Ints, width: int) -> tuple[Ints, Bools]:
+    values, good = _pairs(text, firsts, width, _DECIMAL)
+    number = values[:, 0].astype(np.int64)
+    for place in range(1, values.shape[1]):
+        number = number * 100 + values[:, place]
+    return number, good
+
+
+def _hexadecimal(text: Bytes, firsts: Ints, width: int) -> tuple[Bytes, Bools]:
+    values, good = _pairs(text, firsts, width, _PAIR)
+    return values.astype(np.uint8), good
+
+
+def _table(base: int) -> NDArray[np.int16]:
+    """The number of every two characters, the first one in the upper byte; -1 where one of them is no digit."""
+    table = np.full(1 << 16, -1, np.int16)
+    digits = {
+        ord(character): int(character, base) for character in "0123456789abcdefABCDEF"[: 10 if base == 10 else 22]
+    }
+    for high, tens in digits.items():
+        for low, ones in digits.items():
+            table[high << 8 | low] = base * tens + ones
+    return table
+
+
+_PAIR, _DECIMAL = _table(16), _table(10)
+
+_LINE = re.compile(
+    rb"\((?P<s>\d{1,10})\.(?P<f>\d{1,9})\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3,8})"
+    rb"#(?P<fd>#[0-9A-Fa-f])?(?P<data>(?:[0-9A-Fa-f]{2}\.?)*|R[0-8]?)(?:_[9A-Fa-f])?(?:\s+[RT])?"
+)
+
+
+def _irregular(text: bytes, line: int, chunk: Chunk) -> Frame | None:
+    """One line by itself: a frame, or counted as what it is."""
+    text = text.strip()
+    if not text:
+        chunk.blank += 1
+        return None
+    found = _LINE.fullmatch(text)
+    if found is None:
+        chunk.refused.append(RefusedLine(line, f"no frame: {text[:60].decode('ascii', 'backslashreplace')}"))
+        return None
+    number, is_long = int(found["id"], 16), len(found["id"]) > 3
+    seconds = int(found["s"])
+    if is_long and _ERROR <= number < 2 * _ERROR:
+        chunk.errors += 1
+    elif number > (_LAST_ID if is_long else _LAST_STANDARD_ID) or seconds > _GREATEST_STAMP_S:
+        chunk.refused.append(RefusedLine(line, f"identifier or stamp too great: {text[:40].decode('ascii')}"))
+    elif found["data"].startswith(b"R") and not found["fd"]:
+        chunk.remote += 1
+    elif len(data := _unhexed(found["data"])) > _LONGEST[bool(found["fd"])] or found["data"].startswith(b"R"):
+        chunk.refused.append(RefusedLine(line, f"{len(data)} bytes: no payload of such a frame"))
+    else:
+        stamp_ns = seconds * NS_PER_S + int(found["f"].ljust(9, b"0"))
+        return line, stamp_ns, number | EXTENDED if is_long else number, data
+    return None
+
+
+def _unhexed(digits: bytes) -> bytes:
+    return b"" if digits.startswith(b"R") else bytes.fromhex(digits.replace(b".", b"").decode("ascii"))
