@@ -28,7 +28,7 @@ Frame = tuple[int, int, int, bytes]
 """Line, stamp in ns, key, payload."""
 EXTENDED = 1 << 31
 """Set in the key of an extended identifier."""
-CHUNK_BYTES = 1 << 21
+CHUNK_BYTES = 1 << 20
 """Looked at in one go: what a processor's cache holds."""
 _ERROR, _LAST_ID, _LAST_STANDARD_ID = 0x20000000, 0x1FFFFFFF, 0x7FF
 _GREATEST_STAMP_S = (2**63 - 1) // NS_PER_S - 1
@@ -101,7 +101,9 @@ def _chunks(content: mmap.mmap, size: int) -> Iterator[Chunk]:
     begin, line = 0, 1
     while begin < size:
         end = _end_of_chunk(content, begin, size)
-        text = content[begin:end].replace(b"\r\n", b"\n")
+        text = content[begin:end]
+        if b"\r" in text:
+            text = text.replace(b"\r\n", b"\n")
         chunk = _parsed(text if text.endswith(b"\n") else text + b"\n", line)
         chunk.done_bytes, chunk.total_bytes = end, size
         yield chunk
@@ -136,10 +138,12 @@ def _parsed(raw: bytes, first_line: int) -> Chunk:
     return chunk
 
 
-_SPACE, _HASH, _NEWLINE, _OPEN, _CLOSE, _DOT, _ZERO = b" #\n().0"
-_DIRECTIONS = b"RT"
+_SPACE, _HASH, _NEWLINE, _OPEN, _CLOSE, _DOT, _ZERO, _LETTER_A = b" #\n().0a"
+_RECEIVED, _SENT = b"RT"
 _SHAPES = (b"  #", b"  ##", b"  # ", b"  ## ")
 """The spaces and hashes of regular lines: classical, FD, and both with a direction."""
+_MOST_MARKS = 1 + max(map(len, _SHAPES))
+_LONGEST_STAMP, _LONGEST_ID = len("(0123456789.012345678)"), len(" 01234567")
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +158,6 @@ class _Rows:
     firsts: Ints
     """Of the payload's digits."""
     stops: Ints
-    is_fd: Bools
 
     def some(self, which: NDArray[np.intp] | slice) -> "_Rows":
         """Some of them."""
@@ -169,38 +172,42 @@ def _regular(text: Bytes) -> tuple[Ints, Ints, _Rows]:
     ends = marks[last]
     starts = np.concatenate(([0], ends[:-1] + 1))
     first = np.concatenate(([0], last[:-1] + 1))
-    counts = last - first
-    found = [_shaped(text, marks, kinds, starts, ends, first, counts, shape) for shape in _SHAPES]
-    columns = (np.concatenate([getattr(rows, name) for rows in found]) for name in _Rows.__slots__)
-    return starts, ends, found[0] if len(found[0].index) == len(starts) else _Rows(*columns)
+    found = []
+    for count, group in _groups(np.minimum(last - first, _MOST_MARKS)):
+        shapes = [shape for shape in _SHAPES if len(shape) == count]
+        index = np.arange(len(starts))[group]
+        if shapes and len(index) == len(starts):
+            places, signs = marks.reshape(-1, count + 1), kinds.reshape(-1, count + 1)
+        elif shapes:
+            which = first[group][:, np.newaxis] + np.arange(count + 1)
+            places, signs = marks[which], kinds[which]
+        found += [_shaped(text, index, starts[group], places, signs, shape) for shape in shapes]
+    if len(found) == 1:
+        return starts, ends, found[0]
+    columns = (np.concatenate([starts[:0], *(getattr(rows, name) for rows in found)]) for name in _Rows.__slots__)
+    return starts, ends, _Rows(*columns)
 
 
-def _shaped(
-    text: Bytes, marks: Ints, kinds: Bytes, starts: Ints, ends: Ints, first: Ints, counts: Ints, shape: bytes
-) -> _Rows:
-    index = np.flatnonzero(counts == len(shape))
+def _shaped(text: Bytes, index: Ints, starts: Ints, marks: Ints, signs: Bytes, shape: bytes) -> _Rows:
+    """Those of some lines that have a shape; `marks` (n, its length and 1) are the places of spaces, hashes and the
+    end, `signs` which of them they are."""
+    is_fd = shape.count(b"#") == 2
+    after_stamp, before_id, hash_, end = marks[:, 0], marks[:, 1], marks[:, 2], marks[:, -1]
+    good = (text[starts] == _OPEN) & (text[after_stamp - 1] == _CLOSE) & (before_id > after_stamp + 1)
     for place, kind in enumerate(shape):
-        index = index[kinds[first[index] + place] == kind]
-    is_fd, mark = shape.count(b"#") == 2, first[index]
-    start, end, after_stamp, before_id, hash_ = (
-        starts[index],
-        ends[index],
-        marks[mark],
-        marks[mark + 1],
-        marks[mark + 2],
-    )
-    good = (text[start] == _OPEN) & (text[after_stamp - 1] == _CLOSE) & (before_id > after_stamp + 1)
-    stop = end
+        good &= signs[:, place] == kind
+    firsts, stops = hash_ + 1, end
     if shape.endswith(b" "):
-        stop = marks[mark + len(shape) - 1]
-        good &= (end == stop + 2) & np.isin(text[end - 1], list(_DIRECTIONS))
+        stops, direction = marks[:, -2], text[end - 1]
+        good &= (end == stops + 2) & ((direction == _RECEIVED) | (direction == _SENT))
     if is_fd:
-        good &= (marks[mark + 3] == hash_ + 1) & (stop >= hash_ + 3)
-        good &= _PAIR[text[np.minimum(hash_ + 2, len(text) - 1)].astype(np.uint16) << 8 | _ZERO] >= 0
-    firsts = hash_ + (3 if is_fd else 1)
-    good &= (stop - firsts) % 2 == 0
-    good &= stop - firsts <= 2 * _LONGEST[is_fd]
-    rows = _Rows(index, start + 1, after_stamp - 1, before_id + 1, hash_, firsts, stop, np.full(len(index), is_fd))
+        firsts = hash_ + 3
+        good &= (marks[:, 3] == hash_ + 1) & (stops >= firsts)
+        good &= _are_hexadecimal(text[np.minimum(hash_ + 2, len(text) - 1)])
+    width = stops - firsts
+    good &= (width % 2 == 0) & (width <= 2 * _LONGEST[is_fd])
+    good &= (after_stamp - starts <= _LONGEST_STAMP) & (hash_ - before_id <= _LONGEST_ID)
+    rows = _Rows(index, starts + 1, after_stamp - 1, before_id + 1, hash_, firsts, stops)
     return rows if good.all() else rows.some(np.flatnonzero(good))
 
 
@@ -270,21 +277,21 @@ def _keys(text: Bytes, rows: _Rows) -> tuple[Ints, Bools]:
     return keys, good
 
 
-def _pairs(text: Bytes, firsts: Ints, width: int, table: NDArray[np.int16]) -> tuple[NDArray[np.int16], Bools]:
-    """`width` digits from each of `firsts` on, as numbers of two digits; and whether all of them are digits."""
-    if not width:
-        return np.zeros((len(firsts), 0), np.int16), np.ones(len(firsts), bool)
+def _windows(text: Bytes, firsts: Ints, width: int) -> Bytes:
+    """`width` characters from each of `firsts` on, one more in front when that is odd: then it is 0."""
     odd = width % 2
-    digits = sliding_window_view(text, width + odd)[firsts - odd]
+    characters = sliding_window_view(text, width + odd)[firsts - odd]
     if odd:
-        digits[:, 0] = _ZERO
-    values = table[digits.view(">u2")]
-    good = np.ones(len(firsts), bool) if values.size and values.min() >= 0 else (values >= 0).all(axis=1)
-    return values, good
+        characters[:, 0] = _ZERO
+    return characters
 
 
 def _decimal(text: Bytes, firsts: Ints, width: int) -> tuple[Ints, Bools]:
-    values, good = _pairs(text, firsts, width, _DECIMAL)
+    """Numbers of `width` digits; and whether all of them are digits."""
+    digits = _windows(text, firsts, width) - np.uint8(_ZERO)
+    good = _whole_rows(digits <= 9)
+    pairs = digits.view("<u2")
+    values = (pairs & 0xFF) * np.uint16(10) + (pairs >> 8)
     number = values[:, 0].astype(np.int64)
     for place in range(1, values.shape[1]):
         number = number * 100 + values[:, place]
@@ -292,23 +299,28 @@ def _decimal(text: Bytes, firsts: Ints, width: int) -> tuple[Ints, Bools]:
 
 
 def _hexadecimal(text: Bytes, firsts: Ints, width: int) -> tuple[Bytes, Bools]:
-    values, good = _pairs(text, firsts, width, _PAIR)
-    return values.astype(np.uint8), good
+    """Bytes of two digits each, (n, width / 2) rounded up; and whether all of them are digits."""
+    if not width:
+        return np.zeros((len(firsts), 0), np.uint8), np.ones(len(firsts), bool)
+    characters = _windows(text, firsts, width)
+    good = _whole_rows(_are_hexadecimal(characters))
+    nibbles = (characters & 0x0F) + np.uint8(9) * (characters >> 6)
+    pairs = nibbles.view("<u2")
+    return (pairs << 4 | pairs >> 8).astype(np.uint8), good
 
 
-def _table(base: int) -> NDArray[np.int16]:
-    """The number of every two characters, the first one in the upper byte; -1 where one of them is no digit."""
-    table = np.full(1 << 16, -1, np.int16)
-    digits = {
-        ord(character): int(character, base) for character in "0123456789abcdefABCDEF"[: 10 if base == 10 else 22]
-    }
-    for high, tens in digits.items():
-        for low, ones in digits.items():
-            table[high << 8 | low] = base * tens + ones
-    return table
+def _are_hexadecimal(characters: Bytes) -> Bools:
+    """Differences wrap round, so that one comparison has both ends."""
+    found: Bools = (characters - np.uint8(_ZERO) <= 9) | ((characters | 0x20) - np.uint8(_LETTER_A) <= 5)
+    return found
 
 
-_PAIR, _DECIMAL = _table(16), _table(10)
+def _whole_rows(good: Bools) -> Bools:
+    if good.all():
+        return np.ones(len(good), bool)
+    whole: Bools = good.all(axis=1)
+    return whole
+
 
 _LINE = re.compile(
     rb"\((?P<s>\d{1,10})\.(?P<f>\d{1,9})\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3,8})"
