@@ -318,7 +318,7 @@ def _are_hexadecimal(characters: Bytes) -> Bools:
 def _whole_rows(good: Bools) -> Bools:
     if good.all():
         return np.ones(len(good), bool)
-    whole: Bools = good.all(axis=1)
+    whole: Bools = np.logical_and.reduce(good, axis=1)
     return whole
 
 
