@@ -1,8 +1,10 @@
 """Words and data: what is refused is refused by name and value, and what is built cannot change."""
 
+import copy
 import dataclasses
 import inspect
 import math
+import pickle
 import sys
 from collections.abc import Callable
 from fractions import Fraction
@@ -239,6 +241,30 @@ def test_a_trajectory_copies_and_locks_what_it_is_given() -> None:
     for name in [*TRAJECTORY_NUMBERS, "time_from_start_ns"]:
         with pytest.raises(ValueError, match="read-only"):
             getattr(trajectory, name)[0] = 1
+
+
+@pytest.mark.parametrize("line", [LINE, {name: values and [] for name, values in LINE.items() if name != "stamp_ns"}])
+@pytest.mark.parametrize("copied", [lambda t: t, copy.copy, copy.deepcopy, lambda t: pickle.loads(pickle.dumps(t))])
+def test_nobody_can_unlock_a_trajectory_nor_a_copy_of_it(line: dict[str, Any], copied: Callable[..., Any]) -> None:
+    trajectory = Trajectory(**{"stamp_ns": 5} | line)
+    twin = copied(trajectory)
+    for field in dataclasses.fields(trajectory):
+        ours, theirs = getattr(trajectory, field.name), getattr(twin, field.name)
+        if isinstance(theirs, np.ndarray):
+            assert theirs.tolist() == ours.tolist()
+            with pytest.raises(ValueError, match="WRITEABLE"):
+                theirs.setflags(write=True)
+        else:
+            assert theirs == ours
+
+
+def test_the_trajectorys_arrays_are_plain_ones_whatever_they_came_from() -> None:
+    given = np.array([[0.0, 9.0], [1.0, 9.0], [2.0, 9.0]], dtype=">f4")[:, 0]
+    x_m = Trajectory(**LINE | {"x_m": given}).x_m
+    assert x_m.tolist() == [0.0, 1.0, 2.0]
+    assert x_m.dtype == np.float64
+    assert x_m.flags.c_contiguous
+    assert x_m.flags.aligned
 
 
 def test_what_is_not_given_is_zero() -> None:

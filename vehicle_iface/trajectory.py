@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from vehicle_iface.errors import InvalidValueError
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 _REQUIRED = ("x_m", "y_m", "heading_rad", "speed_mps")
 _OPTIONAL = ("accel_mps2", "yaw_rate_radps", "front_wheel_angle_rad")
@@ -22,9 +24,10 @@ _OPTIONAL = ("accel_mps2", "yaw_rate_radps", "front_wheel_angle_rad")
 class Trajectory:
     """n points in time order; n = 0 means: stop.
 
-    Arrays are copied and locked; whoever passed them may go on changing theirs. Raises `InvalidValueError`
-    naming the field, the index and the value when a number is not finite, lengths differ, an array is not
-    one-dimensional, or times are negative or decrease. Equal times of neighbours are allowed.
+    Arrays are copied into bytes that nobody can unlock; whoever passed them may go on changing theirs, and copies
+    of a trajectory are as locked. Raises `InvalidValueError` naming the field, the index and the value when a
+    number is not finite, lengths differ, an array is not one-dimensional, or times are negative or decrease.
+    Equal times of neighbours are allowed.
     """
 
     stamp_ns: int
@@ -55,11 +58,25 @@ class Trajectory:
         object.__setattr__(self, "time_from_start_ns", times)
         for name in _REQUIRED + _OPTIONAL:
             given = getattr(self, name)
-            values = np.zeros(len(times)) if given is None and name in _OPTIONAL else _floats(name, given)
+            values = _floats(name, np.zeros(len(times)) if given is None and name in _OPTIONAL else given)
             if len(values) != len(times):
                 raise InvalidValueError(f"{name} has {len(values)} values: time_from_start_ns has {len(times)}")
-            values.setflags(write=False)
             object.__setattr__(self, name, values)
+
+    def __copy__(self) -> Self:
+        """Another one over the same arrays."""
+        twin = object.__new__(type(self))
+        for field in fields(self):
+            object.__setattr__(twin, field.name, getattr(self, field.name))
+        return twin
+
+    def __deepcopy__(self, _: dict[int, Any]) -> Self:
+        """Itself: nothing in it can change."""
+        return self
+
+    def __reduce__(self) -> tuple[Callable[..., Trajectory], tuple[type[Trajectory], dict[str, Any]]]:
+        """Pickled copies go through the constructor, which checks and locks them."""
+        return _rebuilt, (type(self), {field.name: getattr(self, field.name) for field in fields(self)})
 
     def __len__(self) -> int:
         return len(self.time_from_start_ns)
@@ -79,6 +96,16 @@ class Trajectory:
         )
 
 
+def _rebuilt(kind: type[Trajectory], values: dict[str, Any]) -> Trajectory:
+    return kind(**values)
+
+
+def _locked(array: npt.NDArray[Any], kind: type[Scalar]) -> npt.NDArray[Scalar]:
+    """A copy of a one-dimensional array in immutable bytes: `setflags` refuses to make it writable."""
+    values = array.astype(kind, copy=False)
+    return np.ndarray(values.shape, values.dtype, values.tobytes())
+
+
 def _times(given: Any) -> IntArray:
     """`given` as a locked int64 copy, never decreasing."""
     array = _one_dimensional("time_from_start_ns", given)
@@ -86,23 +113,22 @@ def _times(given: Any) -> IntArray:
         raise InvalidValueError(f"time_from_start_ns of type {array.dtype}: must be integer nanoseconds")
     if array.size and array.dtype.kind == "u" and int(array.max()) > np.iinfo(np.int64).max:
         raise InvalidValueError(f"time_from_start_ns = {array.max()}: must fit 63 bits")
-    times = array.astype(np.int64)
+    times = _locked(array, np.int64)
     if times.size and times[0] < 0:
         raise InvalidValueError(f"time_from_start_ns[0] = {times[0]}: must be at least 0")
     falls = np.flatnonzero(times[1:] < times[:-1])
     if falls.size:
         i = int(falls[0])
         raise InvalidValueError(f"time_from_start_ns[{i + 1}] = {times[i + 1]}: must not be below [{i}] = {times[i]}")
-    times.setflags(write=False)
     return times
 
 
 def _floats(name: str, given: Any) -> FloatArray:
-    """`given` as a finite float64 copy."""
+    """`given` as a locked float64 copy, finite."""
     array = _one_dimensional(name, given)
     if array.size and array.dtype.kind not in "iuf":
         raise InvalidValueError(f"{name} of type {array.dtype}: must be numbers")
-    values = array.astype(np.float64)
+    values = _locked(array, np.float64)
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         raise InvalidValueError(f"{name}[{int(bad[0])}] = {values[bad[0]]}: must be a finite number")
