@@ -210,6 +210,18 @@ def test_a_number_without_a_name_is_refused_both_ways(number):
                 call()
 
 
+@pytest.mark.parametrize("names", [{0: "OFF", 1: "ON", 2: "AUTO"}, {0: "OFF", 1: "ON", 2: "LOW", 7: "AUTO"}])
+@pytest.mark.parametrize("between", [0.4, 0.5, 1.6, 1.0 + 1e-12, -0.1, math.nan])
+def test_between_two_names_there_is_no_third(names, between):
+    message = message_of(signal(width=3, choices=names, minimum=0, maximum=7))
+    codec = MessageCodec(message)
+    with pytest.raises(SignalError, match=r"MESSAGE\.SIGNAL"):
+        codec.encode([between])
+    assert [codec.encode([whole]) for whole in (1, 1.0, True)] == [b"\x01" + bytes(7)] * 3
+    if math.isfinite(between) and between > 0:
+        assert MessageCodec(message, checked=False).encode([between]) == bytes([round(between)]) + bytes(7)
+
+
 def test_a_name_outside_the_range_is_a_marker_for_no_value():
     percent = signal(width=8, choices={255: "NOT_AVAILABLE"}, minimum=0, maximum=100)
     codec = MessageCodec(message_of(percent))

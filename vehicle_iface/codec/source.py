@@ -200,14 +200,17 @@ def _fit_check(field: Field, checked: bool) -> list[str]:
     """Refuse raw values that the bits cannot hold or the VAL_ table does not name."""
     index = field.index
     low, high, named = field.raw_minimum, field.raw_maximum, None
-    if checked and field.enumeration():
+    enumerated = checked and field.enumeration()
+    if enumerated:
         low, high, named = field.allowed_raw()
     if named is not None:
         condition = f"r{index} not in {{{', '.join(map(str, sorted(named)))}}}"
-    elif checked and _range_implies(field, low, high):
+    elif checked and not enumerated and _range_implies(field, low, high):
         return []
     else:
         condition = f"not {low} <= r{index} <= {high}"
+    if enumerated:  # between two names there is no third
+        condition = f"r{index} != v{index} or {condition}"
     return [f"if {condition}:", f"{_INDENT}refuse({index}, v{index})"]
 
 
