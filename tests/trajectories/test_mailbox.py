@@ -81,6 +81,29 @@ post({str(tmp_path / "t")!r}, Trajectory(stamp_ns=9, time_from_start_ns=[0], x_m
     assert trajectory.stamp_ns == 9
 
 
+def test_a_path_that_cannot_be_looked_at_is_said_once_and_ends_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "folder"
+    source = PostedTrajectories(folder / "t")
+    source.close()  # its thread: here the test looks
+    folder.write_text("not a folder")
+    for _ in range(3):
+        source._look()
+    assert source.unreachable == 3
+    assert [record.message for record in caplog.records] == [
+        f"posted trajectories: {folder / 't'} cannot be looked at: Not a directory"
+    ]
+    folder.unlink()
+    folder.mkdir()
+    source._look()
+    post(folder / "t", line(7))
+    source._look()
+    trajectory = source.next(0, STATE)
+    assert trajectory is not None
+    assert (trajectory.stamp_ns, source.unreachable, source.refused) == (7, 3, 0)
+
+
 @given(st.binary(max_size=300))
 def test_a_file_that_is_no_trajectory_is_refused_by_name(
     tmp_path_factory: pytest.TempPathFactory, content: bytes

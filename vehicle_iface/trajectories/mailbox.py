@@ -66,13 +66,17 @@ class Mailbox:
 class PostedTrajectories(Mailbox):
     """Trajectories that another process posts to a file (`post`). A thread reads and checks them.
 
-    A file that is no trajectory is reported once and leaves the last one in force.
+    A file that is no trajectory is reported once and leaves the last one in force, and so does a path that
+    cannot be looked at.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         super().__init__()
         self._path = Path(path)
         self.refused = 0
+        self.unreachable = 0
+        """Looks at the path that failed; that nobody has posted yet is no failure."""
+        self._unreachable_causes: set[int | None] = set()
         self._seen: tuple[int, int] | None = None
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="posted-trajectories", daemon=True)
@@ -92,6 +96,9 @@ class PostedTrajectories(Mailbox):
             found = self._path.stat()
         except FileNotFoundError:
             return
+        except OSError as error:
+            self._note_unreachable(error)
+            return
         version = (found.st_ino, found.st_mtime_ns)
         if version == self._seen:
             return
@@ -101,6 +108,13 @@ class PostedTrajectories(Mailbox):
         except TrajectoryFileError as error:
             self.refused += 1
             log.error("posted trajectory refused: %s", error)
+
+    def _note_unreachable(self, error: OSError) -> None:
+        """Count it, and say each cause once: the thread looks fifty times a second."""
+        self.unreachable += 1
+        if error.errno not in self._unreachable_causes:
+            self._unreachable_causes.add(error.errno)
+            log.error("posted trajectories: %s cannot be looked at: %s", self._path, error.strerror)
 
 
 def post(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
