@@ -299,6 +299,15 @@ def test_foreign_frames_between_pairs_do_not_break_the_row(bench: Bench) -> None
     assert bench.vehicle.mode is VehicleMode.AUTONOMOUS
 
 
+def test_only_frames_that_the_profile_does_not_have_are_counted_as_others(bench: Bench) -> None:
+    for can_id in (0x082, 0x180, 0x100, 0x110):  # lights, the controller's report, another vehicle's status and pose
+        bench.hear(CanFrame(can_id, bytes(8)))
+    assert bench.vehicle.counters["other"] == 0
+    bench.hear(CanFrame(0x123, bytes(8)))
+    bench.hear(CanFrame(0x082, bytes(8), is_extended=True))
+    assert bench.vehicle.counters["other"] == 2
+
+
 @pytest.mark.parametrize("mode", [m for m in VehicleMode if m is not VehicleMode.READY])
 def test_only_a_ready_vehicle_engages(mode: VehicleMode) -> None:
     bench = Bench(mode=mode)

@@ -22,7 +22,8 @@ from vehicle_iface.units import wrapped_rad
 INNER_STEP_S = 0.001
 """No inner step is longer than this."""
 
-_DIRECTION = {Gear.DRIVE: 1.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.PARK: 0.0}
+DIRECTION = {Gear.DRIVE: 1.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.PARK: 0.0}
+"""Where the engine pushes in each gear."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +105,7 @@ class Actuation:
     """Brake only, and stay at standstill once there."""
 
     def __post_init__(self) -> None:
-        if self.gear not in _DIRECTION:
+        if self.gear not in DIRECTION:
             raise InvalidValueError(f"gear = {self.gear!r}: must be PARK, REVERSE, NEUTRAL or DRIVE")
         if self.accel_mps2 is not None:
             checks.finite("accel_mps2", self.accel_mps2)
@@ -178,7 +179,7 @@ class Bicycle:
         goal_mps2 = self._goal_mps2(speed_mps, actuation)
         actuator_mps2 = self._actuator_mps2
         actuator_mps2 += (goal_mps2 - actuator_mps2) * (1.0 - math.exp(-h_s / p.accel_lag_s))
-        direction = _DIRECTION[actuation.gear]
+        direction = DIRECTION[actuation.gear]
         brakes = _opposite(actuator_mps2, speed_mps)
         drives = actuator_mps2 * direction > 0.0 and not actuation.hold
         self._actuator_mps2 = actuator_mps2 if brakes or drives else 0.0
@@ -200,7 +201,7 @@ class Bicycle:
         if _opposite(wish_mps2, speed_mps):
             return _within(wish_mps2, p.brake_limit_mps2)
         too_fast = abs(speed_mps) >= p.speed_limit_mps
-        if wish_mps2 * _DIRECTION[actuation.gear] > 0.0 and not actuation.hold and not too_fast:
+        if wish_mps2 * DIRECTION[actuation.gear] > 0.0 and not actuation.hold and not too_fast:
             return _within(wish_mps2, p.drive_limit_mps2)
         return 0.0
 

@@ -25,13 +25,12 @@ from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.sim.engagement import PAIRS_TO_ENGAGE, TRANSITIONS, CommandWatch, Event
-from vehicle_iface.sim.model import Actuation, Bicycle, BicycleParameters, BicycleState
+from vehicle_iface.sim.model import DIRECTION, Actuation, Bicycle, BicycleParameters, BicycleState
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.units import NS_PER_MS, s_from_ns
 
 TORQUE_LIMIT_NM = 12.7
 """What the status message can express, to either side."""
-_DIRECTION = {Gear.DRIVE: 1.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.PARK: 0.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +81,10 @@ class Wire(Protocol):
 
     def is_command(self, frame: CanFrame) -> bool:
         """Whether the frame claims to be one of `commands`."""
+        ...
+
+    def is_known(self, frame: CanFrame) -> bool:
+        """Whether the frame has an identifier of this vehicle's profile."""
         ...
 
     def read(self, frame: CanFrame) -> Heard | None:
@@ -159,6 +162,7 @@ class SimulatedVehicle:
         self.muted: set[str] = set()
         """Messages that are lost on their way: their counters step, nothing leaves."""
         self.counters: Counter[str] = Counter()
+        """What happened how often; `other` are frames that are none of the profile's."""
         self._wire = wire
         self._car = Bicycle(car, start)
         self._watch = CommandWatch(wire.commands)
@@ -205,7 +209,7 @@ class SimulatedVehicle:
     def receive(self, frame: CanFrame, now_ns: int) -> None:
         """Take one frame from the bus; whatever is in it, this returns."""
         if not self._wire.is_command(frame):
-            self.counters["foreign"] += 1
+            self.counters["other"] += not self._wire.is_known(frame)
             return
         seen_ns = min(frame.stamp_ns, now_ns) if frame.stamp_ns else now_ns
         self._check_watchdog(seen_ns)
@@ -370,7 +374,7 @@ class SimulatedVehicle:
         front_rad = d.steer_torque_nm * p.driver_steering_rad_per_nm
         if d.brake:
             return replace(self._braking(p.driver_deceleration_mps2), front_wheel_angle_rad=front_rad)
-        accel_mps2 = p.driver_acceleration_mps2 * _DIRECTION[self.gear] if d.throttle else None
+        accel_mps2 = p.driver_acceleration_mps2 * DIRECTION[self.gear] if d.throttle else None
         return Actuation(gear=self.gear, accel_mps2=accel_mps2, front_wheel_angle_rad=front_rad)
 
     def _braking(self, deceleration_mps2: float) -> Actuation:

@@ -28,6 +28,7 @@ class ProfileWire:
         self.frame_ids: Mapping[str, int] = names or {database.profile.state.frame_id: 0}
         self._fields = {message.name: message.fields for message in database.commands}
         self._command_ids = {_key(message) for message in database.commands}
+        self._ids = {_key(message) for message in (*database.received, *database.sent)}
         self._decoder = Decoder(database.commands)
         self._encoder = Encoder(database.received)
         self._expressible: dict[str, VehicleReport] = {}
@@ -35,6 +36,10 @@ class ProfileWire:
     def is_command(self, frame: CanFrame) -> bool:
         """Whether the frame has a command's identifier."""
         return (frame.can_id, frame.is_extended) in self._command_ids
+
+    def is_known(self, frame: CanFrame) -> bool:
+        """Whether the frame has an identifier of the profile."""
+        return (frame.can_id, frame.is_extended) in self._ids
 
     def read(self, frame: CanFrame) -> Heard | None:
         """The command in the frame; None when it is damaged, out of sequence or impossible."""
