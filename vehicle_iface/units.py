@@ -1,11 +1,9 @@
-"""Constants and conversions of units; inside the program everything is SI."""
+"""Conversions of units; inside the program everything is SI."""
 
 import math
 
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
-GRAVITY_MPS2 = 9.80665
-"""Standard gravity (ISO 80000-3)."""
 
 
 def ns_from_s(duration_s: float) -> int:

@@ -45,11 +45,10 @@ def test_fields_stand_at_their_values(database):
 
 
 def test_the_resolution_is_the_commands_step_on_the_wire(database):
-    assert database.resolution("accel_mps2") == 0.001
-    assert database.resolution("front_wheel_angle_rad") == 0.0001
-    assert database.resolution("enable") == 1
-    with pytest.raises(ConfigError, match="'torque_nm' is bound to no signal"):
-        database.resolution("torque_nm")
+    assert database.resolutions["accel_mps2"] == 0.001
+    assert database.resolutions["front_wheel_angle_rad"] == 0.0001
+    assert database.resolutions["enable"] == 1
+    assert "torque_nm" not in database.resolutions
 
 
 # ruff: noqa: E501

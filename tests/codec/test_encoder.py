@@ -178,5 +178,5 @@ def test_a_command_arrives_within_half_a_step(accel, angle, speed, reason, gear,
     for frame, message in zip(Encoder(DATABASE.sent).encode_command(command), DATABASE.commands, strict=True):
         seen |= dict(zip(message.fields, decoder.decode(frame).values, strict=True))
     for field in ("accel_mps2", "front_wheel_angle_rad", "speed_mps"):
-        assert abs(seen[field] - getattr(command, field)) <= DATABASE.resolution(field) * 0.5001
+        assert abs(seen[field] - getattr(command, field)) <= DATABASE.resolutions[field] * 0.5001
     assert (seen["reason"], seen["gear_request"], seen["enable"]) == (reason, gear, enable)

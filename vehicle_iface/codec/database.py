@@ -88,7 +88,7 @@ class VehicleDatabase:
     frames: Mapping[int, str]
     """Number of `pose_frame` on the bus = frame of reference."""
     resolutions: Mapping[str, float]
-    """Of each command field, in its unit."""
+    """The step of each bound command field on the wire, in its unit; 0 for a float."""
 
     @property
     def received(self) -> tuple[BoundMessage, ...]:
@@ -99,13 +99,6 @@ class VehicleDatabase:
     def sent(self) -> tuple[BoundMessage, ...]:
         """What the program sends."""
         return (*self.commands, *(message for message in (self.body, self.report) if message is not None))
-
-    def resolution(self, field: str) -> float:
-        """The step of a command field on the wire, in its unit; 0 for a float. `ConfigError` when
-        unbound."""
-        if field not in self.resolutions:
-            raise ConfigError(f"{self.profile.name}: command field {field!r} is bound to no signal")
-        return self.resolutions[field]
 
 
 def load_database(profile: Profile) -> VehicleDatabase:

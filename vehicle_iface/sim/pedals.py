@@ -51,10 +51,6 @@ class PedalSocket:
         self._listener.setblocking(False)
         self._clients: dict[socket.socket, bytearray] = {}
 
-    def fds(self) -> tuple[int, ...]:
-        """What becomes readable when there is something to poll for."""
-        return (self._listener.fileno(), *(client.fileno() for client in self._clients))
-
     def poll(self, answer: Callable[[str], str]) -> int:
         """Answer the lines that have come, without waiting; how many there were."""
         self._accept()
