@@ -7,6 +7,7 @@ import contextlib
 import io
 import signal
 import sys
+import warnings
 import webbrowser
 from collections.abc import Sequence
 from types import FrameType
@@ -27,6 +28,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ConfigError as error:
         print(f"viewer: {error}", file=sys.stderr)
         return 2
+    # A browser may leave between being found and being sent to; that needs no words.
+    warnings.filterwarnings("ignore", message=r"Queued a \w+ on a closed connection")
     stop = _StopFlag()
     url = _url(options.host, app.port, options.token)
     print(f"viewer: {url}  (telemetry {options.connect!r}: {path})", flush=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 import viser
@@ -34,9 +33,6 @@ class App:
         self._scene = Scene(self.server)
         self._panels = Panels(self.server.gui)
         self._followers: dict[int, _Follower] = {}
-        self._followers_lock = threading.Lock()
-        self.server.on_client_connect(self._joined)
-        self.server.on_client_disconnect(self._left)
 
     @property
     def port(self) -> int:
@@ -57,14 +53,12 @@ class App:
     def update(self, tick: int) -> None:
         """One step: the picture each time, words and curves every third."""
         view = self._feed.view(clock.monotonic_ns())
-        with self._followers_lock:
-            followers = list(self._followers.values())
         with self.server.atomic():
             place = self._scene.draw(view)
             if tick % _PANELS_EVERY == 0:
                 self._panels.show(view, tick // _PANELS_EVERY)
         if place is not None:
-            for follower in followers:
+            for follower in self._present_followers():
                 follower.move(place)
         # Both at once: the vehicle's place and the world's shift belong into the same picture.
         self.server.flush()
@@ -74,14 +68,14 @@ class App:
         self._reader.close()
         self.server.stop()
 
-    def _joined(self, client: viser.ClientHandle) -> None:
-        follower = _Follower(client)
-        with self._followers_lock:
-            self._followers[client.client_id] = follower
-
-    def _left(self, client: viser.ClientHandle) -> None:
-        with self._followers_lock:
-            self._followers.pop(client.client_id, None)
+    def _present_followers(self) -> list[_Follower]:
+        """One for each browser that is there. Asked, not told: viser's callbacks for coming and going may overtake
+        each other, and a browser that stayed in the list would stay for ever."""
+        clients = self.server.get_clients()
+        self._followers = {
+            number: self._followers.get(number) or _Follower(client) for number, client in clients.items()
+        }
+        return list(self._followers.values())
 
 
 class _Follower:

@@ -8,7 +8,7 @@ from typing import Any
 
 from vehicle_iface.runtime.telemetry import (
     DrawnTrajectory,
-    Link,
+    WriterState,
     SessionInfo,
     Snapshot,
     TelemetryReader,
@@ -28,7 +28,7 @@ class View:
 
     now_ns: int
     address: str
-    link: Link
+    link: WriterState
     problem: str = ""
     """Why the link is not live, in words."""
     session: int = 0
@@ -54,7 +54,7 @@ class View:
     @property
     def is_stale(self) -> bool:
         """Whether what is shown is not what is."""
-        return self.snapshot is None or self.link is not Link.LIVE or self.data_age_s > STALE_AFTER_S
+        return self.snapshot is None or self.link is not WriterState.LIVE or self.data_age_s > STALE_AFTER_S
 
 
 class Feed:

@@ -15,7 +15,7 @@ import viser
 from viser import uplot
 
 from vehicle_iface.reason import Reason
-from vehicle_iface.runtime.telemetry import Link, Snapshot
+from vehicle_iface.runtime.telemetry import WriterState, Snapshot
 from vehicle_iface.status import ControllerState, Gear, VehicleMode
 from vehicle_iface.units import NS_PER_S
 from viewer import scene, shapes
@@ -35,11 +35,11 @@ _STATE_COLORS = {
     ControllerState.STANDBY: _TEAL,
 }
 _GONE = {
-    Link.ABSENT: "NO LOOP",
-    Link.ENDED: "LOOP ENDED",
-    Link.DEAD: "LOOP GONE",
-    Link.OTHER_VERSION: "OTHER VERSION",
-    Link.UNREADABLE: "UNREADABLE",
+    WriterState.ABSENT: "NO LOOP",
+    WriterState.ENDED: "LOOP ENDED",
+    WriterState.DEAD: "LOOP GONE",
+    WriterState.OTHER_VERSION: "OTHER VERSION",
+    WriterState.UNREADABLE: "UNREADABLE",
 }
 _WINDOW_S = 20.0
 _PLOT_STEP_NS = NS_PER_S // 10
@@ -181,7 +181,7 @@ def banner_html(view: View | None) -> str:
     if view is None or view.snapshot is None:
         title = _GONE.get(view.link, "WAITING") if view else "WAITING"
         lines = [f"<div>{plain(view.problem or 'no snapshot yet')}</div>"] if view else []
-        if view and view.link is Link.ABSENT:
+        if view and view.link is WriterState.ABSENT:
             lines.append(f"<div>waiting for a loop at {plain(view.address)}</div>")
         return _banner(_GREY, title, "", lines, state="", reason="", stale=True)
     snapshot = view.snapshot

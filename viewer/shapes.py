@@ -18,7 +18,6 @@ Mesh = tuple[FloatArray, Faces]
 
 SPEED_COLORS = ((66, 99, 235), (34, 184, 207), (81, 207, 102), (252, 196, 25), (250, 82, 82))
 """Slow to fast, evenly spaced; told apart on dark ground, and by brightness as well as by hue."""
-WHEEL_RADIUS_M = 0.34
 WHEEL_WIDTH_M = 0.24
 
 # The side of a car, rear to front and ground to roof, as shares of its length and height: a convex outline.
@@ -84,10 +83,10 @@ def lamps(shape: VehicleShape, *, front: bool) -> Mesh:
     return joined([_box((x_m, sign * y_m, z_m), (0.14, 0.36, 0.14)) for sign in (1, -1)])
 
 
-def wheel(segments_count: int = 20) -> Mesh:
+def wheel(radius_m: float, segments_count: int = 20) -> Mesh:
     """A wheel that rolls along x."""
     angles = np.arange(segments_count) * math.tau / segments_count
-    side = np.column_stack((np.cos(angles), np.sin(angles))) * WHEEL_RADIUS_M
+    side = np.column_stack((np.cos(angles), np.sin(angles))) * radius_m
     return _extruded(side, WHEEL_WIDTH_M)
 
 

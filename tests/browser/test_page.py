@@ -140,10 +140,13 @@ def test_the_picture_is_drawn_beside_legend_and_plots(publish: Start, viewer: Vi
     assert len(canvas.screenshot()) > 10_000  # an empty ground compresses to far less
 
 
+@pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
 def test_a_browser_decides_for_itself_whether_to_follow(publish: Start, app: App, page: Page) -> None:
     publish()
     page.goto(f"http://127.0.0.1:{app.port}/")
     banner(page, "ENGAGED", "NOMINAL")
+    while not app._followers:
+        page.wait_for_timeout(20)
     (follower,) = app._followers.values()
     switch = page.get_by_role("checkbox").first
     expect(switch).to_be_checked()

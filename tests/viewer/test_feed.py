@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vehicle_iface import Trajectory
-from vehicle_iface.runtime.telemetry import Link, SessionInfo, Snapshot, TelemetryReader, TelemetryWriter
+from vehicle_iface.runtime.telemetry import WriterState, SessionInfo, Snapshot, TelemetryReader, TelemetryWriter
 from vehicle_iface.units import NS_PER_MS, NS_PER_S
 from viewer.feed import Feed
 
@@ -30,7 +30,7 @@ def feed(writer: TelemetryWriter) -> Iterator[Feed]:
 def test_without_a_loop_the_view_says_so(tmp_path_factory: pytest.TempPathFactory) -> None:
     with TelemetryReader(str(tmp_path_factory.mktemp("feed") / "loop")) as reader:
         view = Feed(reader).view(5)
-    assert (view.link, view.snapshot, view.is_stale) == (Link.ABSENT, None, True)
+    assert (view.link, view.snapshot, view.is_stale) == (WriterState.ABSENT, None, True)
 
 
 def test_rates_are_counts_over_the_time_between(writer: TelemetryWriter, feed: Feed) -> None:
@@ -67,11 +67,11 @@ def test_a_new_session_starts_afresh(writer: TelemetryWriter, feed: Feed) -> Non
     writer.publish(Snapshot(1, 3, 0, trajectory_version=writer.publish_trajectory(PATH)))
     first = feed.view(1)
     writer.close()
-    assert feed.view(2).link is Link.ENDED
+    assert feed.view(2).link is WriterState.ENDED
     assert feed.view(2).snapshot == first.snapshot
     with TelemetryWriter(writer.address, INFO) as successor:
         again = feed.view(3)
-        assert (again.link, again.snapshot, again.trajectory) == (Link.LIVE, None, None)
+        assert (again.link, again.snapshot, again.trajectory) == (WriterState.LIVE, None, None)
         assert again.session != first.session
         successor.publish(Snapshot(4, 1, 0))
         assert feed.view(4).snapshot == Snapshot(4, 1, 0, sequence=1)

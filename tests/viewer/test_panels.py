@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface import Reason
-from vehicle_iface.runtime.telemetry import DrawnTrajectory, Link, SessionInfo, Snapshot
+from vehicle_iface.runtime.telemetry import DrawnTrajectory, WriterState, SessionInfo, Snapshot
 from vehicle_iface.status import ControllerState
 from vehicle_iface.units import NS_PER_S
 from viewer import panels
@@ -33,7 +33,7 @@ class _Words(HTMLParser):
         self.text += data + " "
 
 
-def view(snapshot: Snapshot | None, *, text: str = "plain", link: Link = Link.LIVE, age_s: float = 0.0) -> View:
+def view(snapshot: Snapshot | None, *, text: str = "plain", link: WriterState = WriterState.LIVE, age_s: float = 0.0) -> View:
     return View(
         now_ns=NS_PER_S + round(age_s * NS_PER_S),
         address=text,
@@ -75,8 +75,8 @@ def driving(**changes: object) -> Snapshot:
 @given(
     text=st.text(st.characters(codec="utf-8"), min_size=1) | st.sampled_from(("<b>", "'\"><script>x</script>", "&lt;"))
 )
-@pytest.mark.parametrize("link", list(Link))
-def test_no_text_becomes_markup(text: str, link: Link) -> None:
+@pytest.mark.parametrize("link", list(WriterState))
+def test_no_text_becomes_markup(text: str, link: WriterState) -> None:
     for snapshot in (None, driving(frame_id="?" + text)):
         expected = _Words(whole_page(view(snapshot, link=link)))
         assert _Words(whole_page(view(snapshot, text=text, link=link))).tags == expected.tags
@@ -114,9 +114,9 @@ def test_old_data_is_called_old() -> None:
 
 
 @pytest.mark.parametrize(
-    ("link", "words"), [(Link.ENDED, "LOOP ENDED"), (Link.DEAD, "LOOP GONE"), (Link.ABSENT, "NO LOOP")]
+    ("link", "words"), [(WriterState.ENDED, "LOOP ENDED"), (WriterState.DEAD, "LOOP GONE"), (WriterState.ABSENT, "NO LOOP")]
 )
-def test_a_loop_that_is_gone_is_called_gone(link: Link, words: str) -> None:
+def test_a_loop_that_is_gone_is_called_gone(link: WriterState, words: str) -> None:
     assert f"{words}: no data for 0.0 s" in _Words(panels.banner_html(view(driving(), link=link))).text
     assert words in _Words(panels.banner_html(view(None, link=link))).text
 
@@ -136,7 +136,7 @@ def test_what_was_never_received_has_no_figure() -> None:
 def test_impossible_numbers_are_named_not_drawn(bad: float) -> None:
     content = whole_page(view(driving(x_m=bad, y_m=bad, heading_rad=bad, speed_mps=bad)))
     assert "not a number to show" in content
-    panels.legend_html(View(now_ns=0, address="a", link=Link.LIVE, trajectory=path(speed_mps=bad)))
+    panels.legend_html(View(now_ns=0, address="a", link=WriterState.LIVE, trajectory=path(speed_mps=bad)))
 
 
 @given(stamp_ns=st.integers(-(2**63), 2**63 - 1), numbers=st.integers(-(2**63), 2**63 - 1))
@@ -150,6 +150,6 @@ def test_trajectory_and_vehicle_in_different_frames_are_not_drawn_together_and_i
 
 
 def test_counters_without_end_are_cut() -> None:
-    many = View(now_ns=0, address="a", link=Link.LIVE, details={str(k): {"x": k} for k in range(5000)})
+    many = View(now_ns=0, address="a", link=WriterState.LIVE, details={str(k): {"x": k} for k in range(5000)})
     assert "more than can be shown" in panels.details_html(many)
     assert panels.details_html(many).count("<tr>") <= 101

@@ -10,7 +10,7 @@ import viser
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle_iface.runtime.telemetry import DrawnTrajectory, Link, SessionInfo, Snapshot, VehicleShape
+from vehicle_iface.runtime.telemetry import DrawnTrajectory, WriterState, SessionInfo, Snapshot, VehicleShape
 from vehicle_iface.units import NS_PER_S
 from viewer import shapes
 from viewer.access import Access, open_server
@@ -51,7 +51,7 @@ def view(k: int, x_m: float, y_m: float, trajectory: DrawnTrajectory | None = No
     return View(
         now_ns=now_ns,
         address="a",
-        link=Link.LIVE,
+        link=WriterState.LIVE,
         session=1,
         info=INFO,
         snapshot=snapshot,
