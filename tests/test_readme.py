@@ -7,13 +7,14 @@ import numpy as np
 from harness import Drive
 
 from vehicle_iface import ControllerBase, Reason
-from vehicle_iface.cli import COMMANDS
+from vehicle_iface.cli import command_names
 from vehicle_iface.compose import build_controller
 from vehicle_iface.profile import load_profile
 from vehicle_iface.sim.model import BicycleState
 from vehicle_iface.trajectories import RecedingRoute, make_route
 
-README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def _example() -> str:
@@ -43,10 +44,11 @@ def test_the_controller_of_the_readme_is_about_twenty_lines_long() -> None:
     assert len(lines) <= 20
 
 
-def test_every_command_of_the_readme_exists() -> None:
-    used = set(re.findall(r"vehicle-iface ([a-z][a-z-]+)", README))
+def test_every_command_that_a_page_names_exists() -> None:
+    pages = [ROOT / "README.md", ROOT / "dbc" / "README.md", *(ROOT / "vehicle_iface").glob("*.md")]
+    used = {name for page in pages for name in re.findall(r"vehicle-iface ([a-z][a-z-]+)", page.read_text())}
     assert used
-    assert used <= set(COMMANDS)
+    assert used <= command_names()
 
 
 def test_every_file_that_the_readme_links_is_there() -> None:

@@ -18,7 +18,7 @@ from vehicle_iface.errors import BusError, ConfigError, TrajectoryFileError, Veh
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.loop import Loop
-from vehicle_iface.runtime.summary import save_summary, table
+from vehicle_iface.runtime.summary import check_writable, save_summary, table
 from vehicle_iface.runtime.telemetry import SessionInfo, TelemetryWriter
 from vehicle_iface.sim.embedded import EmbeddedBus
 from vehicle_iface.sim.model import BicycleState
@@ -28,15 +28,14 @@ from vehicle_iface.sim.wire import simulated_vehicle
 from vehicle_iface.trajectories.csv_file import load_csv
 from vehicle_iface.trajectories.mailbox import PostedTrajectories
 from vehicle_iface.trajectories.receding import RecedingRoute
-from vehicle_iface.trajectories.route import RouteConfig
-from vehicle_iface.trajectories.shapes import ROUTES, make_route
+from vehicle_iface.trajectories.shapes import ROUTES
 from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
 from vehicle_iface.units import ns_from_s
 
 log = logging.getLogger("vehicle_iface")
 
 DONE, BAD_USAGE, NO_BUS, LATCHED_FAULT = 0, 2, 3, 4
-COMMANDS = ("demo", "run", "sim", "view", "pedals", "doctor")
+LAST_WORDS_S = 1.0
 EMBEDDED = "embedded"
 """The interface that needs nothing outside the process."""
 EMBEDDED_HINT = "for a real bus: vehicle-iface run --channel can0, or tools/vcan for a virtual one"
@@ -46,7 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 done, 2 bad usage, configuration or file, 3 no bus, 4 ended in a latched fault."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given[:1] == ["view"]:  # the viewer is another process and knows its own options
-        os.execv(sys.executable, [sys.executable, "-m", "viewer", *given[1:]])
+        command_line, environment = demo.python_module("viewer")
+        os.execve(sys.executable, [*command_line, *given[1:]], environment)
     options = _parser().parse_args(given)
     command: Callable[[argparse.Namespace], int] = options.command
     try:
@@ -65,6 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """The loop."""
+    if options.summary:
+        check_writable(options.summary)
     database = load_database(load_profile(options.profile))
     source = _source(options, database)
     controller = compose.build_controller(options.controller, database.profile)
@@ -84,10 +86,11 @@ def run(options: argparse.Namespace) -> int:
             log.warning("%s", lack)
         _run_for(loop, options.duration)
         loop.link.close()
+    _on_end_signals(None)  # the vehicle is let go: a terminal that hangs must not keep the program
     summary = loop.summary()
-    print(table(summary), flush=True)
     if options.summary:
         save_summary(options.summary, summary)
+    _say(table(summary))
     return LATCHED_FAULT if loop.ended_in_fault else DONE
 
 
@@ -117,7 +120,8 @@ def sim(options: argparse.Namespace) -> int:
             log.warning("%s", lack)
         run_vehicle(vehicle, bus, pedals, clock.monotonic_ns, over, reopen=opened)
     counters = ", ".join(f"{name} {count}" for name, count in sorted(vehicle.counters.items()) if count)
-    print(f"  vehicle ended {vehicle.mode.name} at {vehicle.state.speed_mps:.2f} m/s: {counters}", flush=True)
+    _on_end_signals(None)
+    _say(f"  vehicle ended {vehicle.mode.name} at {vehicle.state.speed_mps:.2f} m/s: {counters}")
     return DONE
 
 
@@ -132,7 +136,6 @@ def run_demo(options: argparse.Namespace) -> int:
     """Simulated vehicle, loop and viewer together."""
     return demo.run(
         route=options.route,
-        start=make_route(options.route).start,
         port=options.port,
         duration_s=options.duration,
         summary=options.summary,
@@ -144,7 +147,7 @@ def run_demo(options: argparse.Namespace) -> int:
 def examine(options: argparse.Namespace) -> int:
     """What this machine lacks."""
     findings = doctor.examine(options.channel, load_profile(options.profile).bus)
-    print(doctor.as_json(findings) if options.json else doctor.as_text(findings))
+    _say(doctor.as_json(findings) if options.json else doctor.as_text(findings))
     return DONE if doctor.is_ready(findings) else BAD_USAGE
 
 
@@ -170,12 +173,23 @@ def _run_for(loop: Loop, duration_s: float | None) -> None:
     loop.run()
 
 
-def _on_end_signals(end: Callable[[], None]) -> None:
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        end()
+def _on_end_signals(end: Callable[[], None] | None) -> None:
+    """Have SIGINT and SIGTERM call `end`; with None they end the program as usual."""
 
-    signal.signal(signal.SIGINT, handle)
-    signal.signal(signal.SIGTERM, handle)
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        if end is not None:
+            end()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handle if end is not None else signal.SIG_DFL)
+
+
+def _say(text: str) -> None:
+    """Print, unless nobody reads: that changes neither summary nor exit status."""
+    try:
+        print(text, flush=True)
+    except OSError:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # the interpreter flushes it at its end
 
 
 def _source(options: argparse.Namespace, database: VehicleDatabase) -> TrajectorySource:
@@ -183,12 +197,7 @@ def _source(options: argparse.Namespace, database: VehicleDatabase) -> Trajector
         return FixedTrajectory(load_csv(options.trajectory))
     if options.trajectory_post:
         return PostedTrajectories(options.trajectory_post)
-    return RecedingRoute(make_route(options.route, _route_config(database)), frame_id=options.frame)
-
-
-def _route_config(database: VehicleDatabase) -> RouteConfig:
-    geometry = database.profile.geometry
-    return RouteConfig(vehicle_width_m=geometry.width_m, wheelbase_m=geometry.wheelbase_m)
+    return RecedingRoute(compose.build_route(options.route, database.profile), frame_id=options.frame)
 
 
 def _bus_opener(options: argparse.Namespace, database: VehicleDatabase) -> Callable[[], Bus]:
@@ -201,10 +210,7 @@ def _bus_opener(options: argparse.Namespace, database: VehicleDatabase) -> Calla
             sends=database.sent,
             patience_ns=ns_from_s(database.profile.timing.command_period_s),
         )
-    start = make_route(options.route, _route_config(database)).start if options.route else (0.0, 0.0, 0.0)
-    vehicle = simulated_vehicle(
-        database.profile, start_ns=clock.monotonic_ns(), start=_pose(start), frame_id=options.frame
-    )
+    vehicle = simulated_vehicle(database.profile, start_ns=clock.monotonic_ns(), frame_id=options.frame)
     return lambda: EmbeddedBus(vehicle, clock.monotonic_ns, clock.sleep_until)
 
 
@@ -239,11 +245,17 @@ def _start(text: str) -> BicycleState:
         x_m, y_m, heading_rad = (float(part) for part in text.split(","))
     except ValueError:
         raise ConfigError(f"--start {text!r}: must be X,Y,HEADING in metres and radians, like 0,0,1.57") from None
-    return _pose((x_m, y_m, heading_rad))
+    return BicycleState(x_m=x_m, y_m=y_m, heading_rad=heading_rad)
 
 
-def _pose(start: tuple[float, float, float]) -> BicycleState:
-    return BicycleState(x_m=start[0], y_m=start[1], heading_rad=start[2])
+class _Listener(logging.handlers.QueueListener):
+    """Writes the log from a thread; at the end it is given a moment, not for ever."""
+
+    def stop(self) -> None:
+        if self._thread is not None:
+            self.enqueue_sentinel()
+            self._thread.join(LAST_WORDS_S)
+            self._thread = None
 
 
 @contextmanager
@@ -252,7 +264,7 @@ def _logging(verbose: bool) -> Iterator[None]:
     terminal = logging.StreamHandler()
     terminal.setFormatter(logging.Formatter("%(asctime)s.%(msecs)03d %(levelname)-7s %(message)s", "%H:%M:%S"))
     lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
-    listener = logging.handlers.QueueListener(lines, terminal)
+    listener = _Listener(lines, terminal)
     handler = logging.handlers.QueueHandler(lines)
     log.addHandler(handler)
     log.setLevel(logging.DEBUG if verbose else logging.INFO)
@@ -280,6 +292,13 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def command_names() -> set[str]:
+    """Every command that there is."""
+    actions = _parser()._subparsers
+    assert actions is not None
+    return {name for action in actions._group_actions for name in action.choices or ()}
+
+
 def _command(
     commands: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, text: str
 ) -> argparse.ArgumentParser:
@@ -297,7 +316,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--trajectory", metavar="FILE.csv", help="drive this once; its time 0 is the instant of engagement"
     )
-    what.add_argument("--route", choices=sorted(ROUTES), help="drive along this, a few seconds ahead at a time")
+    what.add_argument("--route", choices=sorted(ROUTES), help="drive along this; it begins at the origin, along +x")
     what.add_argument("--trajectory-post", metavar="FILE", help="drive what another process posts to this file")
     parser.add_argument(
         "--controller", default="pure_pursuit", metavar="NAME", help="pure_pursuit, or your own FILE.py:CLASS"
@@ -364,7 +383,10 @@ def _add_bus(parser: argparse.ArgumentParser) -> None:
 
 
 def _positive(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text}: must be a number of seconds above 0")
     return value

@@ -4,9 +4,11 @@ import importlib
 import importlib.util
 import inspect
 import sys
+import traceback
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from vehicle_iface import clock
 from vehicle_iface.bus.base import Bus
@@ -27,6 +29,8 @@ from vehicle_iface.safety.engagement import Engagement, EngagementTiming
 from vehicle_iface.safety.gate import Gate, gate_channels
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.tracker import Tracker
+from vehicle_iface.trajectories.route import Route, RouteConfig
+from vehicle_iface.trajectories.shapes import make_route
 from vehicle_iface.trajectories.source import TrajectorySource
 from vehicle_iface.units import ns_from_s
 
@@ -69,14 +73,55 @@ def build_controller(name: str, profile: Profile) -> ControllerBase:
     )
     if name == "pure_pursuit":
         return PurePursuit(PurePursuitConfig(wheelbase_m=profile.geometry.wheelbase_m), behavior=behavior)
-    kind = _loaded_class(name)
-    make: Callable[[], object] = lambda: kind(behavior)  # noqa: E731
-    if hasattr(kind, "from_profile"):
-        make = lambda: kind.from_profile(profile, behavior)  # noqa: E731
-    controller = make()
+    return _own_controller(name, profile, behavior)
+
+
+def _own_controller(name: str, profile: Profile, behavior: BehaviorConfig) -> ControllerBase:
+    """Somebody's class, loaded and called; whatever its code raises becomes a `ConfigError` with file and line."""
+    place, _, class_name = name.rpartition(":")
+    if not place:
+        raise ConfigError(f"--controller {name}: must be pure_pursuit, FILE.py:CLASS or MODULE:CLASS")
+    if place.endswith(".py") and not Path(place).is_file():
+        raise ConfigError(f"--controller {name}: no such file {place}")
+    try:
+        module = _loaded_file(Path(place)) if place.endswith(".py") else importlib.import_module(place)
+        kind: Any = getattr(module, class_name, None)
+        if not inspect.isclass(kind):
+            raise ConfigError(f"--controller {name}: there is no class {class_name} in {place}")
+        make: Any = kind
+        controller = make.from_profile(profile, behavior) if hasattr(kind, "from_profile") else make(behavior)
+    except ConfigError:
+        raise
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        line = error.lineno if isinstance(error, SyntaxError) else where.lineno
+        file = error.filename if isinstance(error, SyntaxError) else where.filename
+        raise ConfigError(f"--controller {name}: {type(error).__name__}: {error} ({file}:{line})") from error
     if not isinstance(controller, ControllerBase):
-        raise ConfigError(f"--controller {name}: {kind.__name__} is no ControllerBase")
+        raise ConfigError(f"--controller {name}: {class_name} is no ControllerBase")
     return controller
+
+
+def build_route(name: str, profile: Profile) -> Route:
+    """A route that the vehicle can drive; `ConfigError` when its wheels cannot turn so far."""
+    geometry, limits, usual = profile.geometry, profile.limits, RouteConfig()
+    route = make_route(
+        name,
+        RouteConfig(
+            speed_mps=min(usual.speed_mps, limits.speed_max_mps),
+            accel_mps2=min(usual.accel_mps2, limits.accel_max_mps2),
+            decel_mps2=min(usual.decel_mps2, -limits.accel_min_mps2),
+            vehicle_width_m=geometry.width_m,
+            wheelbase_m=geometry.wheelbase_m,
+        ),
+    )
+    needed_rad = float(abs(route.front_wheel_angle_rad).max())
+    if needed_rad > limits.front_wheel_angle_rad:
+        raise ConfigError(
+            f"route {name!r} needs front wheels at {needed_rad:.3f} rad: "
+            f"{profile.name} allows {limits.front_wheel_angle_rad} rad"
+        )
+    return route
 
 
 def build_loop(
@@ -172,29 +217,14 @@ def _lsb(database: VehicleDatabase, field: str) -> float:
     return database.resolutions.get(field, 0.0) or UNBOUND_LSB
 
 
-def _loaded_class(name: str) -> type:
-    place, _, class_name = name.rpartition(":")
-    if not place:
-        raise ConfigError(f"--controller {name}: must be pure_pursuit, FILE.py:CLASS or MODULE:CLASS")
-    module = _loaded_file(Path(place)) if place.endswith(".py") else _imported(place)
-    kind = getattr(module, class_name, None)
-    if not inspect.isclass(kind):
-        raise ConfigError(f"--controller {name}: there is no class {class_name} in {place}")
-    return kind
-
-
 def _loaded_file(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    if not path.is_file() or spec is None or spec.loader is None:
-        raise ConfigError(f"--controller {path}: no such file")
+    """The module in a file, under a name that no other module has; its folder's modules can be imported from it."""
+    name = f"vehicle_iface_own_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ConfigError(f"--controller {path}: cannot be loaded")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[path.stem] = module
+    sys.modules[name] = module
+    sys.path.append(str(path.resolve().parent))
     spec.loader.exec_module(module)
     return module
-
-
-def _imported(name: str) -> ModuleType:
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise ConfigError(f"--controller {name}: {error}") from error

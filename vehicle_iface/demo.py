@@ -37,7 +37,6 @@ class BusChoice:
 def run(
     *,
     route: str,
-    start: tuple[float, float, float],
     port: int,
     duration_s: float | None,
     summary: str | None,
@@ -54,8 +53,7 @@ def run(
     processes = _Processes()
     try:
         if bus.interface == "socketcan":
-            pose = ",".join(f"{value:.6f}" for value in start)
-            processes.start("sim", ["sim", "--channel", bus.channel, f"--start={pose}"])
+            processes.start("sim", ["sim", "--channel", bus.channel])
         if viewer:
             page = ["view", "--connect", address, "--port", str(port), *(["--open"] if open_page else [])]
             processes.start("viewer", page)
@@ -68,6 +66,14 @@ def run(
     finally:
         processes.end()
     return processes.status()
+
+
+def python_module(name: str) -> tuple[list[str], dict[str, str]]:
+    """Command line and environment that run a module of this installation, whatever lies in the current folder."""
+    home = str(Path(__file__).resolve().parents[1])
+    path = os.environ.get("PYTHONPATH")
+    environment = os.environ | {"PYTHONPATH": f"{home}{os.pathsep}{path}" if path else home}
+    return [sys.executable, "-P", "-m", name], environment
 
 
 def choose_bus() -> BusChoice:
@@ -125,8 +131,10 @@ class _Processes:
         self.failed: str | None = None
 
     def start(self, name: str, arguments: Sequence[str]) -> None:
+        command_line, environment = python_module("vehicle_iface")
         self._running[name] = subprocess.Popen(
-            [sys.executable, "-m", "vehicle_iface", *arguments],
+            [*command_line, *arguments],
+            env=environment,
             start_new_session=True,
             stdin=subprocess.DEVNULL,
             preexec_fn=_die_with_parent if sys.platform == "linux" else None,
@@ -178,10 +186,18 @@ def _watch(processes: _Processes, address: str, ended: threading.Event) -> None:
             now = reader.newest()
             if now is not None:
                 line = _line(before, now)
-                print(f"\r\x1b[2K{line}" if in_place else line, end="" if in_place else "\n", flush=True)
+                _say(f"\r\x1b[2K{line}" if in_place else f"{line}\n")
             before = now
     if in_place:
-        print(flush=True)
+        _say("\n")
+
+
+def _say(text: str) -> None:
+    """Print, unless nobody reads: the drive goes on."""
+    try:
+        print(text, end="", flush=True)
+    except OSError:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # stays until the end
 
 
 def _line(before: Snapshot | None, now: Snapshot) -> str:

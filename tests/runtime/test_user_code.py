@@ -6,6 +6,7 @@ import pytest
 from harness import Drive
 
 from vehicle_iface import BehaviorConfig, Command, ControllerBase, Reason, StopSteering, Trajectory, VehicleState
+from vehicle_iface.safety.engagement import Mode
 
 
 class _Handy(ControllerBase):
@@ -46,3 +47,15 @@ def test_after_a_stall_only_the_newest_sample_is_answered(seconds: float) -> Non
     since = len(drive.sent)
     drive.run_s(0.5)
     assert max(Counter(pair.step for pair in drive.pairs(since)).values()) == 1
+
+
+def test_a_bus_that_takes_nothing_for_100_ms_silences_and_latches() -> None:
+    drive = Drive().engage(3.0)
+    drive.line.full = True
+    drive.run_s(0.3)
+    assert drive.mode() is Mode.SILENT
+    assert drive.loop.reason is Reason.LINK_DOWN
+    drive.line.full = False
+    since = len(drive.sent)
+    drive.run_s(1.0)
+    assert drive.pairs(since) == []

@@ -1,7 +1,8 @@
 """The seam between the program and whatever carries its frames."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
+from vehicle_iface.bus.error_frames import LinkEvent
 from vehicle_iface.frame import CanFrame
 
 
@@ -33,4 +34,13 @@ class Bus(Protocol):
 
     def close(self) -> None:
         """Give the bus back. May be called twice."""
+        ...
+
+
+@runtime_checkable
+class Watched(Protocol):
+    """A bus whose controller hardware can be asked how it is."""
+
+    def events(self) -> list[LinkEvent]:
+        """What the hardware reported since the last call, without waiting."""
         ...

@@ -1,9 +1,11 @@
 """The loop's hold on the bus: it may be lost and come back, and the loop goes on."""
 
 import logging
+from collections import Counter
 from collections.abc import Callable
 
-from vehicle_iface.bus.base import Bus
+from vehicle_iface.bus.base import Bus, Watched
+from vehicle_iface.bus.error_frames import LinkEvent
 from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.counts import Counts
@@ -14,6 +16,10 @@ log = logging.getLogger(__name__)
 
 REOPEN_NS = 100 * NS_PER_MS
 """How often a lost link is tried again."""
+REFUSED_NS = 100 * NS_PER_MS
+"""A bus that has refused every frame for so long carries nothing any more."""
+WATCH_NS = 50 * NS_PER_MS
+"""How often the controller hardware is asked how it is."""
 
 
 class Link:
@@ -36,6 +42,10 @@ class Link:
         self._now_ns, self._sleep_until = now_ns, sleep_until
         self._on_lost = on_lost
         self._reopen_grid = Grid(REOPEN_NS, now_ns())
+        self._watch_grid = Grid(WATCH_NS, now_ns())
+        self._refused_since_ns: int | None = None
+        self.events: Counter[str] = Counter()
+        """What the controller hardware reported, by kind."""
         self._closed_counters: dict[str, int] = {}
 
     def hear(self, until_ns: int) -> list[CanFrame]:
@@ -62,7 +72,32 @@ class Link:
             return False
         self._counts.frames_sent += sent
         self._counts.frames_not_sent += not sent
+        if sent:
+            self._refused_since_ns = None
+        elif self._refused_since_ns is None:
+            self._refused_since_ns = self._now_ns()
         return sent
+
+    def watch(self, now_ns: int) -> None:
+        """Ask how the link is: a bus that takes nothing, or whose controller took itself off, is lost."""
+        if self._refused_since_ns is not None and now_ns - self._refused_since_ns > REFUSED_NS:
+            self._lose(BusError(f"{self.description}: takes no frames; is anybody else on the bus?"))
+        bus: object = self._bus
+        if not self._watch_grid.due(now_ns) or not isinstance(bus, Watched):
+            return
+        try:
+            events = bus.events()
+        except BusError as error:
+            self._lose(error)
+            return
+        for event in events:
+            if not self.events[event.value]:
+                log.warning("%s: %s (further ones are counted)", self.description, event.value)
+            self.events[event.value] += 1
+        if LinkEvent.BUS_OFF in events:
+            self._lose(
+                BusError(f"{self.description}: bus off; `ip link set DEVICE type can restart-ms 100` restarts it")
+            )
 
     def counters(self) -> dict[str, int]:
         """The bus' own counters, over all times that it was open."""
@@ -78,6 +113,7 @@ class Link:
             self._bus = None
 
     def _lose(self, error: BusError) -> None:
+        self._refused_since_ns = None
         log.error("link lost: %s", error)
         self.close()
         self._counts.link_losses += 1

@@ -12,9 +12,10 @@ from vehicle_iface.errors import TrajectoryRejectedError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import Timing
 from vehicle_iface.reason import Reason
+from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.runtime.link import Link
-from vehicle_iface.runtime.pilot import STANDSTILL_MPS, Answer, Pilot
+from vehicle_iface.runtime.pilot import Answer, Pilot
 from vehicle_iface.runtime.rate import Grid
 from vehicle_iface.runtime.teller import Teller
 from vehicle_iface.safety.engagement import Engagement, Event, Mode
@@ -27,6 +28,8 @@ log = logging.getLogger(__name__)
 
 LETTING_GO_NS = 200 * NS_PER_MS
 """How long ENABLE = 0 is repeated at the end for a vehicle that does not say that it has let go."""
+AT_REST_MPS, AT_REST_SAMPLES = 0.01, 3
+"""Two counts of the reference vehicle's speed signal, several times in a row: only then is it let go."""
 END_OF_TRAJECTORY = (Reason.PAST_END_SPACE, Reason.PAST_END_TIME)
 MAX_INDEX, MAX_MISSES = 0xFFFF, 0xFF
 MAX_TRANSITIONS = 1000
@@ -34,7 +37,7 @@ MAX_TRANSITIONS = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """What the loop is made of; `cli` puts it together."""
+    """What the loop is made of; `compose` puts it together."""
 
     open_bus: Callable[[], Bus]
     decoder: Decoder
@@ -85,6 +88,8 @@ class Loop:
         self._ends_heard = 0
         self._arm_requested = False
         self._released_ns: int | None = None
+        self._standing = 0
+        self._latched_fault: str | None = None
         self._started_ns = now_ns
         self._last_reason = Reason.NOT_ENGAGED
         self._transitions: list[dict[str, Any]] = []
@@ -114,6 +119,7 @@ class Loop:
         now_ns = self._now_ns()
         if self.grid.due(now_ns):
             self._keep_time(now_ns)
+        realtime.tidy()
 
     def request_end(self) -> None:
         """Stop the vehicle and end; asked a second time, let it go at once. Safe in a signal handler."""
@@ -143,6 +149,7 @@ class Loop:
             "lost": dict(self._decoder.lost),
             "limited": dict(self._pilot.gate.limited),
             "bus": self.link.counters(),
+            "link_events": dict(self.link.events),
         }
 
     def summary(self) -> dict[str, Any]:
@@ -152,6 +159,7 @@ class Loop:
             "bus": self.link.description,
             "controller_state": self._engagement.wire_state(stopping=self._is_stopping).name,
             "reason": self.reason.name,
+            "latched_fault": self._latched_fault,
             "duration_s": s_from_ns(self._now_ns() - self._started_ns),
             "samples": self._tracker.completed,
             "incomplete_samples": self._tracker.incomplete,
@@ -163,6 +171,7 @@ class Loop:
             "limited": details["limited"],
             "counts": details["loop"],
             "bus_counters": details["bus"],
+            "link_events": details["link_events"],
             "transitions": self._transitions,
         }
 
@@ -185,7 +194,8 @@ class Loop:
         now_ns = self._now_ns()
         if self._answer is None:
             self._take_trajectory()
-        if self._engagement.mode is Mode.ENDING and abs(sample.state.speed_mps) < STANDSTILL_MPS:
+        self._standing = self._standing + 1 if abs(sample.state.speed_mps) <= AT_REST_MPS else 0
+        if self._engagement.mode is Mode.ENDING and self._standing >= AT_REST_SAMPLES:
             self._engagement.happened(Event.STANDSTILL, now_ns)
         self._answer = self._pilot.answer(sample, self._tracker.status, now_ns)
         sent = self._send_command(self._answer)
@@ -247,6 +257,7 @@ class Loop:
     def _keep_time(self, now_ns: int) -> None:
         """What happens on the grid and not on arrival: noticing what did not come, reports, the end."""
         self._hear_requests(now_ns)
+        self.link.watch(now_ns)
         self._engagement.see_time(now_ns)
         self._note_transitions()
         newest = self._tracker.newest
@@ -293,6 +304,10 @@ class Loop:
     def _note_transitions(self) -> None:
         """Say each change of mode once, and keep the first ones for the summary."""
         for when_ns, mode, reason in self._engagement.transitions:
+            if mode in (Mode.FAULT, Mode.SILENT):
+                self._latched_fault = reason.name
+            elif mode is Mode.STARTING:
+                self._latched_fault = None
             log.info("%s (%s)", mode.name, reason.name)
             if len(self._transitions) < MAX_TRANSITIONS:
                 at_s = s_from_ns(when_ns - self._started_ns)
@@ -328,6 +343,7 @@ class Loop:
             self.ended_in_fault = self.ended_in_fault or self._engagement.latched
             self.done = True
         elif self._engagement.mode is Mode.RELEASED:
+            self.ended_in_fault = self.ended_in_fault or self._engagement.reason is Reason.VEHICLE_FAULT
             if self._released_ns is None:
                 self._released_ns = now_ns
             status = self._tracker.status

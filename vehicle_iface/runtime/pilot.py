@@ -89,7 +89,13 @@ class Pilot:
         wanted = wanted_gear(wish, state)
         may_change = abs(state.speed_mps) < self._gear_change_speed_mps
         request = wanted if may_change and wanted is not gear else Gear.NO_REQUEST
-        safe = self.gate.permit(wish, now_ns=now_ns, reversing=_is_reversing(state, wanted, gear), gear_request=request)
+        safe = self.gate.permit(
+            wish,
+            now_ns=now_ns,
+            reversing=_is_reversing(state, wanted, gear),
+            measured_mps=state.speed_mps,
+            gear_request=request,
+        )
         return Answer(wish=wish, safe=safe)
 
 

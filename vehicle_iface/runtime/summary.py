@@ -7,6 +7,14 @@ from typing import Any
 from vehicle_iface.errors import ConfigError
 
 
+def check_writable(path: str) -> None:
+    """Make the file, empty where there is none, before anything drives; `ConfigError` when that fails."""
+    try:
+        Path(path).touch()
+    except OSError as error:
+        raise ConfigError(f"--summary {path}: cannot be written: {error.strerror}") from error
+
+
 def save_summary(path: str, summary: dict[str, Any]) -> None:
     """Write the summary as JSON; `ConfigError` naming the file when that fails."""
     try:
@@ -21,6 +29,7 @@ def table(summary: dict[str, Any]) -> str:
     rows = [
         ("bus", summary["bus"]),
         ("ended", f"{summary['controller_state']}, {summary['reason']}"),
+        *([("latched fault", summary["latched_fault"])] if summary["latched_fault"] else []),
         ("duration", f"{summary['duration_s']:.1f} s"),
         ("samples", f"{summary['samples']} complete, {summary['incomplete_samples']} incomplete"),
         ("commands", f"{summary['commands']} sent"),

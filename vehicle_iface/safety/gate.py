@@ -41,7 +41,7 @@ class Gate:
         self._front_raw = 0
         self._rear_raw = 0
         self.limited: dict[str, int] = dict.fromkeys(
-            ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps", "not_finite"), 0
+            ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps", "overspeed", "not_finite"), 0
         )
         """How often each wish had to be cut."""
 
@@ -53,11 +53,18 @@ class Gate:
         self._rear_raw = _nearest_raw(self._channels.rear_wheel_angle_rad, state.rear_wheel_angle_rad)
 
     def permit(
-        self, wish: Command, *, now_ns: int, reversing: bool, gear_request: Gear = Gear.NO_REQUEST
+        self,
+        wish: Command,
+        *,
+        now_ns: int,
+        reversing: bool,
+        measured_mps: float = 0.0,
+        gear_request: Gear = Gear.NO_REQUEST,
     ) -> SafeCommand:
         """The nearest command that may be sent, enabled.
 
-        `now_ns` is the monotonic time of sending; `reversing` tells which way drive and brake point.
+        `now_ns` is the monotonic time of sending; `reversing` tells which way drive and brake point; at a measured
+        speed of the limit or above nothing is added to it.
         """
         numbers = (wish.accel_mps2, wish.front_wheel_angle_rad, wish.rear_wheel_angle_rad, wish.speed_mps)
         finite = all(map(math.isfinite, numbers))
@@ -68,6 +75,9 @@ class Gate:
         self._last_ns = now_ns
         channels = self._channels
         accel_channel = self._backwards if reversing else channels.accel_mps2
+        if abs(measured_mps) >= channels.speed_mps.highest and accel * measured_mps > 0.0:
+            self.limited["overspeed"] += 1
+            accel = 0.0
         if reason is not Reason.NOMINAL and (self._accel_raw < 0 if reversing else self._accel_raw > 0):
             self._accel_raw = 0  # a stop does not go on driving while the rate limit ramps it down
         self._accel_raw = self._limit(accel_channel, accel, self._accel_raw, dt_s)

@@ -5,15 +5,15 @@ The loop never waits for either: it takes what is there, the newest only.
 
 import logging
 import os
+import struct
 import threading
-import zipfile
 import zlib
 from collections import deque
 from pathlib import Path
 
 import numpy as np
 
-from vehicle_iface.errors import InvalidValueError, TrajectoryFileError
+from vehicle_iface.errors import TrajectoryFileError
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
 
@@ -31,18 +31,11 @@ _ARRAYS = (
     "yaw_rate_radps",
     "front_wheel_angle_rad",
 )
-_NO_TRAJECTORY = (
-    OSError,
-    EOFError,
-    KeyError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    NotImplementedError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What NumPy raises for files that are not its own."""
+MAGIC = b"VITRAJ01"
+_HEAD = struct.Struct("@8sI4x")
+"""Magic and the CRC-32 of all that follows."""
+_SIZES = struct.Struct("@qII")
+"""Stamp, points, bytes of the frame's name; then the name and the arrays, in this machine's byte order."""
 
 
 class Mailbox:
@@ -120,26 +113,34 @@ class PostedTrajectories(Mailbox):
 def post(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
     """Give `trajectory` to the loop that was started with `--trajectory-post PATH`; whole or not at all."""
     target = Path(path)
+    frame = trajectory.frame_id.encode()
+    body = _SIZES.pack(trajectory.stamp_ns, len(trajectory), len(frame)) + frame
+    body += b"".join(getattr(trajectory, name).tobytes() for name in _ARRAYS)
     fresh = target.with_name(f".{target.name}.{os.getpid()}")
-    with fresh.open("wb") as file:
-        np.savez(
-            file,
-            stamp_ns=np.int64(trajectory.stamp_ns),
-            frame_id=np.str_(trajectory.frame_id),
-            **{name: getattr(trajectory, name) for name in _ARRAYS},
-        )
+    fresh.write_bytes(_HEAD.pack(MAGIC, zlib.crc32(body)) + body)
     fresh.replace(target)
 
 
 def fetch(path: str | os.PathLike[str]) -> Trajectory:
     """The trajectory in a posted file; `TrajectoryFileError` naming the file and what is wrong in it."""
     try:
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as content:
-            return Trajectory(
-                stamp_ns=int(content["stamp_ns"]),
-                frame_id=str(content["frame_id"]),
-                **{name: content[name] for name in _ARRAYS},
-            )
-    except _NO_TRAJECTORY as error:
-        what = f"{error}" if isinstance(error, InvalidValueError) else f"not a posted trajectory ({error})"
-        raise TrajectoryFileError(f"{os.fspath(path)}: {what}") from error
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise TrajectoryFileError(f"{os.fspath(path)}: cannot be read: {error.strerror}") from error
+    body = content[_HEAD.size :]
+    if len(body) < _SIZES.size or _HEAD.unpack_from(content) != (MAGIC, zlib.crc32(body)):
+        raise TrajectoryFileError(f"{os.fspath(path)}: not a posted trajectory, or a damaged one")
+    stamp_ns, points, frame_bytes = _SIZES.unpack_from(body)
+    start = _SIZES.size + frame_bytes
+    if len(body) != start + points * 8 * len(_ARRAYS):
+        raise TrajectoryFileError(f"{os.fspath(path)}: {len(body)} bytes do not hold {points} points")
+    kinds = (np.int64, *(np.float64 for _ in _ARRAYS[1:]))
+    arrays = {
+        name: np.frombuffer(body, dtype=kind, count=points, offset=start + 8 * points * k)
+        for k, (name, kind) in enumerate(zip(_ARRAYS, kinds, strict=True))
+    }
+    try:
+        frame_id = body[_SIZES.size : start].decode()
+        return Trajectory(stamp_ns=stamp_ns, frame_id=frame_id, **arrays)  # type: ignore[arg-type]
+    except ValueError as error:  # InvalidValueError and UnicodeDecodeError are such
+        raise TrajectoryFileError(f"{os.fspath(path)}: {error}") from error

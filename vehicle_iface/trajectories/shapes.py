@@ -40,12 +40,12 @@ class _Curve:
 
 
 def line(config: RouteConfig) -> Route:
-    """Straight ahead along +x, the middle at the origin."""
+    """Straight ahead along +x."""
     return _open_route("line", config, [_straight(config.length_m)])
 
 
 def circle(config: RouteConfig) -> Route:
-    """Round the origin to the left."""
+    """Round to the left."""
     angle = _dense(math.tau * config.radius_m) / config.radius_m
     curve = _Curve(
         s_m=angle * config.radius_m,
@@ -58,7 +58,7 @@ def circle(config: RouteConfig) -> Route:
 
 
 def figure8(config: RouteConfig) -> Route:
-    """Bernoulli's lemniscate from its crossing at the origin: right loop to the left first, then the other.
+    """Bernoulli's lemniscate from its crossing on: one loop to the left first, then the other to the right.
 
     x = a·cos t / (1 + sin²t), y = x·sin t with a the half width; the curvature is smooth and largest, 3/a, at
     the far ends of the loops.
@@ -80,7 +80,7 @@ def figure8(config: RouteConfig) -> Route:
 
 
 def slalom(config: RouteConfig) -> Route:
-    """Between cones on the x axis, passed left and right in turn with 0.6 m beside the body."""
+    """Between cones in a row ahead, passed left and right in turn with 0.6 m beside the body."""
     cones_m = config.cone_spacing_m
     weave_m = (config.cone_count - 1) * cones_m
     # One spacing to swing out before the first cone, one to swing in after the last, straight ends around.
@@ -88,7 +88,7 @@ def slalom(config: RouteConfig) -> Route:
     amplitude_m = 0.5 * config.vehicle_width_m + 0.6
     swing = _smooth_step(x / cones_m + 1.0) * _smooth_step((weave_m - x) / cones_m + 1.0)
     curve = _graph(x - 0.5 * weave_m, amplitude_m * swing * np.cos(math.pi * x / cones_m))
-    return _open_route("slalom", config, [curve], centred=False)
+    return _open_route("slalom", config, [curve])
 
 
 def double_lane_change(config: RouteConfig) -> Route:
@@ -104,7 +104,7 @@ def double_lane_change(config: RouteConfig) -> Route:
     over = _smooth_step((x - ends_m[0]) / ISO_3888_1_SECTIONS_M[1])
     back = _smooth_step((x - ends_m[2]) / ISO_3888_1_SECTIONS_M[3])
     curve = _graph(x - 0.5 * ends_m[-1], side_y_m * over + (exit_y_m - side_y_m) * back)
-    return _open_route("double_lane_change", config, [curve], centred=False)
+    return _open_route("double_lane_change", config, [curve])
 
 
 def lane_widths_m(vehicle_width_m: float) -> tuple[float, float, float]:
@@ -264,13 +264,8 @@ def _open_route(
     legs: list[_Curve],
     directions: tuple[float, ...] = (),
     speed_mps: float | None = None,
-    *,
-    centred: bool = True,
 ) -> Route:
-    """A route of legs with a stop after each; `directions` are ±1 for each leg, all +1 when empty.
-
-    `centred` moves the middle of its extent to the origin.
-    """
+    """A route of legs with a stop after each; `directions` are ±1 for each leg, all +1 when empty."""
     cut = [_points(leg, config.point_spacing_m) for leg in legs]
     path = cut[0]
     for leg in cut[1:]:
@@ -283,8 +278,7 @@ def _open_route(
     direction = np.repeat(directions or (1.0,) * len(cut), np.diff(stops))
     reached_mps = speed.reachable_mps(path.s_m, limit_mps, accel_mps2=config.accel_mps2, decel_mps2=config.decel_mps2)
     signed_mps = np.append(direction, 1.0) * reached_mps
-    middle_m = (_middle(path.x_m), _middle(path.y_m)) if centred else (0.0, 0.0)
-    return _route(name, config, path, signed_mps, dwell_s, middle_m, closed=False)
+    return _route(name, config, path, signed_mps, dwell_s, closed=False)
 
 
 def _closed_route(name: str, config: RouteConfig, curve: _Curve) -> Route:
@@ -293,7 +287,7 @@ def _closed_route(name: str, config: RouteConfig, curve: _Curve) -> Route:
     speed_mps = speed.reachable_cyclic_mps(
         path.s_m, _limit_mps(config, path), accel_mps2=config.accel_mps2, decel_mps2=config.decel_mps2
     )
-    return _route(name, config, path, speed_mps, np.zeros_like(path.s_m), (0.0, 0.0), closed=True)
+    return _route(name, config, path, speed_mps, np.zeros_like(path.s_m), closed=True)
 
 
 def _limit_mps(config: RouteConfig, path: _Curve, speed_mps: float | None = None) -> FloatArray:
@@ -304,29 +298,27 @@ def _limit_mps(config: RouteConfig, path: _Curve, speed_mps: float | None = None
     )
 
 
-def _middle(values: FloatArray) -> float:
-    return 0.5 * float(values.min() + values.max())
-
-
 def _route(
     name: str,
     config: RouteConfig,
     path: _Curve,
     speed_mps: FloatArray,
     dwell_s: FloatArray,
-    middle_m: tuple[float, float],
     *,
     closed: bool,
 ) -> Route:
-    """The route with the point `middle_m` moved to the origin."""
+    """The route, moved and turned so that it begins at the origin along +x: where a vehicle stands by default."""
+    heading_rad = path.heading_rad - path.heading_rad[0]
+    x_m, y_m = path.x_m - path.x_m[0], path.y_m - path.y_m[0]
+    cos, sin = math.cos(path.heading_rad[0]), math.sin(path.heading_rad[0])
     return Route(
         name=name,
         config=config,
         closed=closed,
         s_m=path.s_m,
-        x_m=path.x_m - middle_m[0],
-        y_m=path.y_m - middle_m[1],
-        heading_rad=path.heading_rad,
+        x_m=cos * x_m + sin * y_m,
+        y_m=cos * y_m - sin * x_m,
+        heading_rad=heading_rad,
         curvature_per_m=path.curvature_per_m,
         speed_mps=speed_mps,
         dwell_s=dwell_s,

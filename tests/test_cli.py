@@ -1,0 +1,126 @@
+"""The commands as their users meet them: what they refuse, and with which status they end."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+EMBEDDED = ("run", "--interface", "embedded", "--channel", "embedded", "--telemetry", "test-cli")
+
+
+def command(*arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    return subprocess.run(  # type: ignore[call-overload, no-any-return]
+        [sys.executable, "-P", "-m", "vehicle_iface", *arguments],
+        **{"env": environment, "text": True, "capture_output": True, "timeout": 60} | options,
+    )
+
+
+def run(tmp_path: Path, *arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
+    return command("run", "--interface", "embedded", "--telemetry", str(tmp_path / "telemetry"), *arguments, **options)
+
+
+def test_a_drive_on_the_embedded_bus_ends_well_and_leaves_its_summary(tmp_path: Path) -> None:
+    file = tmp_path / "summary.json"
+    done = run(tmp_path, "--route", "line", "--arm", "--duration", "2", "--summary", str(file))
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(file.read_text())
+    assert summary["commands"] == summary["samples"] > 150
+    assert [step["mode"] for step in summary["transitions"]] == ["STANDBY", "ENGAGING", "ENGAGED", "ENDING", "RELEASED"]
+    assert "latency state→command" in done.stdout
+
+
+def test_a_terminal_that_takes_nothing_costs_neither_summary_nor_status(tmp_path: Path) -> None:
+    file = tmp_path / "summary.json"
+    with open("/dev/full", "w") as full:
+        done = run(
+            tmp_path,
+            *("--route", "line", "--duration", "1", "--summary", str(file)),
+            capture_output=False,
+            stdout=full,
+            stderr=subprocess.PIPE,
+        )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(file.read_text())["samples"] > 50
+
+
+def test_a_summary_that_cannot_be_written_is_refused_before_anything_drives(tmp_path: Path) -> None:
+    done = run(tmp_path, "--route", "line", "--arm", "--duration", "1", "--summary", str(tmp_path / "no" / "s.json"))
+    assert done.returncode == 2
+    assert "armed" not in done.stderr
+    assert "cannot be written" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("source", "complaint"),
+    [
+        ("def broken(:", "SyntaxError"),
+        ("import not_a_module", "not_a_module"),
+        ("class Mine: pass", "takes no arguments"),
+        ("from vehicle_iface import ControllerBase\nclass Mine(ControllerBase): pass", "compute_command_impl"),
+        ("Mine = 3", "no class Mine"),
+    ],
+)
+def test_a_controller_that_cannot_be_made_is_refused_by_file_and_line(
+    tmp_path: Path, source: str, complaint: str
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(source)
+    done = run(tmp_path, "--route", "line", "--controller", f"{file}:Mine", "--duration", "1")
+    assert done.returncode == 2
+    assert complaint in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_what_lies_in_the_current_folder_is_not_imported(tmp_path: Path) -> None:
+    (tmp_path / "queue.py").write_text("raise SystemExit('hijacked')")
+    (tmp_path / "viewer").mkdir()
+    (tmp_path / "viewer" / "__init__.py").write_text("raise SystemExit('hijacked')")
+    done = command("view", "--help", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "hijacked" not in done.stderr
+
+
+def test_a_missing_interface_is_refused_with_the_command_that_makes_it() -> None:
+    done = command("run", "--channel", "vcan7", "--route", "line")
+    assert done.returncode == 3
+    assert done.stderr.count("\n") == 1
+    assert "`" in done.stderr
+
+
+def test_a_demo_that_is_interrupted_stops_the_vehicle_and_ends_everything(tmp_path: Path) -> None:
+    summary = tmp_path / "summary.json"
+    demo = subprocess.Popen(
+        [
+            sys.executable,
+            "-P",
+            "-m",
+            "vehicle_iface",
+            "demo",
+            "--no-viewer",
+            "--port",
+            "8907",
+            "--summary",
+            str(summary),
+        ],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    assert demo.stdout is not None
+    lines = []
+    for line in demo.stdout:
+        lines.append(line)
+        if "ENGAGED (NOMINAL)" in line:
+            break
+    demo.send_signal(signal.SIGINT)
+    rest, _ = demo.communicate(timeout=30)
+    assert demo.returncode == 0, "".join(lines) + rest
+    assert "RELEASED" in rest
+    assert json.loads(summary.read_text())["controller_state"] == "STANDBY"
