@@ -104,6 +104,17 @@ def test_a_frame_of_reference_without_a_name_is_refused(value: object) -> None:
     assert f"frame_id = {value!r}" in refusal(lambda: checks.frame_id("frame_id", value))
 
 
+@pytest.mark.parametrize("value", ["m" * 65, "ä" * 33])
+def test_a_frame_of_reference_whose_name_is_too_long_is_refused_with_the_limit(value: str) -> None:
+    assert "must be at most 64 bytes" in refusal(lambda: checks.frame_id("frame_id", value))
+    assert checks.frame_id("frame_id", value[: len(value) - 1]) == value[:-1]
+
+
+@pytest.mark.parametrize("value", ["a\0b", "map\n", "\ud800"])
+def test_a_frame_of_reference_whose_name_cannot_be_printed_is_refused(value: str) -> None:
+    assert f"frame_id = {value!r}" in refusal(lambda: checks.frame_id("frame_id", value))
+
+
 # Units and clock
 
 

@@ -6,6 +6,9 @@ import operator
 
 from vehicle_iface.errors import InvalidValueError
 
+FRAME_ID_BYTES = 64
+"""Of a frame of reference's name in UTF-8: what telemetry has room for."""
+
 
 def finite(name: str, value: object) -> float:
     """`value` as a finite Python float; bools and text are not numbers here."""
@@ -47,7 +50,9 @@ def integer(name: str, value: object) -> int:
 
 
 def frame_id(name: str, value: object) -> str:
-    """`value` as the name of a frame of reference: text, not empty."""
-    if not isinstance(value, str) or not value:
+    """`value` as the name of a frame of reference: text that can be printed, of 1 to `FRAME_ID_BYTES` bytes."""
+    if not isinstance(value, str) or not value or not value.isprintable():
         raise InvalidValueError(f"{name} = {value!r}: must be the name of a frame of reference, like 'map'")
+    if len(value.encode()) > FRAME_ID_BYTES:
+        raise InvalidValueError(f"{name} = {value!r}: must be at most {FRAME_ID_BYTES} bytes in UTF-8")
     return value

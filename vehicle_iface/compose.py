@@ -199,6 +199,8 @@ def vehicle_shape(profile: Profile) -> VehicleShape:
         width_m=geometry.width_m,
         height_m=geometry.height_m,
         rear_overhang_m=geometry.rear_overhang_m,
+        track_m=geometry.track_m,
+        wheel_radius_m=geometry.wheel_radius_m,
     )
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 from vehicle_iface.runtime.telemetry import (
     DrawnTrajectory,
-    WriterState,
     SessionInfo,
     Snapshot,
     TelemetryReader,
+    WriterState,
 )
 from vehicle_iface.units import NS_PER_S, s_from_ns
 

@@ -15,7 +15,7 @@ import viser
 from viser import uplot
 
 from vehicle_iface.reason import Reason
-from vehicle_iface.runtime.telemetry import WriterState, Snapshot
+from vehicle_iface.runtime.telemetry import Snapshot, WriterState
 from vehicle_iface.status import ControllerState, Gear, VehicleMode
 from vehicle_iface.units import NS_PER_S
 from viewer import scene, shapes
@@ -263,7 +263,7 @@ def numbers_html(view: View) -> str:
         ("heading", _figure(math.degrees(s.heading_rad), ".1f", "°") if s.has_state else no),
         ("speed", _figure(s.speed_mps, ".2f", "m/s") if s.has_state else no),
         ("mode", _named(VehicleMode, s.vehicle_mode) if s.has_status else no),
-        ("gear", _named(Gear, s.gear) if s.has_status else no),
+        ("gear", _named(Gear, s.gear) if s.has_status and s.gear != Gear.NO_REQUEST else no),
         ("frame", plain(s.frame_id)),
     )
     total = f" / {view.trajectory.original_count - 1}" if view.trajectory and len(view.trajectory.x_m) else ""

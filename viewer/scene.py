@@ -233,7 +233,8 @@ class _Vehicle:
         self._nose = _part(scene, f"{name}/headlamps", shapes.lamps(shape, front=True), (255, 243, 191))
         self._tail = _part(scene, f"{name}/taillamps", shapes.lamps(shape, front=False), (224, 49, 49))
         self._wheels = [
-            _part(scene, f"{name}/wheel_{corner}", shapes.wheel(), (18, 20, 23)) for corner in ("fl", "fr", "rl", "rr")
+            _part(scene, f"{name}/wheel_{corner}", shapes.wheel(shape.wheel_radius_m), (18, 20, 23))
+            for corner in ("fl", "fr", "rl", "rr")
         ]
         self._place_wheels()
 
@@ -248,6 +249,7 @@ class _Vehicle:
             (self._cabin, shapes.cabin(shape)),
             (self._nose, shapes.lamps(shape, front=True)),
             (self._tail, shapes.lamps(shape, front=False)),
+            *((wheel, shapes.wheel(shape.wheel_radius_m)) for wheel in self._wheels),
         ):
             handle.vertices = mesh[0].astype(np.float32)
         self._place_wheels()
@@ -268,10 +270,9 @@ class _Vehicle:
         _assign(self._frame, visible=True)
 
     def _place_wheels(self) -> None:
-        track_m = self._shape.width_m - shapes.WHEEL_WIDTH_M + 0.06
         corners = [(x, side) for x in (self._shape.wheelbase_m, 0.0) for side in (1, -1)]
         for wheel, (x_m, side) in zip(self._wheels, corners, strict=True):
-            wheel.position = (x_m, side * track_m / 2, shapes.WHEEL_RADIUS_M)
+            wheel.position = (x_m, side * self._shape.track_m / 2, self._shape.wheel_radius_m)
 
 
 def drawable_points(path: DrawnTrajectory, origin: tuple[float, float]) -> tuple[FloatArray, FloatArray]:

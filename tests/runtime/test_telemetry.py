@@ -1,5 +1,6 @@
 """The one-way door: whole or not at all, newest always, and nothing that a file can hold upsets a reader."""
 
+import errno
 import math
 import os
 import signal
@@ -24,12 +25,12 @@ from vehicle_iface.runtime import telemetry
 from vehicle_iface.runtime.telemetry import (
     MAX_POINTS,
     RING_LENGTH,
-    Link,
     SessionInfo,
     Snapshot,
     TelemetryReader,
     TelemetryWriter,
     VehicleShape,
+    WriterState,
     telemetry_path,
 )
 
@@ -57,7 +58,7 @@ def writer(address: str) -> Iterator[TelemetryWriter]:
 @pytest.fixture
 def reader(writer: TelemetryWriter) -> Iterator[TelemetryReader]:
     with TelemetryReader(writer.address) as opened:
-        assert opened.poll() is Link.LIVE
+        assert opened.poll() is WriterState.LIVE
         yield opened
 
 
@@ -97,7 +98,7 @@ def straight(points: int) -> Trajectory:
     )
 
 
-def look_at_everything(reader: TelemetryReader) -> Link:
+def look_at_everything(reader: TelemetryReader) -> WriterState:
     link = reader.poll()
     reader.newest()
     reader.since(0)
@@ -270,7 +271,7 @@ def hasty(address: str) -> Iterator[subprocess.Popen[str]]:
 def test_a_reader_of_a_hasty_writer_sees_whole_snapshots_in_order(hasty: subprocess.Popen[str], address: str) -> None:
     assert hasty.poll() is None
     with TelemetryReader(address) as reader:
-        assert reader.poll() is Link.LIVE
+        assert reader.poll() is WriterState.LIVE
         last = 0
         for _ in range(3000):
             found = reader.since(last)
@@ -288,21 +289,21 @@ def test_a_second_writer_is_refused_and_told_what_to_do(writer: TelemetryWriter)
         TelemetryWriter(writer.address, INFO)
     writer.publish(numbered(1))
     with TelemetryReader(writer.address) as reader:
-        assert reader.poll() is Link.LIVE
+        assert reader.poll() is WriterState.LIVE
         assert reader.newest() is not None
 
 
 def test_a_killed_writer_is_seen_and_its_address_taken_over(hasty: subprocess.Popen[str], address: str) -> None:
     with TelemetryReader(address) as reader:
-        assert reader.poll() is Link.LIVE
+        assert reader.poll() is WriterState.LIVE
         old_session = reader.session
         hasty.send_signal(signal.SIGKILL)
         hasty.wait()
-        assert reader.poll() is Link.DEAD
+        assert reader.poll() is WriterState.DEAD
         assert "without a goodbye" in reader.problem
         assert reader.newest() is not None
         with TelemetryWriter(address, INFO) as successor:
-            assert reader.poll() is Link.LIVE
+            assert reader.poll() is WriterState.LIVE
             assert reader.session not in (0, old_session)
             assert (reader.newest(), reader.missed) == (None, 0)
             successor.publish(numbered(1))
@@ -313,10 +314,10 @@ def test_a_closed_session_goes_on_being_readable(writer: TelemetryWriter, reader
     writer.publish(numbered(1))
     writer.close()
     writer.close()
-    assert reader.poll() is Link.ENDED
+    assert reader.poll() is WriterState.ENDED
     assert reader.newest() == numbered(1)._replace(sequence=1)
     with TelemetryWriter(writer.address, INFO):
-        assert reader.poll() is Link.LIVE
+        assert reader.poll() is WriterState.LIVE
         assert reader.newest() is None
 
 
@@ -339,6 +340,68 @@ def test_what_is_no_telemetry_file_is_not_overwritten(tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_made_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"cannot make .*No such file"):
         TelemetryWriter(str(tmp_path / "nowhere" / "loop"), INFO)
+
+
+@pytest.fixture
+def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
+    """Two folders in the place of memory and the temporary folder; `room` is how many bytes fit into the first."""
+    (tmp_path / "memory").mkdir()
+    (tmp_path / "temporary").mkdir()
+    places = tuple(tmp_path / folder / "loop" for folder in ("memory", "temporary"))
+    monkeypatch.setattr(telemetry, "_paths", lambda _: places)
+    limits = {"room": 0}
+    reserve = os.posix_fallocate
+
+    def reserve_in(file: int, offset: int, length: int) -> None:
+        if length > limits["room"] and "/memory/" in os.readlink(f"/proc/self/fd/{file}"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        reserve(file, offset, length)
+
+    monkeypatch.setattr(os, "posix_fallocate", reserve_in)
+    return limits
+
+
+def test_full_memory_is_passed_over_and_readers_find_the_file_all_the_same(
+    tmp_path: Path, memory: dict[str, int]
+) -> None:
+    with TelemetryReader("loop") as reader:
+        assert reader.poll() is WriterState.ABSENT
+        with TelemetryWriter("loop", INFO) as writer:
+            assert writer.path.parent.name == "temporary"
+            writer.publish(numbered(1))
+            assert reader.poll() is WriterState.LIVE
+            assert (reader.newest() or numbered(0)).x_m == 1.0
+            assert list((tmp_path / "memory").iterdir()) == []
+            memory["room"] = 1 << 30
+            with pytest.raises(ConfigError, match="another loop writes to"):
+                TelemetryWriter("loop", INFO)
+        assert reader.poll() is WriterState.ENDED
+        with TelemetryWriter("loop", INFO) as writer:
+            assert writer.path.parent.name == "memory"
+            assert reader.poll() is WriterState.LIVE
+            assert list((tmp_path / "temporary").iterdir()) == []
+
+
+@pytest.mark.usefixtures("memory")
+def test_where_everything_is_full_the_last_place_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def reserve_nothing(*_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", reserve_nothing)
+    with pytest.raises(ConfigError, match=r"cannot make .*temporary/loop: No space left"):
+        TelemetryWriter("loop", INFO)
+
+
+def test_a_frame_name_that_would_be_cut_is_refused_with_the_limit(
+    writer: TelemetryWriter, reader: TelemetryReader
+) -> None:
+    writer.publish(Snapshot(1, 2, 3, frame_id="ä" * 32))
+    assert (reader.newest() or numbered(0)).frame_id == "ä" * 32
+    with pytest.raises(InvalidValueError, match="must be at most 64 bytes"):
+        writer.publish(Snapshot(2, 2, 3, frame_id="ä" * 32 + "b"))
+    newest = reader.newest()
+    assert newest is not None
+    assert (newest.sequence, newest.published_ns) == (1, 1)
 
 
 def test_no_drafts_are_left_behind(writer: TelemetryWriter) -> None:
@@ -365,32 +428,32 @@ def test_a_shape_has_positive_sizes(bad: float) -> None:
 
 def test_nothing_there_is_absent(address: str) -> None:
     with TelemetryReader(address) as reader:
-        assert look_at_everything(reader) is Link.ABSENT
+        assert look_at_everything(reader) is WriterState.ABSENT
         assert address in reader.problem
 
 
 def test_a_removed_file_is_absent(writer: TelemetryWriter, reader: TelemetryReader) -> None:
     writer.path.unlink()
-    assert look_at_everything(reader) is Link.ABSENT
+    assert look_at_everything(reader) is WriterState.ABSENT
 
 
 def test_another_version_is_recognised(scratch: Path, image: bytearray) -> None:
     for at in (8, 16):  # the version, the layout
         other = bytearray(image)
         other[at] ^= 1
-        assert _judged(scratch, bytes(other)) is Link.OTHER_VERSION
+        assert _judged(scratch, bytes(other)) is WriterState.OTHER_VERSION
 
 
 @pytest.mark.parametrize("kept", [0, 7, 8, 40, 4000, 50_000, -1])
 def test_a_file_cut_short_is_unreadable(scratch: Path, image: bytearray, kept: int) -> None:
-    assert _judged(scratch, bytes(image[:kept])) is Link.UNREADABLE
+    assert _judged(scratch, bytes(image[:kept])) is WriterState.UNREADABLE
 
 
 def test_a_file_cut_short_while_it_is_read_kills_nobody(writer: TelemetryWriter, reader: TelemetryReader) -> None:
     writer.publish(numbered(1))
     os.truncate(writer.path, 100)
     assert (reader.newest(), reader.since(0), reader.trajectory(1), reader.details()) == (None, [], None, {})
-    assert reader.poll() is Link.UNREADABLE
+    assert reader.poll() is WriterState.UNREADABLE
     os.truncate(writer.path, telemetry._FILE_BYTES)  # or closing the writer would touch what is gone
 
 
@@ -399,7 +462,7 @@ def test_what_is_no_file_is_unreadable(tmp_path: Path, make: Callable[[Path], No
     path = tmp_path / "odd"
     make(path)
     with TelemetryReader(str(path)) as reader:
-        assert look_at_everything(reader) is Link.UNREADABLE
+        assert look_at_everything(reader) is WriterState.UNREADABLE
 
 
 @given(
@@ -412,12 +475,12 @@ def test_no_bytes_upset_a_reader(
     hostile = bytearray(image)
     for at, byte in changes + early:
         hostile[at] = byte
-    assert _judged(scratch, bytes(hostile)) in set(Link)
+    assert _judged(scratch, bytes(hostile)) in set(WriterState)
 
 
 @given(garbage=st.binary(max_size=3000))
 def test_no_garbage_upsets_a_reader(scratch: Path, garbage: bytes) -> None:
-    assert _judged(scratch, garbage) is Link.UNREADABLE
+    assert _judged(scratch, garbage) is WriterState.UNREADABLE
 
 
 @given(values=st.binary(min_size=telemetry._RECORD.size, max_size=telemetry._RECORD.size))
@@ -444,7 +507,7 @@ def test_forged_texts_with_a_good_sum_are_unreadable(scratch: Path, image: bytea
     forged[: len(header)] = header
     forged[len(header) : len(header) + 4] = struct.pack("=I", zlib.crc32(text, zlib.crc32(header)))
     forged[telemetry._INFO_AT : telemetry._INFO_AT + len(text)] = text
-    assert _judged(scratch, bytes(forged)) is Link.UNREADABLE
+    assert _judged(scratch, bytes(forged)) is WriterState.UNREADABLE
 
 
 @pytest.mark.parametrize("text", [b"[1]", b"{", b"\xff", b"[" * 20_000, b"null"])
@@ -458,7 +521,7 @@ def test_the_writers_details_are_what_json_can_say(writer: TelemetryWriter) -> N
         writer.publish_details({"object": object()})
 
 
-def _judged(path: Path, content: bytes) -> Link:
+def _judged(path: Path, content: bytes) -> WriterState:
     path.write_bytes(content)
     with TelemetryReader(str(path)) as reader:
         return look_at_everything(reader)

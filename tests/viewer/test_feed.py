@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vehicle_iface import Trajectory
-from vehicle_iface.runtime.telemetry import WriterState, SessionInfo, Snapshot, TelemetryReader, TelemetryWriter
+from vehicle_iface.runtime.telemetry import SessionInfo, Snapshot, TelemetryReader, TelemetryWriter, WriterState
 from vehicle_iface.units import NS_PER_MS, NS_PER_S
 from viewer.feed import Feed
 

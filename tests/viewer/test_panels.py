@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface import Reason
-from vehicle_iface.runtime.telemetry import DrawnTrajectory, WriterState, SessionInfo, Snapshot
-from vehicle_iface.status import ControllerState
+from vehicle_iface.runtime.telemetry import DrawnTrajectory, SessionInfo, Snapshot, WriterState
+from vehicle_iface.status import ControllerState, Gear
 from vehicle_iface.units import NS_PER_S
 from viewer import panels
 from viewer.feed import View
@@ -33,7 +33,9 @@ class _Words(HTMLParser):
         self.text += data + " "
 
 
-def view(snapshot: Snapshot | None, *, text: str = "plain", link: WriterState = WriterState.LIVE, age_s: float = 0.0) -> View:
+def view(
+    snapshot: Snapshot | None, *, text: str = "plain", link: WriterState = WriterState.LIVE, age_s: float = 0.0
+) -> View:
     return View(
         now_ns=NS_PER_S + round(age_s * NS_PER_S),
         address=text,
@@ -114,7 +116,8 @@ def test_old_data_is_called_old() -> None:
 
 
 @pytest.mark.parametrize(
-    ("link", "words"), [(WriterState.ENDED, "LOOP ENDED"), (WriterState.DEAD, "LOOP GONE"), (WriterState.ABSENT, "NO LOOP")]
+    ("link", "words"),
+    [(WriterState.ENDED, "LOOP ENDED"), (WriterState.DEAD, "LOOP GONE"), (WriterState.ABSENT, "NO LOOP")],
 )
 def test_a_loop_that_is_gone_is_called_gone(link: WriterState, words: str) -> None:
     assert f"{words}: no data for 0.0 s" in _Words(panels.banner_html(view(driving(), link=link))).text
@@ -130,6 +133,12 @@ def test_codes_that_this_version_does_not_know_are_shown_as_numbers() -> None:
 def test_what_was_never_received_has_no_figure() -> None:
     nothing = Snapshot(NS_PER_S, ControllerState.STARTING, Reason.NOT_ENGAGED)
     assert "0.00 m" not in _Words(panels.numbers_html(view(nothing))).text
+
+
+@pytest.mark.parametrize(("gear", "shown"), [(Gear.REVERSE, "gear REVERSE"), (Gear.NO_REQUEST, "gear –")])
+def test_a_vehicle_that_does_not_say_its_gear_has_a_dash_for_it(gear: Gear, shown: str) -> None:
+    words = _Words(panels.numbers_html(view(driving(has_status=True, gear=gear)))).text
+    assert shown in " ".join(words.split())
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])

@@ -10,7 +10,7 @@ import viser
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle_iface.runtime.telemetry import DrawnTrajectory, WriterState, SessionInfo, Snapshot, VehicleShape
+from vehicle_iface.runtime.telemetry import DrawnTrajectory, SessionInfo, Snapshot, VehicleShape, WriterState
 from vehicle_iface.units import NS_PER_S
 from viewer import shapes
 from viewer.access import Access, open_server
@@ -18,7 +18,7 @@ from viewer.feed import View
 from viewer.panels import Panels
 from viewer.scene import Scene, drawable_points
 
-SHAPE = VehicleShape(length_m=7.0, width_m=2.4, wheelbase_m=4.0, height_m=2.8)
+SHAPE = VehicleShape(length_m=7.0, width_m=2.4, wheelbase_m=4.0, height_m=2.8, track_m=2.0, wheel_radius_m=0.5)
 INFO = SessionInfo(channel="vcan0", bus="SocketCAN vcan0", shape=SHAPE)
 
 
@@ -106,7 +106,8 @@ def test_a_session_brings_its_vehicles_shape(server: viser.ViserServer) -> None:
     scene = Scene(server)
     scene.draw(view(1, 0.0, 0.0))
     assert np.ptp(scene._vehicle._body.vertices[:, 0]) == pytest.approx(SHAPE.length_m)
-    assert scene._vehicle._wheels[0].position[0] == pytest.approx(SHAPE.wheelbase_m)
+    assert scene._vehicle._wheels[0].position == pytest.approx((SHAPE.wheelbase_m, SHAPE.track_m / 2, 0.5))
+    assert np.ptp(scene._vehicle._wheels[0].vertices[:, 2]) == pytest.approx(2 * SHAPE.wheel_radius_m)
 
 
 def test_left_is_left(server: viser.ViserServer) -> None:

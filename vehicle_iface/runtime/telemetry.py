@@ -12,6 +12,7 @@ fingerprint follow from the annotations, and a reader of another layout says so 
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import hashlib
 import mmap
@@ -31,7 +32,7 @@ import msgspec
 import numpy as np
 
 from vehicle_iface import checks, clock
-from vehicle_iface.errors import ConfigError
+from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.trajectory import FloatArray, Trajectory
 
 RING_LENGTH = 512
@@ -125,6 +126,8 @@ class VehicleShape:
     width_m: float = 1.85
     height_m: float = 1.5
     rear_overhang_m: float = 0.9
+    track_m: float = 1.6
+    wheel_radius_m: float = 0.33
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
@@ -170,7 +173,7 @@ class DrawnTrajectory:
     """(n,) from `stamp_ns` on."""
 
 
-class Link(Enum):
+class WriterState(Enum):
     """What a reader finds at its address."""
 
     ABSENT = "absent"
@@ -195,7 +198,7 @@ def _layout() -> bytes:
 
 _MAGIC = b"VEHIFTLM"
 _VERSION = 1
-_FRAME_BYTES = 24
+_FRAME_BYTES = checks.FRAME_ID_BYTES
 _JSON_BYTES = 32768
 _COLUMNS = ("x_m", "y_m", "heading_rad", "speed_mps", "time_s")
 _CODES = {"int": "q", "float": "d", "bool": "?", "str": f"{_FRAME_BYTES}s"}
@@ -221,6 +224,7 @@ _FILE_BYTES = -(-(_DETAILS_AT + 2 * _DETAILS_STRIDE) // 4096) * 4096
 _LAYOUT = _layout()
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _BAD_JSON = (msgspec.MsgspecError, ValueError, RecursionError)
 _TAKEOVER_TRIES = 20
 _TAKEOVER_PAUSE_NS = 10_000_000
@@ -231,16 +235,22 @@ def telemetry_path(address: str) -> Path:
 
     Raises `ConfigError` for what is neither.
     """
+    return _paths(address)[0]
+
+
+def _paths(address: str) -> tuple[Path, ...]:
+    """Where `address` may be, in the order in which it is looked for: memory that is full is passed over."""
     if "/" in address:
-        return Path(address)
+        return (Path(address),)
     if not _NAME.fullmatch(address):
         raise ConfigError(
             f"telemetry address {address!r}: must be a path with a '/', or a name of up to 64 letters, "
             "digits, '_', '.' and '-'"
         )
     memory = Path("/dev/shm")
-    folder = memory if memory.is_dir() and os.access(memory, os.W_OK) else Path(tempfile.gettempdir())
-    return folder / f"vehicle-iface-{os.getuid()}-{address}"
+    folders = [memory] if memory.is_dir() and os.access(memory, os.W_OK) else []
+    folders.append(Path(tempfile.gettempdir()))
+    return tuple(folder / f"vehicle-iface-{os.getuid()}-{address}" for folder in folders)
 
 
 class TelemetryWriter:
@@ -251,8 +261,7 @@ class TelemetryWriter:
 
     def __init__(self, address: str, info: SessionInfo) -> None:
         self.address = address
-        self.path = telemetry_path(address)
-        self._map, self._file = _created(self.path, address, info)
+        self.path, self._map, self._file = _created(_paths(address), address, info)
         view = memoryview(self._map)
         self._slots = [view[at : at + _RECORD.size + _CRC.size] for at in range(_RING_AT, _TRAJECTORY_AT, _SLOT_BYTES)]
         # Item assignment through a cast view is one aligned 8-byte store; struct would store byte by byte.
@@ -267,8 +276,9 @@ class TelemetryWriter:
 
     def publish(self, snapshot: Snapshot) -> None:
         """Make `snapshot` the newest. Its `sequence` is replaced by the next number."""
+        frame = _frame_bytes(snapshot.frame_id)
         sequence = self._sequence = self._sequence + 1
-        _RECORD.pack_into(self._scratch, 0, *snapshot[:-2], snapshot.frame_id.encode(), sequence)
+        _RECORD.pack_into(self._scratch, 0, *snapshot[:-2], frame, sequence)
         _CRC.pack_into(self._scratch, _RECORD.size, zlib.crc32(self._body))
         self._slots[sequence % RING_LENGTH][:] = self._scratch
         self._head[0] = sequence
@@ -318,8 +328,9 @@ class TelemetryReader:
 
     def __init__(self, address: str) -> None:
         self.address = address
-        self.path = telemetry_path(address)
-        self.link = Link.ABSENT
+        self._paths = _paths(address)
+        self.path = self._paths[0]
+        self.link = WriterState.ABSENT
         """What the last `poll` found."""
         self.problem = ""
         """Why the link is not live, in words."""
@@ -332,12 +343,11 @@ class TelemetryReader:
         self._file = -1
         self._inode = (0, 0)
 
-    def poll(self) -> Link:
+    def poll(self) -> WriterState:
         """Look whether the file is there, is the same one as before, and is still being written."""
-        try:
-            found = os.stat(self.path)
-        except OSError:
-            return self._lost(Link.ABSENT, f"no telemetry at {self.path}")
+        found = self._found()
+        if found is None:
+            return self._lost(WriterState.ABSENT, f"no telemetry at {self.path}")
         if self._file < 0 or self._inode != (found.st_dev, found.st_ino) or found.st_size != _FILE_BYTES:
             self._attach()
         if self._file >= 0:
@@ -393,7 +403,17 @@ class TelemetryReader:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _lost(self, link: Link, problem: str) -> Link:
+    def _found(self) -> os.stat_result | None:
+        """The first place at which there is something; `path` is where."""
+        for path in self._paths:
+            with contextlib.suppress(OSError):
+                found = os.stat(path)
+                self.path = path
+                return found
+        self.path = self._paths[0]
+        return None
+
+    def _lost(self, link: WriterState, problem: str) -> WriterState:
         self.close()
         self.link, self.problem = link, problem
         return link
@@ -406,47 +426,47 @@ class TelemetryReader:
             self._file = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
             found = os.fstat(self._file)
         except OSError as error:
-            self._lost(Link.UNREADABLE, f"{self.path}: {error.strerror}")
+            self._lost(WriterState.UNREADABLE, f"{self.path}: {error.strerror}")
             return
         link, problem = self._judged(found)
-        if link is not Link.LIVE:
+        if link is not WriterState.LIVE:
             self._lost(link, f"{self.path}: {problem}")
             return
         self._inode = (found.st_dev, found.st_ino)
 
-    def _judged(self, found: os.stat_result) -> tuple[Link, str]:
+    def _judged(self, found: os.stat_result) -> tuple[WriterState, str]:
         if not stat.S_ISREG(found.st_mode):
-            return Link.UNREADABLE, "not a file"
+            return WriterState.UNREADABLE, "not a file"
         if "/" not in self.address and found.st_uid != os.getuid():
-            return Link.UNREADABLE, f"belongs to user {found.st_uid}, not to this one"
+            return WriterState.UNREADABLE, f"belongs to user {found.st_uid}, not to this one"
         header = self._read(0, _HEADER.size + _CRC.size)
         if header[:8] != _MAGIC or len(header) < _HEADER.size + _CRC.size:
-            return Link.UNREADABLE, "not a telemetry file"
+            return WriterState.UNREADABLE, "not a telemetry file"
         _, version, layout, session, _, _, length = _HEADER.unpack_from(header)
         if (version, layout) != (_VERSION, _LAYOUT):
-            return Link.OTHER_VERSION, "written by another version of this program"
+            return WriterState.OTHER_VERSION, "written by another version of this program"
         info = self._read(_INFO_AT, min(length, _JSON_BYTES))
         crc = _CRC.unpack_from(header, _HEADER.size)[0]
         if found.st_size != _FILE_BYTES or zlib.crc32(info, zlib.crc32(header[: _HEADER.size])) != crc:
-            return Link.UNREADABLE, "damaged"
+            return WriterState.UNREADABLE, "damaged"
         try:
             self.info = msgspec.json.decode(info, type=SessionInfo)
         except _BAD_JSON:
-            return Link.UNREADABLE, "damaged"
+            return WriterState.UNREADABLE, "damaged"
         if session != self.session:
             self.session, self.missed = session, 0
-        return Link.LIVE, ""
+        return WriterState.LIVE, ""
 
-    def _writer_link(self) -> tuple[Link, str]:
+    def _writer_link(self) -> tuple[WriterState, str]:
         if any(self._read(_ENDED_AT, 8)):
-            return Link.ENDED, "the loop has ended"
+            return WriterState.ENDED, "the loop has ended"
         try:
             # A living writer holds the lock, so asking for a share of it cannot disturb one.
             fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except OSError:
-            return Link.LIVE, ""
+            return WriterState.LIVE, ""
         fcntl.flock(self._file, fcntl.LOCK_UN)
-        return Link.DEAD, "the loop is gone without a goodbye"
+        return WriterState.DEAD, "the loop is gone without a goodbye"
 
     def _read(self, at: int, size: int) -> bytes:
         if self._file < 0:
@@ -470,17 +490,29 @@ class TelemetryReader:
         return [snapshot for snapshot in found if snapshot is not None]
 
 
-def _created(path: Path, address: str, info: SessionInfo) -> tuple[mmap.mmap, int]:
+def _created(paths: tuple[Path, ...], address: str, info: SessionInfo) -> tuple[Path, mmap.mmap, int]:
+    """A new locked file in the first place with room for it, mapped; where it is, and no other writer anywhere."""
+    for other in paths[1:]:
+        with contextlib.suppress(OSError):
+            if os.lstat(other).st_uid == os.getuid():  # a stranger's file is in nobody's way yet
+                _remove_stale(other, address)
+    for path in paths:
+        try:
+            return path, *_created_at(path, address, info)
+        except OSError as error:
+            if error.errno not in _FULL or path is paths[-1]:
+                raise ConfigError(f"telemetry {address!r}: cannot make {path}: {error.strerror}") from None
+    raise AssertionError("an address has a place")
+
+
+def _created_at(path: Path, address: str, info: SessionInfo) -> tuple[mmap.mmap, int]:
     """A new locked file at `path`, mapped, in the place of one whose writer is gone."""
-    try:
-        for _ in range(_TAKEOVER_TRIES):
-            _remove_stale(path, address)
-            file = _new_file(path, info)
-            if file is not None:
-                flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)
-                return mmap.mmap(file, _FILE_BYTES, flags=flags), file
-    except OSError as error:
-        raise ConfigError(f"telemetry {address!r}: cannot make {path}: {error.strerror}") from None
+    for _ in range(_TAKEOVER_TRIES):
+        _remove_stale(path, address)
+        file = _new_file(path, info)
+        if file is not None:
+            flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)
+            return mmap.mmap(file, _FILE_BYTES, flags=flags), file
     raise _taken(path, address)
 
 
@@ -560,6 +592,14 @@ def _unpacked(slot: bytes, sequence: int | None = None) -> Snapshot | None:
     return Snapshot._make((*values[:-2], _text(values[-2]), values[-1]))
 
 
+def _frame_bytes(frame_id: str) -> bytes:
+    """A frame's name for its fixed place; one that would be cut there is refused."""
+    encoded = frame_id.encode()
+    if len(encoded) > _FRAME_BYTES:
+        raise InvalidValueError(f"frame_id = {frame_id!r}: must be at most {_FRAME_BYTES} bytes in UTF-8")
+    return encoded
+
+
 def _text(padded: bytes) -> str:
     return padded.rstrip(b"\0").decode(errors="replace")
 
@@ -575,7 +615,7 @@ def _packed_trajectory(version: int, trajectory: Trajectory | None) -> bytes:
     for row, name in zip(points, _COLUMNS[:-1], strict=False):
         row[:count] = getattr(trajectory, name)[chosen]
     points[-1, :count] = trajectory.time_from_start_ns[chosen] * 1e-9
-    frame = trajectory.frame_id.encode()
+    frame = _frame_bytes(trajectory.frame_id)
     body = _TRAJECTORY.pack(version, trajectory.stamp_ns, count, total, frame) + points.tobytes()
     return body + _CRC.pack(zlib.crc32(body))
 
