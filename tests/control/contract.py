@@ -165,14 +165,23 @@ class ControllerContract(ABC):
             controller.compute_command(replace(at(6.5, stamp_ns=4 * NS_PER_S), frame_id="odom"))
         assert (controller.spatial_index, controller.temporal_index) == (2, 1)
 
-    def test_there_is_no_index_without_points(self) -> None:
+    def test_there_is_no_index_without_a_trajectory(self) -> None:
         controller = self.controller()
-        for trajectory in (None, Trajectory.empty(stamp_ns=0)):
-            if trajectory is not None:
-                controller.set_trajectory(trajectory)
+        for _ in range(2):
             for name in ("spatial_index", "temporal_index", "reference_index"):
                 with pytest.raises(NoTrajectoryError):
                     getattr(controller, name)
+            controller.set_trajectory(along_x())
+            controller.clear_trajectory()
+
+    def test_the_indices_are_0_after_a_trajectory_without_points(self) -> None:
+        controller = self.controller()
+        controller.set_trajectory(along_x())
+        controller.compute_command(at(2.5, stamp_ns=NS_PER_S))
+        controller.set_trajectory(Trajectory.empty(stamp_ns=0))
+        for _ in range(2):
+            assert (controller.spatial_index, controller.temporal_index, controller.reference_index) == (0, 0, 0)
+            controller.compute_command(at(2.5, stamp_ns=NS_PER_S))
 
     @pytest.mark.parametrize(("reference", "index"), [(ControlReference.SPATIAL, 3), (ControlReference.TEMPORAL, 5)])
     def test_the_reference_is_by_place_or_by_time(self, reference: ControlReference, index: int) -> None:

@@ -19,7 +19,6 @@ from vehicle_iface.control import (
     PurePursuitConfig,
     StopSteering,
 )
-from vehicle_iface.control.pure_pursuit import search_target
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.reason import Reason
 from vehicle_iface.state import VehicleState
@@ -107,46 +106,6 @@ def test_a_stop_has_no_lookahead_point() -> None:
     assert controller.lookahead_point is None
 
 
-@given(
-    points=st.lists(st.tuples(strategies.coordinates, strategies.coordinates), min_size=1, max_size=63),
-    heading=strategies.angles,
-    lookahead=st.floats(0.5, 30.0),
-)
-def test_the_search_finds_the_first_that_is_far_enough_or_the_farthest(
-    points: list[tuple[float, float]], heading: float, lookahead: float
-) -> None:
-    xs, ys = [p[0] for p in points], [p[1] for p in points]
-    ahead_x, ahead_y = math.cos(heading), math.sin(heading)
-    ahead = [i for i in range(len(xs)) if xs[i] * ahead_x + ys[i] * ahead_y > 0.0]
-    square = {i: xs[i] * xs[i] + ys[i] * ys[i] for i in ahead}
-    far = [i for i in ahead if square[i] >= lookahead * lookahead]
-    expected = far[0] if far else max(ahead, key=lambda i: (square[i], -i), default=-1)
-    assert search_target(xs, ys, 0, len(xs), 0.0, 0.0, ahead_x, ahead_y, lookahead) == expected
-
-
-@pytest.mark.parametrize("spacing_m", [0.25, 0.02, 0.002])
-def test_a_search_among_dense_points_finds_the_first_that_is_far_enough(spacing_m: float) -> None:
-    xs = (np.arange(5000) * spacing_m).tolist()
-    found = search_target(xs, [0.0] * 5000, 3, 5000, 0.05, 0.0, 1.0, 0.0, 5.0)
-    assert found == math.ceil(5.05 / spacing_m - 1e-9)
-    assert type(found) is int
-
-
-def test_a_search_does_not_go_round_and_round_for_the_whole_trajectory() -> None:
-    class Counting(list[float]):
-        greatest = 0
-
-        def __getitem__(self, key):  # type: ignore[no-untyped-def]
-            self.greatest = max(self.greatest, key.stop if isinstance(key, slice) else key)
-            return super().__getitem__(key)
-
-    angle = np.arange(100_000) * 0.1
-    xs, ys = Counting(np.sin(angle).tolist()), Counting((1 - np.cos(angle)).tolist())
-    found = search_target(xs, ys, 0, len(xs), 0.0, 0.0, 1.0, 0.0, 5.0)
-    assert xs[found] > 0.0
-    assert xs.greatest < 1000
-
-
 # ── steering and acceleration ──
 
 
@@ -197,8 +156,68 @@ def test_a_vehicle_that_rolls_through_a_standing_start_is_not_stopped() -> None:
     assert command.accel_mps2 == pytest.approx(0.0, abs=1e-12)
 
 
+def with_a_dwell(at_index: int, n: int = 11) -> Trajectory:
+    """`along_x` with a stop of one second at one of its points."""
+    x = [float(i - (i > at_index)) for i in range(n)]
+    return replace(along_x(n), x_m=x, speed_mps=[0.0 if i in (at_index, at_index + 1) else 1.0 for i in range(n)])
+
+
+def test_the_target_moved_back_keeps_the_speed_of_the_first_point_beyond() -> None:
+    trajectory = replace(along_x(2, speed_mps=5.0), x_m=[10.0, 20.0])
+    command = PurePursuit().compute_command(at(0.0, speed_mps=0.0))
+    assert command.is_stop
+    command = following(trajectory, PurePursuitConfig()).compute_command(at(0.0, speed_mps=0.0))
+    assert command.accel_mps2 == pytest.approx(25 / (2 * 2))
+    rising = replace(along_x(20), speed_mps=[float(i) for i in range(20)])
+    assert following(rising).compute_command(at(3.5, speed_mps=2.0)).accel_mps2 == pytest.approx((36 - 4) / (2 * 2))
+
+
+@pytest.mark.parametrize("left_m", [1.0, 0.05])
+@pytest.mark.parametrize("seconds", [[8, 9, 10], [8, 9, 9]])
+def test_a_vehicle_at_rest_short_of_the_end_stays(left_m: float, seconds: list[int]) -> None:
+    trajectory = replace(
+        along_x(),
+        x_m=[*map(float, range(9)), 9.0, 9.0],
+        speed_mps=[1.0] * 9 + [0.0, 0.0],
+        time_from_start_ns=[s * NS_PER_S for s in [*range(8), *seconds]],
+    )
+    assert following(trajectory).compute_command(at(9.0 - left_m, speed_mps=0.0)).accel_mps2 == 0.0
+
+
+def test_a_vehicle_at_rest_short_of_a_dwell_creeps_up_to_it() -> None:
+    controller = following(with_a_dwell(5))
+    assert controller.compute_command(at(4.5, speed_mps=0.0)).accel_mps2 == pytest.approx(0.1**2 / (2 * 0.5))
+
+
+def test_a_standing_start_at_distinct_places_is_no_dwell() -> None:
+    trajectory = replace(along_x(), speed_mps=[0.0, 0.0] + [5.0] * 9)
+    assert following(trajectory).compute_command(at(0.0, speed_mps=0.0)).accel_mps2 == pytest.approx(25 / 4)
+
+
+def test_a_standing_start_without_time_is_no_dwell() -> None:
+    trajectory = replace(with_a_dwell(0), time_from_start_ns=[0, 0, *(i * NS_PER_S for i in range(2, 11))])
+    assert following(trajectory).compute_command(at(0.0, speed_mps=0.0)).accel_mps2 > 0.0
+
+
+def test_a_standing_start_with_a_dwell_waits_for_its_time() -> None:
+    controller = following(with_a_dwell(0))
+    assert controller.compute_command(at(0.0, speed_mps=0.0, stamp_ns=NS_PER_S - 1)).accel_mps2 == 0.0
+    assert controller.compute_command(at(0.0, speed_mps=0.0, stamp_ns=NS_PER_S)).accel_mps2 > 0.0
+
+
+def test_a_point_without_speed_and_without_time_is_not_braked_for() -> None:
+    trajectory = replace(along_x(), speed_mps=[5.0] * 3 + [0.0] + [5.0] * 7)
+    assert following(trajectory).compute_command(at(2.5, speed_mps=2.0)).accel_mps2 == pytest.approx(21 / 4)
+
+
+@pytest.mark.parametrize("speeds", [[1.0] * 5 + [0.0] + [-1.0] * 5, [1.0] * 6 + [-1.0] * 5])
+def test_a_change_of_direction_is_braked_for(speeds: list[float]) -> None:
+    trajectory = replace(along_x(), x_m=[*map(float, [0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0])], speed_mps=speeds)
+    assert following(trajectory).compute_command(at(4.0)).accel_mps2 == pytest.approx(-1 / 2)
+
+
 def test_a_vehicle_that_overshot_a_stop_brakes_hard_and_only_then_goes_on() -> None:
-    controller = following(replace(along_x(), speed_mps=[1.0] * 5 + [0.0] + [1.0] * 5))
+    controller = following(with_a_dwell(5))
     late_ns = 9 * NS_PER_S
     controller.compute_command(at(4.5, stamp_ns=late_ns))
     assert controller.compute_command(at(5.1, stamp_ns=late_ns)).accel_mps2 == -3.0
@@ -322,14 +341,25 @@ def test_a_late_vehicle_still_stops_and_goes_on_at_once() -> None:
 
 
 def test_it_waits_for_the_time_of_a_standing_start() -> None:
-    trajectory = plant.straight(20.0, greatest_mps=3.0, stops_m=[0.0, 20.0])
-    log = plant.drive(following(replace(trajectory, stamp_ns=2 * NS_PER_S)), plant.Bicycle(), duration_s=4.0)
+    route = plant.straight(20.0, greatest_mps=3.0, stops_m=[0.0, 20.0])
+    twice = [0, *range(len(route))]
+    times_ns = route.time_from_start_ns[twice] + 2 * NS_PER_S
+    times_ns[0] = 0
+    trajectory = Trajectory(
+        stamp_ns=0,
+        time_from_start_ns=times_ns,
+        x_m=route.x_m[twice],
+        y_m=route.y_m[twice],
+        heading_rad=route.heading_rad[twice],
+        speed_mps=route.speed_mps[twice],
+    )
+    log = plant.drive(following(trajectory), plant.Bicycle(), duration_s=4.0)
     assert standing_from_to(log, 0.0)[1] == pytest.approx(2.0, abs=0.2)
     assert log[-1][0].x_m > 0.5
 
 
 def test_a_vehicle_that_came_to_rest_short_of_a_stop_creeps_up_to_it() -> None:
-    trajectory = plant.straight(40.0, greatest_mps=5.0, stops_m=[0.0, 20.0, 40.0])
+    trajectory = plant.straight(40.0, greatest_mps=5.0, stops_m=[0.0, 20.0, 40.0], dwell_s=0.5)
     controller = following(trajectory)
     log = plant.drive(controller, plant.Bicycle(x_m=19.9), duration_s=12.0)
     assert max(s.speed_mps for s, _ in log[:200]) < 0.2

@@ -1,4 +1,4 @@
-"""Finding the places to stand at, in one pass."""
+"""Finding the places to stand at."""
 
 from collections.abc import Sequence
 
@@ -7,76 +7,131 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface.control.stops import Stops
+from vehicle_iface.control.tracking import Progress
+from vehicle_iface.trajectory import Trajectory
 
-speeds = st.lists(st.sampled_from([-2.0, -0.5, 0.0, 1e-4, 0.5, 2.0]), min_size=1, max_size=40)
+POINTS = st.tuples(st.sampled_from([-2.0, 0.0, 1e-4, 0.5, 2.0]), st.booleans(), st.booleans())
+"""Speed, and whether place and time are others than those of the point before."""
 
 
-def stop_of(stops: Stops) -> tuple[int | None, int, bool]:
+def stops_on(
+    speeds_mps: Sequence[float],
+    places_m: Sequence[float] | None = None,
+    times_ns: Sequence[int] | None = None,
+    index: int = 0,
+) -> Stops:
+    """Of points at one place, 1 ns apart, unless told otherwise."""
+    n = len(speeds_mps)
+    progress = Progress(
+        Trajectory(
+            stamp_ns=0,
+            time_from_start_ns=range(n) if times_ns is None else times_ns,
+            x_m=[0.0] * n if places_m is None else places_m,
+            y_m=[0.0] * n,
+            heading_rad=[0.0] * n,
+            speed_mps=speeds_mps,
+        )
+    )
+    progress.spatial_index = index
+    return Stops(progress)
+
+
+def stop_of(stops: Stops) -> tuple[int, int, bool]:
     return stops.first, stops.last, stops.turns
 
 
-def test_a_run_without_speed_is_one_stop() -> None:
-    stops = Stops([1.0, 1.0, 0.0, 0.0, 0.0, 1.0], 0)
-    assert not stops.look(0, 1)
-    assert stops.look(0, 2)
-    assert stop_of(stops) == (2, 4, False)
-    assert stops.must_stand
+def test_a_dwell_is_a_stop() -> None:
+    assert stop_of(stops_on([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])) == (2, 4, False)
+
+
+@pytest.mark.parametrize(
+    ("places_m", "times_ns"),
+    [([0.0, 1.0, 1.0011, 2.0], [0, 1, 2, 3]), ([0.0, 1.0, 1.0, 2.0], [0, 1, 1, 3])],
+    ids=["places apart", "no time"],
+)
+def test_points_without_speed_at_two_places_or_without_time_are_no_dwell(
+    places_m: list[float], times_ns: list[int]
+) -> None:
+    assert stop_of(stops_on([1.0, 0.0, 0.0, 1.0], places_m, times_ns)) == (4, 4, False)
+
+
+def test_a_millimetre_is_one_place() -> None:
+    assert stop_of(stops_on([1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 1.0009, 2.0])) == (1, 2, False)
+
+
+def test_one_point_without_speed_is_no_dwell() -> None:
+    assert stop_of(stops_on([1.0, 0.0, 1.0])) == (3, 3, False)
+
+
+def test_standing_after_the_last_motion_is_no_stop() -> None:
+    assert stop_of(stops_on([1.0, 0.0, 0.0])) == (3, 3, False)
+    assert stop_of(stops_on([0.0, 0.0])) == (2, 2, False)
 
 
 def test_a_change_of_direction_is_a_stop_at_its_last_point() -> None:
-    stops = Stops([1.0, 1.0, -1.0, -1.0], 0)
-    assert stops.look(0, 3)
+    stops = stops_on([1.0, 1.0, -1.0, -1.0])
     assert stop_of(stops) == (1, 1, True)
-    stops.release()
+    assert stops.direction == 1.0
+    stops.release(1)
     assert stops.direction == -1.0
-    assert not stops.look(1, 3)
+    assert stop_of(stops) == (4, 4, False)
 
 
-def test_a_standing_start_asks_for_its_time_only() -> None:
-    stops = Stops([0.0, 0.0, -1.0], 0)
+def test_a_change_of_direction_with_a_point_without_speed_is_a_stop_there() -> None:
+    assert stop_of(stops_on([1.0, 0.0, -1.0])) == (1, 1, True)
+
+
+def test_a_dwell_where_the_direction_changes_is_one_stop() -> None:
+    stops = stops_on([1.0, 0.0, 0.0, -1.0])
+    assert stop_of(stops) == (1, 2, True)
+    stops.release(1)
+    assert stop_of(stops) == (4, 4, False)
+
+
+def test_a_standing_start_is_a_dwell_without_a_change_of_direction() -> None:
+    stops = stops_on([0.0, 0.0, -1.0])
     assert stops.direction == -1.0
-    assert stops.look(0, 0)
     assert stop_of(stops) == (0, 1, False)
-    assert not stops.must_stand
-
-
-def test_a_stop_that_was_seen_stays_until_it_is_released() -> None:
-    stops = Stops([1.0, 0.0, 1.0, 1.0, 0.0], 0)
-    assert stops.look(0, 2)
-    assert stops.look(3, 4)
-    assert stops.first == 1
-    stops.release()
-    assert stops.look(3, 4)
-    assert stops.first == 4
 
 
 def test_a_vehicle_that_was_set_ahead_starts_afresh() -> None:
-    stops = Stops([1.0, 0.0, -1.0, -1.0, -1.0, 0.0], 0)
-    assert not stops.look(4, 4)
+    stops = stops_on([1.0, 0.0, 0.0, -1.0, -1.0, -1.0], index=4)
     assert stops.direction == -1.0
+    assert stop_of(stops) == (6, 6, False)
 
 
 @pytest.mark.parametrize(("values", "direction"), [([0.0, 0.0], 1.0), ([0.0, -1.0], -1.0), ([0.5, -1.0], 1.0)])
 def test_the_direction_is_that_of_the_first_speed(values: Sequence[float], direction: float) -> None:
-    assert Stops(values, 0).direction == direction
+    assert stops_on(values).direction == direction
 
 
-@given(speeds=speeds)
-def test_from_stop_to_stop_the_speed_keeps_its_sign(speeds: list[float]) -> None:
-    stops, at, last = Stops(speeds, 0), 0, len(speeds) - 1
-    while stops.look(at, last):
-        assert stops.first is not None
-        assert at <= stops.first + 1 <= stops.last + 1 <= last + 1
-        assert all(speed * stops.direction > 1e-3 for speed in speeds[at : stops.first])
-        at = stops.last + 1
-        stops.release()
-    assert all(speed * stops.direction > 1e-3 for speed in speeds[at:])
+@given(points=st.lists(POINTS, min_size=1, max_size=40))
+def test_from_stop_to_stop_it_finds_every_dwell_and_every_change_of_direction(
+    points: list[tuple[float, bool, bool]],
+) -> None:
+    speeds, places, times = [p[0] for p in points], [0.0], [0]
+    for _, moves, lasts in points[1:]:
+        places.append(places[-1] + moves)
+        times.append(times[-1] + lasts)
+    stops, found, index = stops_on(speeds, places, times), [], 0
+    while stops.first < len(points):
+        assert index <= stops.last
+        found.append((stops.first, stops.last))
+        moving = [speed * stops.direction for speed in speeds[index : stops.first] if abs(speed) > 1e-3]
+        assert all(along > 0.0 for along in moving)
+        index = stops.last + 1
+        stops.release(0)
+    assert all(speed * stops.direction > -1e-3 for speed in speeds[index:])
+    assert [stop for stop in found if stop[0] < stop[1]] == _dwells(speeds, places, times)
 
 
-@given(speeds=speeds)
-def test_looking_step_by_step_finds_the_same_as_looking_at_once(speeds: list[float]) -> None:
-    once, stepwise, last = Stops(speeds, 0), Stops(speeds, 0), len(speeds) - 1
-    once.look(0, last)
-    for until in range(last + 1):
-        stepwise.look(0, until)
-    assert stop_of(once) == stop_of(stepwise)
+def _dwells(speeds: list[float], places: list[float], times: list[int]) -> list[tuple[int, int]]:
+    """Point by point."""
+    moving = [i for i, speed in enumerate(speeds) if abs(speed) > 1e-3]
+    found: list[tuple[int, int]] = []
+    for i in range(moving[-1] if moving else 0):
+        rests = abs(speeds[i]) <= 1e-3 and abs(speeds[i + 1]) <= 1e-3
+        if rests and places[i] == places[i + 1] and times[i] < times[i + 1]:
+            first = found.pop()[0] if found and found[-1][1] == i else i
+            found.append((first, i + 1))
+    return found

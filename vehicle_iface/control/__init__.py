@@ -1,7 +1,8 @@
 """Controllers: from a state and a trajectory to a wish.
 
 `base` says when to stop and how, `tracking` where the vehicle is on its trajectory, `prediction` where it
-will be, `stops` where it has to stand on the way. Each controller has a file of its own.
+will be, `stops` where it has to stand on the way, `lookahead` which point it aims at. Each controller has a
+file of its own.
 """
 
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase, ControlReference, StopSteering

@@ -155,24 +155,25 @@ class ControllerBase(ABC):
     @final
     @property
     def spatial_index(self) -> int:
-        """The last point that the vehicle is past or level with; 0 from the start on.
+        """The last point that the vehicle is past or level with; 0 from the start on, and where there are no
+        points.
 
-        Raises `NoTrajectoryError` without a trajectory, and for one without points.
+        Raises `NoTrajectoryError` without a trajectory: before the first one, and after clearing it.
         """
-        return self._progress_with_points().spatial_index
+        return self._progress_in_force().spatial_index
 
     @final
     @property
     def temporal_index(self) -> int:
-        """The last point whose time has come; 0 from the start on. Raises as `spatial_index` does."""
-        return self._progress_with_points().temporal_index
+        """The last point whose time has come; 0 and raises as `spatial_index` does."""
+        return self._progress_in_force().temporal_index
 
     @final
     @property
     def reference_index(self) -> int:
         """The spatial or the temporal index, by `BehaviorConfig.reference`. Raises as `spatial_index`
         does."""
-        progress = self._progress_with_points()
+        progress = self._progress_in_force()
         in_space = self.behavior.reference is ControlReference.SPATIAL
         return progress.spatial_index if in_space else progress.temporal_index
 
@@ -241,11 +242,9 @@ class ControllerBase(ABC):
             return Reason.NO_TRAJECTORY
         return Reason.EMPTY_TRAJECTORY if self._progress.last < 0 else Reason.SHUTDOWN
 
-    def _progress_with_points(self) -> Progress:
+    def _progress_in_force(self) -> Progress:
         if self._progress is None:
             raise NoTrajectoryError("no trajectory is set, so there is no index in it")
-        if self._progress.last < 0:
-            raise NoTrajectoryError("the trajectory has no points, so there is no index in it")
         return self._progress
 
 

@@ -2,21 +2,20 @@
 
 R. C. Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01, 1992, for the
 arc. Around it, as Autoware.Auto's controller has them: the direction of travel, the interpolated look-ahead
-point, and an acceleration from v² = u² + 2·a·s. Stops on the way (see `stops`) are taken one after the
-other.
+point (see `lookahead`), and an acceleration from v² = u² + 2·a·s. Stops on the way (see `stops`) are taken one
+after the other.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
-
-import numpy as np
 
 from vehicle_iface import checks
 from vehicle_iface.clock import monotonic_ns
 from vehicle_iface.command import Command
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase
+from vehicle_iface.control.lookahead import Way, search_target
 from vehicle_iface.control.prediction import predict
 from vehicle_iface.control.stops import Stops
 from vehicle_iface.control.tracking import Progress
@@ -29,11 +28,6 @@ LEAST_DISTANCE_M = 0.01
 """The acceleration law divides by no less."""
 GREATEST_AGE_S = 0.5
 """Delay compensation looks no further ahead: a state that is older belongs to nobody's prediction."""
-
-_SCALAR_POINTS = 64
-_FIRST_BLOCK, _GREATEST_BLOCK = 128, 4096
-_REACH = 4.0
-"""In look-aheads: a search that went on for longer along the path than round a circle within reach ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,10 +71,8 @@ class _Target(NamedTuple):
     dy_m: float
     """From the vehicle, in the trajectory's frame."""
     distance_m: float
-    speed_squared: float
-    """v·|v| in m²/s²: the square of the speed there, with its sign."""
     point: int
-    """Index of the trajectory point that it is, or lies before."""
+    """Index of the trajectory point that it is, or that was moved back to it; the speed is that point's."""
 
 
 class PurePursuit(ControllerBase):
@@ -89,13 +81,15 @@ class PurePursuit(ControllerBase):
     Look-ahead: clamp(|v| · lookahead time, least, greatest). Target: the first point from the spatial index
     on that is in the direction of travel and at least the look-ahead away, moved back along the path to
     exactly the look-ahead (along the straight line from the vehicle where the path does not cross that
-    circle); otherwise the farthest one in the direction of travel; none: a stop command (`PAST_END_SPACE`
-    on the last point, `DEVIATION` before it). Points beyond a change of direction are not in the direction
-    of travel.
+    circle) with the speed that it has; otherwise the farthest one in the direction of travel; none: a stop
+    command (`PAST_END_SPACE` on the last point, `DEVIATION` before it). Points beyond a change of direction
+    are not in the direction of travel.
 
     Front wheels: atan(2 · y · L / d²) with the target y to the left, d away. Acceleration: ±|v_t² − v²| /
     (2 · max(d, 0.01 m)), + towards greater speeds and − towards lesser ones, signed as speeds are; a
-    vehicle that moves against the direction of travel brakes with the sum of the squares.
+    vehicle that moves against the direction of travel brakes with the sum of the squares. A dwell or a
+    change of direction before the target is what the vehicle brakes for instead, and creeps up to when it
+    came to rest short of it; the end of the trajectory is a target like any other.
 
     Command speed: the reference point's; 0 where that has the other direction than the vehicle is to take
     (just after a change of direction), so that it never asks for the wrong gear.
@@ -115,7 +109,8 @@ class PurePursuit(ControllerBase):
         self.config = PurePursuitConfig() if config is None else config
         self._clock = clock
         self._stops_of: Progress | None = None
-        self._stops = Stops((), 0)
+        self._stops: Stops
+        self._way: Way
         self._lookahead_point: tuple[float, float] | None = None
 
     @property
@@ -127,17 +122,21 @@ class PurePursuit(ControllerBase):
         progress = self._progress
         assert progress is not None  # the base calls only with a trajectory
         seen = self._compensated(state) if self.config.delay_compensation else state
-        self._look_for_stops(progress, state)
+        self._go_on_from_stops(progress, state)
         target = self._target(progress, seen)
         accel_mps2 = self._acceleration(progress, seen, target)
         if accel_mps2 is None:
             at_end = progress.spatial_index == progress.last
             return self.compute_stop_command(state, Reason.PAST_END_SPACE if at_end else Reason.DEVIATION)
-        self._lookahead_point = None if target is None else (seen.x_m + target.dx_m, seen.y_m + target.dy_m)
+        if target is None:
+            self._lookahead_point, front_rad = None, state.front_wheel_angle_rad
+        else:
+            self._lookahead_point = seen.x_m + target.dx_m, seen.y_m + target.dy_m
+            front_rad = self._steering(seen, target)
         return Command(
             stamp_ns=state.stamp_ns,
             accel_mps2=accel_mps2,
-            front_wheel_angle_rad=state.front_wheel_angle_rad if target is None else self._steering(seen, target),
+            front_wheel_angle_rad=front_rad,
             speed_mps=self._reference_speed(progress),
         )
 
@@ -146,8 +145,7 @@ class PurePursuit(ControllerBase):
         progress = self._progress
         if progress is None or progress.last < 0 or state.frame_id != progress.trajectory.frame_id:
             return 0.0, 0.0
-        if self._stops_of is not progress:
-            self._look_for_stops(progress, state)
+        self._take_up(progress)
         target = self._target(progress, state)
         return (0.0, 0.0) if target is None else (self._steering(state, target), 0.0)
 
@@ -162,58 +160,55 @@ class PurePursuit(ControllerBase):
 
     # ── what to aim at ──
 
-    def _look_for_stops(self, progress: Progress, state: VehicleState) -> None:
-        """Goes on from the present stop when it is done, and knows the direction of travel afterwards."""
-        index = progress.spatial_index
+    def _take_up(self, progress: Progress) -> None:
+        """What is known of the trajectory's stops and way, anew for each trajectory."""
         if self._stops_of is not progress:
-            self._stops_of, self._stops = progress, Stops(progress.speeds_mps, index)
-        stops = self._stops
-        stops.look(index, index)
-        first = stops.first
-        if first is None or first > index:
+            self._stops, self._way = Stops(progress), Way(progress.xs_m, progress.ys_m)
+            self._stops_of = progress
+
+    def _go_on_from_stops(self, progress: Progress, state: VehicleState) -> None:
+        """Goes on from the present stop when it is done, and knows the direction of travel afterwards."""
+        self._take_up(progress)
+        stops, index = self._stops, progress.spatial_index
+        if stops.first > index:
             return
+        if stops.last < index and not stops.must_stand:
+            stops.resume(index)  # the vehicle was set ahead, over stops that nobody saw
+            if stops.first > index:
+                return
         is_time = state.stamp_ns - progress.trajectory.stamp_ns >= progress.times_ns[stops.last]
         stands = abs(state.speed_mps) <= self.config.standstill_speed_mps
         if is_time and (stands or not stops.must_stand):
-            stops.release()
+            stops.release(index)
 
     def _target(self, progress: Progress, seen: VehicleState) -> _Target | None:
-        config, stops = self.config, self._stops
-        lookahead_m = min(
-            max(abs(seen.speed_mps) * config.lookahead_time_s, config.min_lookahead_m), config.max_lookahead_m
-        )
-        target = self._target_before(progress, seen, lookahead_m)
-        if target is None or stops.first is not None:
-            return target
-        # one point further: the way back from a change of direction is behind the vehicle, and never aimed at
-        if stops.look(progress.spatial_index, target.point + 1) and stops.turns:
-            return self._target_before(progress, seen, lookahead_m)
-        return target
-
-    def _target_before(self, progress: Progress, seen: VehicleState, lookahead_m: float) -> _Target | None:
         """The target among the points up to the next change of direction."""
-        stops, start = self._stops, progress.spatial_index
-        end = stops.first + 1 if stops.first is not None and stops.turns else progress.last + 1
+        config, stops, start = self.config, self._stops, progress.spatial_index
+        lookahead_m = abs(seen.speed_mps) * config.lookahead_time_s
+        if lookahead_m < config.min_lookahead_m:
+            lookahead_m = config.min_lookahead_m
+        elif lookahead_m > config.max_lookahead_m:
+            lookahead_m = config.max_lookahead_m
+        end = max(stops.first, start) + 1 if stops.turns else progress.last + 1
         ahead_x = math.cos(seen.heading_rad) * stops.direction
         ahead_y = math.sin(seen.heading_rad) * stops.direction
-        xs_m, ys_m = progress.xs_m, progress.ys_m
-        index = search_target(xs_m, ys_m, start, end, seen.x_m, seen.y_m, ahead_x, ahead_y, lookahead_m)
+        index = search_target(self._way, start, end, seen.x_m, seen.y_m, ahead_x, ahead_y, lookahead_m)
         if index < 0:
             return None
-        dx_m, dy_m = xs_m[index] - seen.x_m, ys_m[index] - seen.y_m
+        if start < stops.first <= index:
+            stops.must_stand = True
+        dx_m, dy_m = progress.xs_m[index] - seen.x_m, progress.ys_m[index] - seen.y_m
         distance_m = math.hypot(dx_m, dy_m)
-        square = _signed_square(progress.speeds_mps[index])
-        if not self.config.interpolate or distance_m <= lookahead_m:
-            return _Target(dx_m, dy_m, distance_m, square, index)
+        if distance_m <= lookahead_m or not config.interpolate:
+            return _Target(dx_m, dy_m, distance_m, index)
         if index > start:
-            before_x_m, before_y_m = xs_m[index - 1] - seen.x_m, ys_m[index - 1] - seen.y_m
+            before_x_m, before_y_m = progress.xs_m[index - 1] - seen.x_m, progress.ys_m[index - 1] - seen.y_m
             part = _crossing(before_x_m, before_y_m, dx_m, dy_m, lookahead_m)
             x_m, y_m = before_x_m + part * (dx_m - before_x_m), before_y_m + part * (dy_m - before_y_m)
             if part >= 0.0 and x_m * ahead_x + y_m * ahead_y > 0.0:
-                before = _signed_square(progress.speeds_mps[index - 1])
-                return _Target(x_m, y_m, lookahead_m, before + part * (square - before), index)
-        part, before = lookahead_m / distance_m, _signed_square(seen.speed_mps)
-        return _Target(part * dx_m, part * dy_m, lookahead_m, before + part * (square - before), index)
+                return _Target(x_m, y_m, lookahead_m, index)
+        part = lookahead_m / distance_m
+        return _Target(part * dx_m, part * dy_m, lookahead_m, index)
 
     # ── what to do about it ──
 
@@ -227,116 +222,30 @@ class PurePursuit(ControllerBase):
 
     def _acceleration(self, progress: Progress, seen: VehicleState, target: _Target | None) -> float | None:
         """Towards the target's speed, or to rest at the stop before it; None when there is nowhere to go."""
-        stops, square = self._stops, _signed_square(seen.speed_mps)
-        if stops.first is None:
-            return None if target is None else _acceleration(target.speed_squared, square, target.distance_m)
-        if stops.first <= progress.spatial_index:
-            return self._waiting(progress, seen, target)
-        distance_m = math.hypot(progress.xs_m[stops.first] - seen.x_m, progress.ys_m[stops.first] - seen.y_m)
-        if target is None:
-            if distance_m > self.config.min_lookahead_m:
-                return None
-        elif target.point < stops.first:
-            return _acceleration(target.speed_squared, square, target.distance_m)
-        creeps = abs(seen.speed_mps) < self.config.standstill_speed_mps
-        towards = stops.direction * _signed_square(self.config.standstill_speed_mps) if creeps else 0.0
-        return _acceleration(towards, square, distance_m)
-
-    def _waiting(self, progress: Progress, seen: VehicleState, target: _Target | None) -> float | None:
-        """At a stop: to rest, at once where the vehicle should be standing already."""
         stops = self._stops
-        if stops.must_stand:
-            ends_here = stops.last == progress.last and target is None
-            return None if ends_here else self.stop_acceleration(seen.speed_mps)
-        if target is None:
+        if target is not None and target.point < stops.first:
+            speed_mps = progress.speeds_mps[target.point]
+            return _acceleration(speed_mps, seen.speed_mps, target.distance_m)
+        if stops.first > progress.last:
             return None
-        return _acceleration(0.0, _signed_square(seen.speed_mps), target.distance_m)
+        if stops.first <= progress.spatial_index:
+            return self._waiting(seen, target)
+        distance_m = math.hypot(progress.xs_m[stops.first] - seen.x_m, progress.ys_m[stops.first] - seen.y_m)
+        if target is None and distance_m > self.config.min_lookahead_m:
+            return None
+        creeps = abs(seen.speed_mps) < self.config.standstill_speed_mps
+        towards_mps = stops.direction * self.config.standstill_speed_mps if creeps else 0.0
+        return _acceleration(towards_mps, seen.speed_mps, distance_m)
+
+    def _waiting(self, seen: VehicleState, target: _Target | None) -> float | None:
+        """At a stop: to rest, at once where the vehicle should be standing already."""
+        if self._stops.must_stand:
+            return self.stop_acceleration(seen.speed_mps)
+        return None if target is None else _acceleration(0.0, seen.speed_mps, target.distance_m)
 
     def _reference_speed(self, progress: Progress) -> float:
         speed_mps = progress.speeds_mps[self.reference_index]
         return speed_mps if speed_mps * self._stops.direction >= 0.0 else 0.0
-
-
-def search_target(
-    xs_m: Sequence[float],
-    ys_m: Sequence[float],
-    start: int,
-    end: int,
-    x_m: float,
-    y_m: float,
-    ahead_x: float,
-    ahead_y: float,
-    lookahead_m: float,
-) -> int:
-    """The first of the points start..end−1 that is ahead of (x_m, y_m) and at least the look-ahead away.
-
-    Ahead is where (p − s) · (ahead_x, ahead_y) > 0. Without such a point the farthest that is ahead, or −1.
-    After the first 64 points the search ends four look-aheads further along the path, so that its cost does
-    not depend on how long the trajectory is.
-    """
-    reach, stop = lookahead_m * lookahead_m, min(start + _SCALAR_POINTS, end)
-    for index in range(start, stop):
-        dx_m, dy_m = xs_m[index] - x_m, ys_m[index] - y_m
-        if dx_m * dx_m + dy_m * dy_m >= reach and dx_m * ahead_x + dy_m * ahead_y > 0.0:
-            return index
-    farthest, greatest = _farthest(xs_m, ys_m, start, stop, x_m, y_m, ahead_x, ahead_y)
-    if stop == end:
-        return farthest
-    return _search_in_blocks(xs_m, ys_m, stop, end, x_m, y_m, ahead_x, ahead_y, lookahead_m, farthest, greatest)
-
-
-def _farthest(
-    xs_m: Sequence[float],
-    ys_m: Sequence[float],
-    start: int,
-    stop: int,
-    x_m: float,
-    y_m: float,
-    ahead_x: float,
-    ahead_y: float,
-) -> tuple[int, float]:
-    """The first of the farthest points ahead and the square of its distance; −1 and −1.0 without one."""
-    farthest, greatest = -1, -1.0
-    for index in range(start, stop):
-        dx_m, dy_m = xs_m[index] - x_m, ys_m[index] - y_m
-        square = dx_m * dx_m + dy_m * dy_m
-        if square > greatest and dx_m * ahead_x + dy_m * ahead_y > 0.0:
-            farthest, greatest = index, square
-    return farthest, greatest
-
-
-def _search_in_blocks(
-    xs_m: Sequence[float],
-    ys_m: Sequence[float],
-    start: int,
-    end: int,
-    x_m: float,
-    y_m: float,
-    ahead_x: float,
-    ahead_y: float,
-    lookahead_m: float,
-    farthest: int,
-    greatest: float,
-) -> int:
-    """`search_target` goes on from `start` ≥ 1, with the farthest point so far and the square of its
-    distance."""
-    reach, way_m, size = lookahead_m * lookahead_m, 0.0, _FIRST_BLOCK
-    with np.errstate(over="ignore", invalid="ignore"):
-        while start < end and way_m <= _REACH * lookahead_m:
-            stop = min(start + size, end)
-            x, y = np.asarray(xs_m[start - 1 : stop]), np.asarray(ys_m[start - 1 : stop])  # (m + 1,)
-            dx, dy = x[1:] - x_m, y[1:] - y_m  # (m,)
-            ahead = dx * ahead_x + dy * ahead_y > 0.0
-            square = np.where(ahead, dx * dx + dy * dy, -1.0)
-            found = square >= reach
-            if found.any():
-                return start + int(found.argmax())
-            best = int(square.argmax())
-            if square[best] > greatest:
-                farthest, greatest = start + best, float(square[best])
-            way_m += float(np.hypot(np.diff(x), np.diff(y)).sum())
-            start, size = stop, min(2 * size, _GREATEST_BLOCK)
-    return farthest
 
 
 def _crossing(ax_m: float, ay_m: float, bx_m: float, by_m: float, radius_m: float) -> float:
@@ -356,10 +265,7 @@ def _crossing(ax_m: float, ay_m: float, bx_m: float, by_m: float, radius_m: floa
     return part if 0.0 <= part <= 1.0 else -1.0
 
 
-def _signed_square(speed_mps: float) -> float:
-    return speed_mps * abs(speed_mps)
-
-
-def _acceleration(target_square: float, square: float, distance_m: float) -> float:
-    """From one signed square of speed to another over a distance: v² = u² + 2·a·s for either direction."""
-    return (target_square - square) / (2.0 * max(distance_m, LEAST_DISTANCE_M))
+def _acceleration(target_mps: float, speed_mps: float, distance_m: float) -> float:
+    """From one speed to another over a distance: v² = u² + 2·a·s, the squares signed as the speeds are."""
+    squares = target_mps * abs(target_mps) - speed_mps * abs(speed_mps)
+    return squares / (2.0 * (distance_m if distance_m > LEAST_DISTANCE_M else LEAST_DISTANCE_M))
