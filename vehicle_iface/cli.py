@@ -1,6 +1,8 @@
 """The `vehicle-iface` command."""
 
 import argparse
+import dataclasses
+import json
 import logging
 import logging.handlers
 import os
@@ -9,11 +11,14 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from pathlib import Path
 from types import FrameType
 
 from vehicle_iface import clock, compose, demo, doctor
 from vehicle_iface.bus.base import Bus
+from vehicle_iface.codec import bulk, lint
 from vehicle_iface.codec.database import VehicleDatabase, load_database
+from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.errors import BusError, ConfigError, TrajectoryFileError, VehicleIfaceError
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime import realtime
@@ -36,6 +41,8 @@ log = logging.getLogger("vehicle_iface")
 
 DONE, BAD_USAGE, NO_BUS, LATCHED_FAULT = 0, 2, 3, 4
 LAST_WORDS_S = 1.0
+REFUSED_SHOWN = 20
+"""Lines of a log that are named one by one."""
 EMBEDDED = "embedded"
 """The interface that needs nothing outside the process."""
 EMBEDDED_HINT = "for a real bus: vehicle-iface run --channel can0, or tools/vcan for a virtual one"
@@ -142,6 +149,48 @@ def run_demo(options: argparse.Namespace) -> int:
         viewer=not options.no_viewer,
         open_page=options.open,
     )
+
+
+def check_dbc(options: argparse.Namespace) -> int:
+    """All faults of a DBC or profile."""
+    findings = lint.check_file(Path(options.file))
+    if options.json:
+        _say(json.dumps([dataclasses.asdict(finding) for finding in findings], indent=2))
+    else:
+        for finding in findings:
+            _say(str(finding))
+    return BAD_USAGE if any(finding.severity == lint.ERROR for finding in findings) else DONE
+
+
+def decode(options: argparse.Namespace) -> int:
+    """A candump log to columns."""
+    dbc = Path(options.dbc or load_profile(options.profile).dbc)
+    messages = {message.name: message for message in read_dbc(dbc).database.messages}
+    for name in options.message:
+        if name not in messages:
+            raise ConfigError(f"--message {name}: must be one of: {', '.join(messages)}")
+    wanted = [messages[name] for name in dict.fromkeys(options.message) or messages]
+    recording = bulk.decode_log(Path(options.log), wanted, checked=True, progress=_show_progress)
+    for refused in recording.refused[:REFUSED_SHOWN]:
+        print(f"{options.log}:{refused.line}: {refused.why}", file=sys.stderr)
+    if len(recording.refused) > REFUSED_SHOWN:
+        print(f"… and {len(recording.refused) - REFUSED_SHOWN} more lines", file=sys.stderr)
+    try:
+        with open(options.out, "wb") as out:
+            bulk.save(recording, out)
+    except OSError as error:
+        raise ConfigError(f"--out {options.out}: cannot be written: {error.strerror}") from None
+    for line in bulk.summary(recording):
+        _say(line)
+    return DONE
+
+
+def _show_progress(done_bytes: int, total_bytes: int) -> None:
+    """In place on a terminal, elsewhere only when all is done."""
+    is_over = done_bytes == total_bytes
+    if is_over or sys.stderr.isatty():
+        text = f"\r{100 * done_bytes // total_bytes:3d} % of {total_bytes / 1e6:.1f} MB"
+        print(text, end="\n" if is_over else "", file=sys.stderr, flush=True)
 
 
 def examine(options: argparse.Namespace) -> int:
@@ -288,6 +337,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_sim(_command(commands, "sim", "the simulated vehicle, as a node on a bus"))
     _add_pedals(_command(commands, "pedals", "press a simulated vehicle's pedals"))
     _add_doctor(_command(commands, "doctor", "what this machine lacks, each with the command that mends it"))
+    _add_check_dbc(_command(commands, "check-dbc", "faults of a DBC or profile for control use, each with its line"))
+    _add_decode(_command(commands, "decode", "a candump log (candump -L) to columns, one NumPy array for each signal"))
     commands.add_parser("view", add_help=False, help="the browser viewer (vehicle-iface view --help)")
     return parser
 
@@ -372,6 +423,22 @@ def _add_doctor(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="for a program: findings with verdict, text and mend")
     parser.epilog = "Exit status: 0 when nothing needed is missing, 2 otherwise. Needs no rights and changes nothing."
     parser.set_defaults(command=examine)
+
+
+def _add_check_dbc(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE", help="a .dbc by itself, or a .toml profile with its DBC")
+    parser.add_argument("--json", action="store_true", help="for programs: a list of file, line, severity, text")
+    parser.set_defaults(command=check_dbc)
+
+
+def _add_decode(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("log", metavar="LOG", help="the log; its stamps become MESSAGE:stamp_ns, nanoseconds")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--profile", default="reference", help="the vehicle: a profile's name, or a .toml file")
+    which.add_argument("--dbc", metavar="FILE", help="its messages instead; MESSAGE.SIGNAL is in the DBC's unit")
+    parser.add_argument("--out", required=True, metavar="FILE.npz", help="the arrays; numpy.load reads them")
+    parser.add_argument("--message", action="append", default=[], metavar="NAME", help="only this; may be repeated")
+    parser.set_defaults(command=decode)
 
 
 def _add_bus(parser: argparse.ArgumentParser) -> None:

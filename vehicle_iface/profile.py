@@ -10,6 +10,7 @@ checked by `codec.database`.
 import math
 import re
 import tomllib
+import typing
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
@@ -249,17 +250,63 @@ def load_profile(name_or_path: str | Path) -> Profile:
     and place."""
     path = _find(name_or_path)
     document = _read(path)
-    for place, number in _numbers(document, "$"):
-        if not math.isfinite(number):
-            raise ConfigError(f"{path.name}: {place}: {number}: must be finite")
-    if "file" in document:
-        raise ConfigError(f"{path.name}: $.file: unknown key")
+    for fault in _document_faults(document):
+        raise ConfigError(f"{path.name}: {fault}")
     try:
         profile = msgspec.convert(document, Profile)
     except msgspec.ValidationError as error:
         raise ConfigError(f"{path.name}: {_placed(str(error))}") from None
-    _check_names(path, profile)
-    _check_order(path, profile)
+    for fault in _profile_faults(profile):
+        raise ConfigError(f"{path.name}: {fault}")
+    return _located(profile, path)
+
+
+def inspect_profile(path: Path) -> tuple[Profile | None, list[str]]:
+    """All faults of a profile's file, each with its place, and what is left of the profile without them; None when
+    something is missing that it cannot be without. `ConfigError` when the file cannot be read or is no TOML."""
+    document = _read(path)
+    faults = list(_document_faults(document))
+    document.pop("file", None)
+    good = _without_faults(document, Profile, "$", faults)
+    try:
+        profile = msgspec.convert(good, Profile)
+    except msgspec.ValidationError:
+        return None, faults
+    return _located(profile, path.resolve()), [*faults, *_profile_faults(profile)]
+
+
+def _without_faults(document: object, kind: type[msgspec.Struct], place: str, faults: list[str]) -> dict[str, object]:
+    """The part of a table that its type allows; what it does not is added to `faults`."""
+    if not isinstance(document, dict):
+        faults.append(f"{place}: Expected a table, got {type(document).__name__}")
+        return {}
+    fields = {field.name: field for field in msgspec.structs.fields(kind)}
+    for key in document.keys() - fields.keys():
+        faults.append(f"{place}.{key}: unknown key; must be one of: {', '.join(fields)}")
+    good: dict[str, object] = {}
+    for name, field in fields.items():
+        inner = _table_type(field.type)
+        if name not in document:
+            if field.required:
+                faults.append(f"{place}: {name} is missing")
+        elif inner is not None:
+            good[name] = _without_faults(document[name], inner, f"{place}.{name}", faults)
+        else:
+            try:
+                msgspec.convert(document[name], field.type)
+                good[name] = document[name]
+            except msgspec.ValidationError as error:
+                faults.append(_placed(str(error)).replace("$", f"{place}.{name}", 1))
+    return good
+
+
+def _table_type(kind: object) -> type[msgspec.Struct] | None:
+    """The table that a field is, or may be."""
+    kinds = (kind, *typing.get_args(kind))
+    return next((one for one in kinds if isinstance(one, type) and issubclass(one, msgspec.Struct)), None)
+
+
+def _located(profile: Profile, path: Path) -> Profile:
     dbc = (path.parent / profile.dbc).resolve()
     return msgspec.structs.replace(profile, dbc=str(dbc), file=str(path))
 
@@ -317,7 +364,22 @@ def _placed(message: str) -> str:
     return f"{place}: {text}" if text else f"$: {plain}"
 
 
-def _check_names(path: Path, profile: Profile) -> None:
+def _document_faults(document: dict[str, object]) -> Iterator[str]:
+    """What the types do not say."""
+    for place, number in _numbers(document, "$"):
+        if not math.isfinite(number):
+            yield f"{place}: {number}: must be finite"
+    if "file" in document:
+        yield "$.file: unknown key"
+
+
+def _profile_faults(profile: Profile) -> Iterator[str]:
+    """What no single value says."""
+    yield from _name_faults(profile)
+    yield from _order_faults(profile)
+
+
+def _name_faults(profile: Profile) -> Iterator[str]:
     """Signals must be written MESSAGE.SIGNAL."""
     sections = {
         "state": profile.state,
@@ -332,13 +394,13 @@ def _check_names(path: Path, profile: Profile) -> None:
             named[f"$.{section}.signals.{field}"] = getattr(table.signals, field) if table is not None else None
     for place, names in named.items():
         if names == ():
-            raise ConfigError(f"{path.name}: {place}: must name at least one signal")
+            yield f"{place}: must name at least one signal"
         for name in (names,) if isinstance(names, str) else names if isinstance(names, tuple) else ():
             if not _SIGNAL_NAME.fullmatch(name):
-                raise ConfigError(f"{path.name}: {place}: {name!r}: must be MESSAGE.SIGNAL")
+                yield f"{place}: {name!r}: must be MESSAGE.SIGNAL"
 
 
-def _check_order(path: Path, profile: Profile) -> None:
+def _order_faults(profile: Profile) -> Iterator[str]:
     """Numbers that must follow one another."""
     timing = profile.timing
     for smaller, greater in (
@@ -348,13 +410,13 @@ def _check_order(path: Path, profile: Profile) -> None:
     ):
         low, high = getattr(timing, smaller), getattr(timing, greater)
         if not low < high:
-            raise ConfigError(f"{path.name}: $.timing.{greater}: {high}: must be above {smaller} = {low}")
+            yield f"$.timing.{greater}: {high}: must be above {smaller} = {low}"
     geometry = profile.geometry
     shortest_m = geometry.wheelbase_m + geometry.rear_overhang_m
     if geometry.length_m < shortest_m:
         text = f"{geometry.length_m}: must be at least wheelbase_m + rear_overhang_m = {shortest_m}"
-        raise ConfigError(f"{path.name}: $.geometry.length_m: {text}")
+        yield f"$.geometry.length_m: {text}"
     safe_mps2, most_mps2 = profile.behavior.safe_deceleration_mps2, -profile.limits.accel_min_mps2
     if safe_mps2 > most_mps2:
         text = f"{safe_mps2}: must be at most {most_mps2}, what $.limits.accel_min_mps2 allows"
-        raise ConfigError(f"{path.name}: $.behavior.safe_deceleration_mps2: {text}")
+        yield f"$.behavior.safe_deceleration_mps2: {text}"

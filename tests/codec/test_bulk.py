@@ -15,8 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.codec.layouts import messages
+from vehicle_iface import cli
 from vehicle_iface.codec import MessageCodec, candump
-from vehicle_iface.codec.bulk import BulkCodec, Columns, Recording, arrays, decode_frames, decode_log, summary
+from vehicle_iface.codec.bulk import BulkCodec, Columns, Recording, arrays, decode_frames, decode_log, save, summary
 from vehicle_iface.errors import ConfigError, SignalError
 from vehicle_iface.frame import CanFrame
 
@@ -329,7 +330,7 @@ def test_an_fd_log_is_read_too(log) -> None:  # type: ignore[no-untyped-def]
 def test_the_arrays_can_be_saved_and_read_back(log) -> None:  # type: ignore[no-untyped-def]
     recording = log(REGULAR.format(pose=POSE))
     file = io.BytesIO()
-    np.savez(file, **arrays(recording))  # type: ignore[arg-type]
+    save(recording, file)
     file.seek(0)
     with np.load(file) as saved:
         assert saved["POSE.POS_X"].tolist() == recording.messages["POSE"].values["POS_X"].tolist()
@@ -342,3 +343,35 @@ def test_payloads_may_be_given_as_a_matrix() -> None:
     assert decoded.values["ENABLE"].tolist() == [0, 0, 0]
     assert decoded.known.all()
     assert decoded.out_of_range == {}
+
+
+def test_the_command_writes_the_arrays_and_says_what_it_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "candump.log", tmp_path / "out.npz"
+    path.write_text(REGULAR.format(pose=POSE) + "noise\n")
+    arguments = ["decode", str(path), "--profile", "reference", "--out", str(out), "--message", "POSE"]
+    assert cli.main(arguments) == 0
+    said = capsys.readouterr()
+    assert said.out.splitlines()[-1] == "8 lines, 4 decoded, 3 of other identifiers, 1 refused"
+    assert f"{path}:8: no frame: noise" in said.err
+    assert "100 %" in said.err
+    with np.load(out) as saved:
+        assert sorted(name for name in saved.files if ":" in name and "." not in name) == ["POSE:line", "POSE:stamp_ns"]
+        assert len(saved["POSE.POS_X"]) == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("none.log", "--out", "x.npz"), "none.log: cannot be read"),
+        (("{log}", "--out", "{log}/x.npz"), "cannot be written"),
+        (("{log}", "--out", "x.npz", "--message", "POOSE"), "--message POOSE: must be one of: "),
+        (("{log}", "--out", "x.npz", "--dbc", "none.dbc"), "none.dbc: cannot be read"),
+    ],
+)
+def test_the_command_names_what_it_cannot_use(tmp_path: Path, capsys, arguments, text) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "candump.log"
+    path.write_text("")
+    assert cli.main(["decode", *(argument.format(log=path) for argument in arguments)]) == 2
+    assert text in capsys.readouterr().err

@@ -7,7 +7,7 @@ last bit. `decode_log(path, messages)` does that for a candump log, and says wha
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from cantools.database import Message
@@ -389,8 +389,13 @@ def summary(recording: Recording) -> Iterator[str]:
     yield ", ".join(f"{count} {what}" for what, count in counts.items() if count or what in ("lines", "decoded"))
 
 
+def save(recording: Recording, file: BinaryIO) -> None:
+    """The `arrays` of a recording in NumPy's npz format."""
+    np.savez(file, allow_pickle=False, **arrays(recording))
+
+
 def arrays(recording: Recording) -> dict[str, NDArray[Any]]:
-    """Names and arrays for `np.savez`: MESSAGE.SIGNAL, MESSAGE:stamp_ns, MESSAGE:line; for a signal that a
+    """Names and arrays for npz: MESSAGE.SIGNAL, MESSAGE:stamp_ns, MESSAGE:line; for a signal that a
     multiplexer hides also MESSAGE.SIGNAL:shown. Whole numbers beyond 64 bits become floats."""
     found: dict[str, NDArray[Any]] = {}
     for name, columns in recording.messages.items():

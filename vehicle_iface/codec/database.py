@@ -9,6 +9,7 @@ not fit is a `ConfigError` with file, line and what is allowed, before the first
 import difflib
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from pathlib import Path
@@ -45,6 +46,23 @@ class Role(Enum):
 
 
 _SENT = (Role.COMMAND, Role.BODY, Role.REPORT)
+PERIODS = {
+    Role.SAMPLE: "sample_period_s",
+    Role.STATUS: "status_period_s",
+    Role.COMMAND: "command_period_s",
+    Role.BODY: "body_period_s",
+    Role.REPORT: "report_period_s",
+}
+"""Of the messages of a role, in the profile's timing."""
+UNITS: Mapping[str, tuple[str, ...]] = {
+    "m": ("m",),
+    "rad": ("rad",),
+    "mps": ("m/s",),
+    "mps2": ("m/s^2", "m/s²", "m/s2", "m/s/s", "m/(s^2)"),
+    "radps": ("rad/s",),
+    "nm": ("N*m", "N·m", "Nm", "N.m", "N m"),
+}
+"""The last part of a field's name, and how a DBC may write that unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,36 +124,80 @@ def load_database(profile: Profile) -> VehicleDatabase:
     return _Binder(profile, read_dbc(Path(profile.dbc))).database()
 
 
-class _Binder:
-    """Binds one profile to one DBC."""
+def binding_faults(profile: Profile, file: DbcFile) -> list[ConfigError]:
+    """Everything that does not fit, and not only the first; each once."""
+    found: list[ConfigError] = []
+    binder = _Binder(profile, file, found)
+    with binder.noted():
+        binder.check()
+    return list({str(error): error for error in found}.values())
 
-    def __init__(self, profile: Profile, file: DbcFile) -> None:
+
+def roles_of(profile: Profile, file: DbcFile) -> dict[str, Role]:
+    """What each message is to the program, as far as the profile's names exist."""
+    return _Binder(profile, file, []).roles()
+
+
+class _Binder:
+    """Binds one profile to one DBC.
+
+    A check that fails raises; with a list of `faults` it is noted there instead, and the next check follows."""
+
+    def __init__(self, profile: Profile, file: DbcFile, faults: list[ConfigError] | None = None) -> None:
+        self._faults = faults
         self._profile = profile
         self._file = file
         self._dbc: Database = file.database
         self._where = Path(profile.file).name or profile.name
         self._fields: dict[str, str] = {}
 
-    def database(self) -> VehicleDatabase:
+    @contextmanager
+    def noted(self) -> Iterator[None]:
+        """One check."""
+        try:
+            yield
+        except ConfigError as error:
+            if self._faults is None:
+                raise
+            self._faults.append(error)
+
+    def roles(self) -> dict[str, Role]:
+        """Of every message that the profile binds."""
+        named = self._named_signals()
+        return self._roles(named["state"] | named["status"], named["command"], named["body"], named["report"])
+
+    def _named_signals(self) -> dict[str, dict[str, tuple[str, ...]]]:
+        """Section → field → its signals."""
         profile = self._profile
-        state, status = _named(profile.state.signals), _named(profile.status.signals)
-        command = _named(profile.command.signals)
-        body = _named(profile.body.signals) if profile.body else {}
-        report = _named(profile.report.signals) if profile.report else {}
-        for section, bindings in (
-            ("state", state),
-            ("status", status),
-            ("command", command),
-            ("body", body),
-            ("report", report),
-        ):
+        return {
+            "state": _named(profile.state.signals),
+            "status": _named(profile.status.signals),
+            "command": _named(profile.command.signals),
+            "body": _named(profile.body.signals) if profile.body else {},
+            "report": _named(profile.report.signals) if profile.report else {},
+        }
+
+    def check(self) -> dict[str, BoundMessage]:
+        """The bound messages; when faults are noted, those that could be bound."""
+        for section, bindings in self._named_signals().items():
             self._claim(section, bindings)
         self._check_named_messages()
-        roles = self._roles(state | status, command, body, report)
+        roles = self.roles()
         self._check_senders(roles)
         self._check_periods(roles)
         self._check_limits()
-        bound = {name: self._bound(name, role) for name, role in roles.items()}
+        self._check_kinds(roles)
+        bound = {}
+        for name, role in roles.items():
+            with self.noted():
+                bound[name] = self._bound(name, role)
+        with self.noted():
+            self._frames()
+        return bound
+
+    def database(self) -> VehicleDatabase:
+        profile, bound = self._profile, self.check()
+        command = _named(profile.command.signals)
         return VehicleDatabase(
             profile=profile,
             sample=tuple(bound[name] for name in profile.state.sample),
@@ -170,15 +232,26 @@ class _Binder:
     def _claim(self, section: str, bindings: Mapping[str, tuple[str, ...]]) -> None:
         """Give every signal its one field."""
         for field, signals in bindings.items():
-            place = f"$.{section}.signals.{field}"
             for dotted in signals:
-                signal = self._signal(dotted, place)
-                if dotted in self._fields:
-                    raise self._fault(place, f"{dotted} is already bound to {self._fields[dotted]}")
-                if signal.multiplexer_ids or signal.multiplexer_signal or signal.is_multiplexer:
-                    raise self._fault(place, f"{dotted} is multiplexed; bound signals must not be")
-                self._check_range(dotted, signal)
-                self._fields[dotted] = field
+                with self.noted():
+                    self._claim_one(f"$.{section}.signals.{field}", field, dotted)
+
+    def _claim_one(self, place: str, field: str, dotted: str) -> None:
+        signal = self._signal(dotted, place)
+        if dotted in self._fields:
+            raise self._fault(place, f"{dotted} is already bound to {self._fields[dotted]}")
+        self._fields[dotted] = field
+        if signal.multiplexer_ids or signal.multiplexer_signal or signal.is_multiplexer:
+            raise self._fault(place, f"{dotted} is multiplexed; bound signals must not be")
+        with self.noted():
+            self._check_unit(field, dotted, signal)
+        self._check_range(dotted, signal)
+
+    def _check_unit(self, field: str, dotted: str, signal: Signal) -> None:
+        """A field's unit is in its name; a signal that states another one is not that field."""
+        unit, wanted = field.rpartition("_")[2], signal.unit
+        if wanted and unit in UNITS and wanted not in UNITS[unit]:
+            raise self._file.fault(dotted, f"unit {wanted!r}: {field} must be in {UNITS[unit][0]!r}")
 
     def _check_range(self, dotted: str, signal: Signal) -> None:
         if signal.length > 1 and (signal.minimum is None or signal.maximum is None):
@@ -188,16 +261,19 @@ class _Binder:
         """Names that are not signals' fields: sample, data ids, ignored, constants."""
         profile = self._profile
         for index, name in enumerate(profile.state.sample):
-            self._message(name, f"$.state.sample[{index}]")
-            if name in profile.state.sample[:index]:
-                raise self._fault(f"$.state.sample[{index}]", f"{name} is there twice")
+            with self.noted():
+                self._message(name, f"$.state.sample[{index}]")
+                if name in profile.state.sample[:index]:
+                    raise self._fault(f"$.state.sample[{index}]", f"{name} is there twice")
         for name in profile.e2e.data_ids if profile.e2e else ():
-            self._message(name, f"$.e2e.data_ids.{name}")
+            with self.noted():
+                self._message(name, f"$.e2e.data_ids.{name}")
         for place, names in (("$.ignored", profile.ignored), ("$.constants", tuple(profile.constants))):
             for dotted in names:
-                self._signal(dotted, place)
-                if dotted in self._fields:
-                    raise self._fault(place, f"{dotted} is bound to {self._fields[dotted]}")
+                with self.noted():
+                    self._signal(dotted, place)
+                    if dotted in self._fields:
+                        raise self._fault(place, f"{dotted} is bound to {self._fields[dotted]}")
 
     # --- roles
 
@@ -209,23 +285,26 @@ class _Binder:
         report: Mapping[str, tuple[str, ...]],
     ) -> dict[str, Role]:
         """Every bound message with its one role, in the order of the DBC within a role."""
-        roles: dict[str, Role] = dict.fromkeys(self._profile.state.sample, Role.SAMPLE)
+        there = {message.name for message in self._dbc.messages}
+        roles: dict[str, Role] = {name: Role.SAMPLE for name in self._profile.state.sample if name in there}
         mode_message = self._profile.status.signals.mode.partition(".")[0]
-        wanted = [(mode_message, Role.STATUS)]
+        wanted = [(mode_message, Role.STATUS)] if mode_message in there else []
         wanted += [(name, Role.EXTRA) for name in self._messages_of(received)]
         wanted += [(name, Role.COMMAND) for name in self._messages_of(command)]
         wanted += [(name, Role.BODY) for name in self._messages_of(body)]
         wanted += [(name, Role.REPORT) for name in self._messages_of(report)]
         for name, role in wanted:
             known = roles.setdefault(name, role)
-            if known is not role and (role in _SENT or known in _SENT):
-                raise self._fault(f"$.{role.value}", f"{name} is already a message of {known.value}")
-            if role is Role.STATUS and known is not role:
-                raise self._fault("$.status.signals.mode", f"{name} is a part of the state sample")
+            with self.noted():
+                if known is not role and (role in _SENT or known in _SENT):
+                    raise self._fault(f"$.{role.value}", f"{name} is already a message of {known.value}")
+                if role is Role.STATUS and known is not role:
+                    raise self._fault("$.status.signals.mode", f"{name} is a part of the state sample")
         for role in (Role.BODY, Role.REPORT):
             names = [name for name, known in roles.items() if known is role]
-            if len(names) > 1:
-                raise self._fault(f"$.{role.value}.signals", f"must be one message: {', '.join(names)}")
+            with self.noted():
+                if len(names) > 1:
+                    raise self._fault(f"$.{role.value}.signals", f"must be one message: {', '.join(names)}")
         return roles
 
     def _messages_of(self, bindings: Mapping[str, tuple[str, ...]]) -> list[str]:
@@ -237,29 +316,31 @@ class _Binder:
         sent = {node for name, role in roles.items() if role in _SENT for node in self._senders(name)}
         for name, role in roles.items():
             both = sent.intersection(self._senders(name)) if role not in _SENT else set()
-            if both:
-                raise self._file.fault(name, f"is received, but its sender {min(both)} sends the commands")
+            with self.noted():
+                if both:
+                    raise self._file.fault(name, f"is received, but its sender {min(both)} sends the commands")
 
     def _senders(self, name: str) -> list[str]:
         return self._dbc.get_message_by_name(name).senders
 
     def _check_periods(self, roles: Mapping[str, Role]) -> None:
         timing = self._profile.timing
-        keys = {
-            Role.SAMPLE: "sample_period_s",
-            Role.STATUS: "status_period_s",
-            Role.COMMAND: "command_period_s",
-            Role.BODY: "body_period_s",
-            Role.REPORT: "report_period_s",
-        }
         for name, role in roles.items():
             cycle_ms = self._dbc.get_message_by_name(name).cycle_time
-            if role not in keys or not cycle_ms:
+            if role not in PERIODS or not cycle_ms:
                 continue
-            period_s = getattr(timing, keys[role])
-            if not math.isclose(period_s, cycle_ms / 1000, rel_tol=1e-9):
-                text = f"{period_s} s, but {name} has a cycle of {cycle_ms} ms in {self._file.name}"
-                raise self._fault(f"$.timing.{keys[role]}", text)
+            period_s = getattr(timing, PERIODS[role])
+            with self.noted():
+                if not math.isclose(period_s, cycle_ms / 1000, rel_tol=1e-9):
+                    text = f"{period_s} s, but {name} has a cycle of {cycle_ms} ms in {self._file.name}"
+                    raise self._fault(f"$.timing.{PERIODS[role]}", text)
+
+    def _check_kinds(self, roles: Mapping[str, Role]) -> None:
+        """FD frames need an FD bus."""
+        for name in roles:
+            with self.noted():
+                if self._dbc.get_message_by_name(name).is_fd and not self._profile.bus.fd:
+                    raise self._fault("$.bus.fd", f"false, but {name} is an FD frame in {self._file.name}")
 
     def _check_limits(self) -> None:
         """What may be commanded must lie in the range of the signal that says it."""
@@ -272,11 +353,12 @@ class _Binder:
             ("speed_max_mps", "speed_mps", _both(limits.speed_max_mps)),
         )
         for key, field, values in checks:
-            for dotted in signals.get(field, ()):
+            for dotted in self._fields.keys() & set(signals.get(field, ())):
                 low, high = _expressible(self._signal(dotted, ""))
-                if any(not low <= value <= high for value in values):
-                    text = f"{values[0]}: {dotted} is in [{low:.10g}, {high:.10g}]"
-                    raise self._fault(f"$.limits.{key}", text)
+                with self.noted():
+                    if any(not low <= value <= high for value in values):
+                        text = f"{values[0]}: {dotted} is in [{low:.10g}, {high:.10g}]"
+                        raise self._fault(f"$.limits.{key}", text)
 
     # --- messages
 
@@ -287,16 +369,20 @@ class _Binder:
         except ConfigError as error:
             raise self._file.fault(name, str(error)) from None
         for signal in layout.fields:
-            if not signal.is_float and signal.allowed_raw()[0] > signal.allowed_raw()[1]:
-                text = f"no value lies in its range [{signal.minimum}|{signal.maximum}]"
-                raise self._file.fault(f"{name}.{signal.name}", text)
-        protection = self._protection(message)
-        if role is Role.SAMPLE and protection is None and len(self._profile.state.sample) > 1:
-            raise self._fault(f"$.e2e.data_ids.{name}", "missing; the parts of a sample need a counter")
+            with self.noted():
+                if not signal.is_float and signal.allowed_raw()[0] > signal.allowed_raw()[1]:
+                    text = f"no value lies in its range [{signal.minimum}|{signal.maximum}]"
+                    raise self._file.fault(f"{name}.{signal.name}", text)
+        protection: Protection | None = None
+        with self.noted():
+            protection = self._protection(message)
+        with self.noted():
+            if role is Role.SAMPLE and not self._is_protected(name) and len(self._profile.state.sample) > 1:
+                raise self._fault(f"$.e2e.data_ids.{name}", "missing; the parts of a sample need a counter")
         fields = tuple(self._fields.get(f"{name}.{value}", "") for value in codec.names)
-        self._check_complete(message, role, protection)
+        self._check_complete(message, role)
         to_program = tuple(
-            self._translation(f"{name}.{value}", field) for value, field in zip(codec.names, fields, strict=True)
+            self._noted_translation(f"{name}.{value}", field) for value, field in zip(codec.names, fields, strict=True)
         )
         return BoundMessage(
             name=name,
@@ -322,21 +408,27 @@ class _Binder:
         low, high = _expressible(signal)
         return min(max(0, low), high)
 
-    def _check_complete(self, message: Message, role: Role, protection: Protection | None) -> None:
+    def _is_protected(self, name: str) -> bool:
+        return self._profile.e2e is not None and name in self._profile.e2e.data_ids
+
+    def _check_complete(self, message: Message, role: Role) -> None:
         """Every signal is bound, or protects the message, or is named as of no use."""
         profile = self._profile
         known = set(self._fields) | set(profile.constants)
         known |= set(profile.ignored)
-        if protection is not None and profile.e2e is not None:
+        if profile.e2e is not None and self._is_protected(message.name):
             known |= {
                 f"{message.name}.{profile.e2e.crc_signal}",
                 f"{message.name}.{profile.e2e.counter_signal}",
             }
         for signal in message.signals:
             dotted = f"{message.name}.{signal.name}"
-            if dotted not in known:
-                wanted = "bind it or give it under constants" if role in _SENT else "bind it or list it under ignored"
-                raise self._file.fault(dotted, f"means nothing to {self._where}; {wanted}")
+            with self.noted():
+                if dotted not in known:
+                    wanted = (
+                        "bind it or give it under constants" if role in _SENT else "bind it or list it under ignored"
+                    )
+                    raise self._file.fault(dotted, f"means nothing to {self._where}; {wanted}")
 
     def _protection(self, message: Message) -> Protection | None:
         rules = self._profile.e2e
@@ -344,9 +436,10 @@ class _Binder:
             return None
         place = f"$.e2e.data_ids.{message.name}"
         data_id = rules.data_ids[message.name]
-        attribute = (message.dbc.attributes if message.dbc else {}).get("E2EDataId")
-        if attribute is not None and isinstance(data_id, int) and attribute.value != data_id:
-            raise self._fault(place, f"{data_id:#x}, but E2EDataId is {attribute.value:#x} in {self._file.name}")
+        attributes = message.dbc.attributes if message.dbc else {}
+        stated_id, stated_profile = attributes.get("E2EDataId"), attributes.get("E2EProfile")
+        if stated_id is not None and isinstance(data_id, int) and stated_id.value != data_id:
+            raise self._fault(place, f"{data_id:#x}, but E2EDataId is {stated_id.value:#x} in {self._file.name}")
         try:
             protection = Protection(rules.profile, data_id, message.length, rules.data_id_mode)
         except ConfigError as error:
@@ -358,26 +451,39 @@ class _Binder:
             ("crc_signal", rules.crc_signal, protection.crc_bits),
             ("counter_signal", rules.counter_signal, protection.counter_bits),
         ):
-            dotted = f"{message.name}.{name}"
-            signal = self._signal(dotted, f"$.e2e.{key}")
-            if (_first_bit(signal), signal.length) != bits:
-                wanted = f"E2E profile {rules.profile} has {bits[0]}|{bits[1]}"
-                text = f"bits {signal.start}|{signal.length}, but {wanted}"
-                raise self._file.fault(dotted, text)
-            if dotted in self._fields:
-                raise self._fault(f"$.e2e.{key}", f"{dotted} is bound to {self._fields[dotted]}")
+            with self.noted():
+                self._check_header(f"$.e2e.{key}", f"{message.name}.{name}", bits)
+        if stated_profile is not None and stated_profile.value not in (0, rules.profile):
+            text = f"{rules.profile}, but E2EProfile of {message.name} is {stated_profile.value} in {self._file.name}"
+            raise self._fault("$.e2e.profile", text)
         self._check_nibble(message)
         return protection
+
+    def _check_header(self, place: str, dotted: str, bits: tuple[int, int]) -> None:
+        """Checksum or counter are where the E2E profile puts them, and are nothing else."""
+        signal = self._signal(dotted, place)
+        if (_first_bit(signal), signal.length) != bits:
+            rules = self._profile.e2e
+            wanted = f"E2E profile {rules.profile if rules else 0} has {bits[0]}|{bits[1]}"
+            raise self._file.fault(dotted, f"bits {signal.start}|{signal.length}, but {wanted}")
+        if dotted in self._fields:
+            raise self._fault(place, f"{dotted} is bound to {self._fields[dotted]}")
 
     def _check_nibble(self, message: Message) -> None:
         """In data-id mode NIBBLE the high nibble of byte 1 is the data id's."""
         if self._profile.e2e is None or self._profile.e2e.data_id_mode != "NIBBLE":
             return
         for signal in message.signals:
-            if set(_bits(signal)).intersection(range(12, 16)):
+            if set(bits_of(signal)).intersection(range(12, 16)):
                 raise self._file.fault(f"{message.name}.{signal.name}", "bits 12|4 hold the data id's nibble")
 
     # --- enumerations
+
+    def _noted_translation(self, dotted: str, field: str) -> Mapping[int, int] | None:
+        found: list[Mapping[int, int] | None] = [None]
+        with self.noted():
+            found.append(self._translation(dotted, field))
+        return found[-1]
 
     def _translation(self, dotted: str, field: str) -> Mapping[int, int] | None:
         """DBC's number → program's number of an enumerated field; None when they are the same."""
@@ -390,12 +496,13 @@ class _Binder:
         numbers: dict[int, int] = {}
         for number, name in table.items():
             ours = names.get(name, name)
-            if ours not in members:
-                allowed = ", ".join(members)
-                raise self._file.fault(dotted, f"{number} {name!r} means nothing; must be one of: {allowed}")
-            if members[ours] in numbers.values():
-                raise self._file.fault(dotted, f"{number} {name!r}: {ours} has two numbers")
-            numbers[number] = members[ours]
+            with self.noted():
+                if ours not in members:
+                    allowed = ", ".join(members)
+                    raise self._file.fault(dotted, f"{number} {name!r} means nothing; must be one of: {allowed}")
+                if members[ours] in numbers.values():
+                    raise self._file.fault(dotted, f"{number} {name!r}: {ours} has two numbers")
+                numbers[number] = members[ours]
         missing = [name for name in needed if members[name] not in numbers.values()]
         if missing:
             raise self._file.fault(dotted, f"VAL_ table without {', '.join(missing)}")
@@ -417,12 +524,14 @@ class _Binder:
             return {}
         table = self._table(dotted)
         for name in frames:
-            if name not in table.values():
-                raise self._fault(f"$.state.frames.{name}", f"not in {dotted}{_nearest(name, table.values())}")
+            with self.noted():
+                if name not in table.values():
+                    raise self._fault(f"$.state.frames.{name}", f"not in {dotted}{_nearest(name, table.values())}")
         for number, name in table.items():
-            if name not in frames:
-                raise self._fault("$.state.frames", f"{dotted} = {number} {name!r} has no frame")
-        return {number: frames[name] for number, name in table.items()}
+            with self.noted():
+                if name not in frames:
+                    raise self._fault("$.state.frames", f"{dotted} = {number} {name!r} has no frame")
+        return {number: frames[name] for number, name in table.items() if name in frames}
 
     def _resolution(self, signals: tuple[str, ...]) -> float:
         found = [self._signal(dotted, "") for dotted in signals]
@@ -482,7 +591,7 @@ def _expressible(signal: Signal) -> tuple[float, float]:
     return low, high
 
 
-def _bits(signal: Signal) -> Iterator[int]:
+def bits_of(signal: Signal) -> Iterator[int]:
     """The signal's bits in little-endian numbering, the one that comes first on the wire's byte
     order first."""
     bit = signal.start
@@ -496,7 +605,7 @@ def _bits(signal: Signal) -> Iterator[int]:
 
 def _first_bit(signal: Signal) -> int:
     """Lowest bit of a signal in little-endian numbering; within one byte the byte orders agree."""
-    return min(_bits(signal)) if signal.length <= 8 else signal.start
+    return min(bits_of(signal)) if signal.length <= 8 else signal.start
 
 
 def _inverted(table: Mapping[int, int] | None) -> Mapping[int, int] | None:

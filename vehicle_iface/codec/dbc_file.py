@@ -1,7 +1,7 @@
 """One DBC file, read strictly: what cantools would load with a shrug is refused here, with its line."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,23 +42,50 @@ class DbcFile:
         return _fault(self.name, self.lines.get(dotted, 0), f"{dotted}: {text}")
 
 
+Note = Callable[[ConfigError], None]
+"""What is done about a fault: raise it, or keep it and look for more."""
+
+
 def read_dbc(path: Path) -> DbcFile:
     """Load a DBC; `ConfigError` with file and line when anything in it is doubtful.
 
     Refused besides what cantools refuses: text that is not text, an end in mid-statement, two
     messages of one id or name, two signals of one name, a factor of 0, a range upside down."""
     text = _text(path)
-    bare = _STRING.sub(_blank, text)
-    _check_ending(path.name, text, bare)
-    lines = _lines(path.name, bare)
+    return _parsed(path.name, text, _examined(path.name, text, _refuse), _refuse, strict=True)
+
+
+def inspect_dbc(path: Path, note: Note) -> DbcFile | None:
+    """Load a DBC as far as it goes, with its faults told to `note`; overlaps and signals beyond their message are
+    left to the caller. None when there is nothing to look at."""
     try:
-        database = load_string(text, database_format="dbc", strict=True)
+        text = _text(path)
+        return _parsed(path.name, text, _examined(path.name, text, note), note, strict=False)
+    except ConfigError as error:
+        note(error)
+        return None
+
+
+def _refuse(error: ConfigError) -> None:
+    raise error
+
+
+def _examined(name: str, text: str, note: Note) -> dict[str, int]:
+    """Lines of all messages and signals."""
+    bare = _STRING.sub(_blank, text)
+    _check_ending(name, text, bare, note)
+    return _lines(name, bare, note)
+
+
+def _parsed(name: str, text: str, lines: Mapping[str, int], note: Note, *, strict: bool) -> DbcFile:
+    try:
+        database = load_string(text, database_format="dbc", strict=strict)
     except _FOREIGN as error:
-        raise _translated(path.name, lines, error) from None
+        raise _translated(name, lines, error) from None
     if not isinstance(database, Database):
-        raise ConfigError(f"{path.name}: describes diagnostics, not a bus")
-    file = DbcFile(name=path.name, database=database, lines=lines)
-    _check_parsed(file)
+        raise ConfigError(f"{name}: describes diagnostics, not a bus")
+    file = DbcFile(name=name, database=database, lines=lines)
+    _check_parsed(file, note)
     return file
 
 
@@ -86,38 +113,40 @@ def _blank(found: re.Match[str]) -> str:
     return '"' + "\n" * found[0].count("\n") + '"'
 
 
-def _check_ending(name: str, text: str, bare: str) -> None:
+def _check_ending(name: str, text: str, bare: str, note: Note) -> None:
     last = text.count("\n") + 1
     if not bare.strip():
         raise _fault(name, 1, "the file is empty")
     if bare.count('"') % 2:
-        raise _fault(name, last, "the file ends inside a string; it is cut short")
-    if not text.endswith(("\n", ";")):
-        raise _fault(name, last, "the file ends in the middle of a line; it may be cut short")
+        note(_fault(name, last, "the file ends inside a string; it is cut short"))
+    elif not text.endswith(("\n", ";")):
+        note(_fault(name, last, "the file ends in the middle of a line; it may be cut short"))
 
 
-def _lines(name: str, bare: str) -> dict[str, int]:
-    """Lines of all messages and signals; refuses duplicates."""
+def _lines(name: str, bare: str, note: Note) -> dict[str, int]:
+    """Lines of all messages and signals, the first ones of duplicates."""
     lines: dict[str, int] = {}
     ids: dict[int, int] = {}
     for message, can_id, line, body in _messages(bare):
         if message == _UNBOUND:
             continue
         if message in lines:
-            raise _fault(name, line, f"message {message} is already in line {lines[message]}")
+            note(_fault(name, line, f"message {message} is already in line {lines[message]}"))
+            continue
         if can_id in ids:
-            raise _fault(name, line, f"message {message}: id {can_id} is already in line {ids[can_id]}")
-        lines[message] = ids[can_id] = line
+            note(_fault(name, line, f"message {message}: id {can_id} is already in line {ids[can_id]}"))
+        ids.setdefault(can_id, line)
+        lines[message] = line
         for found in _SIGNAL.finditer(body):
             dotted = f"{message}.{found[1]}"
             signal_line = line + body[: found.start(1)].count("\n")
             if dotted in lines:
-                raise _fault(name, signal_line, f"signal {dotted} is already in line {lines[dotted]}")
-            lines[dotted] = signal_line
+                note(_fault(name, signal_line, f"signal {dotted} is already in line {lines[dotted]}"))
+            lines.setdefault(dotted, signal_line)
         orphan = _MULTIPLEXED.search(body)
         if orphan and not _MULTIPLEXER.search(body):
             dotted = f"{message}.{orphan[1]}"
-            raise _fault(name, lines[dotted], f"{dotted} is multiplexed, but {message} has no multiplexer")
+            note(_fault(name, lines[dotted], f"{dotted} is multiplexed, but {message} has no multiplexer"))
     return lines
 
 
@@ -130,21 +159,21 @@ def _messages(bare: str) -> Iterator[tuple[str, int, int, str]]:
         yield match[2], int(match[1]), line, bare[match.start(1) : end]
 
 
-def _check_parsed(file: DbcFile) -> None:
+def _check_parsed(file: DbcFile, note: Note) -> None:
     parsed = {message.name for message in file.database.messages}
     written = {name for name in file.lines if "." not in name}
     for name in sorted(written ^ parsed):
-        raise file.fault(name, "was not understood; the file is damaged")
+        note(file.fault(name, "was not understood; the file is damaged"))
     if not parsed:
         raise ConfigError(f"{file.name}: no message in it")
     for message in file.database.messages:
         for signal in message.signals:
             dotted = f"{message.name}.{signal.name}"
             if signal.scale == 0:
-                raise file.fault(dotted, "factor 0: every value would be the same")
+                note(file.fault(dotted, "factor 0: every value would be the same"))
             low, high = signal.minimum, signal.maximum
             if low is not None and high is not None and not low <= high:
-                raise file.fault(dotted, f"range [{low}|{high}] is upside down")
+                note(file.fault(dotted, f"range [{low}|{high}] is upside down"))
 
 
 def _translated(name: str, lines: Mapping[str, int], error: Exception) -> ConfigError:

@@ -1,0 +1,284 @@
+"""All that is wrong with a DBC or a profile for control use, each with its line: `vehicle-iface check-dbc FILE`.
+
+An error is what the program refuses to drive with, a warning what somebody should look at. A `.toml` profile is
+checked together with its DBC, a `.dbc` by itself: then nothing is known about what its signals are for.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from cantools.database import Message, Signal
+
+from vehicle_iface.codec.database import PERIODS, UNITS, Role, binding_faults, bits_of, roles_of
+from vehicle_iface.codec.dbc_file import DbcFile, inspect_dbc
+from vehicle_iface.codec.layout import Layout
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.profile import Profile, inspect_profile
+
+ERROR, WARNING = "error", "warning"
+_KNOWN_UNITS = frozenset(
+    spelling for spellings in UNITS.values() for spelling in spellings
+) | {"s", "ms", "us", "Hz", "N", "kg", "V", "A", "W", "K", "Pa", "1", "-", "1/m", "rad/s^2", "m/s^3", "%"}  # fmt: skip
+_FOREIGN_UNITS = {
+    "deg": "rad", "°": "rad", "degree": "rad", "degrees": "rad", "deg/s": "rad/s", "°/s": "rad/s",
+    "km/h": "m/s", "kph": "m/s", "kmh": "m/s", "mph": "m/s", "kn": "m/s", "g": "m/s^2", "G": "m/s^2",
+    "km": "m", "cm": "m", "mm": "m", "ft": "m", "in": "m", "rpm": "rad/s", "1/min": "rad/s",
+}  # fmt: skip
+"""Units that look like a quantity to control by, and the SI unit of it."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Finding:
+    """One thing that is wrong."""
+
+    file: str
+    line: int
+    """From 1; 0 where the fault has no line of its own."""
+    severity: str
+    """`error` or `warning`"""
+    text: str
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}" if self.line else self.file
+        return f"{place}: {self.severity}: {self.text}"
+
+
+def check_file(path: Path) -> list[Finding]:
+    """All findings, in the order of file and line. `ConfigError` for a file that is neither `.dbc` nor `.toml`."""
+    if path.suffix == ".dbc":
+        found = _of_dbc(path)
+    elif path.suffix == ".toml":
+        found = _of_profile(path)
+    else:
+        raise ConfigError(f"{path}: must end in .dbc or .toml")
+    return sorted(set(found))
+
+
+def _of_dbc(path: Path) -> list[Finding]:
+    errors: list[ConfigError] = []
+    file = inspect_dbc(path, errors.append)
+    found = [_located(str(error), {path.name: path}) for error in errors]
+    if file is not None:
+        found += _of_content(path, file)
+        found += _for_nobody(path, file)
+    return found
+
+
+def _of_profile(path: Path) -> list[Finding]:
+    try:
+        profile, faults = inspect_profile(path)
+    except ConfigError as error:
+        return [_located(str(error), {path.name: path})]
+    lines = _TomlLines(path)
+    found = [lines.finding(fault, ERROR) for fault in faults]
+    if profile is None:
+        dbc = lines.dbc()
+        return found if dbc is None else [*found, *_of_dbc(dbc)]
+    return [*found, *_of_pair(path, profile, lines)]
+
+
+def _of_pair(path: Path, profile: Profile, lines: "_TomlLines") -> list[Finding]:
+    """Of the DBC, and of the two together."""
+    dbc = (
+        path.parent / Path(profile.dbc).name if path.parent.resolve() == Path(profile.dbc).parent else Path(profile.dbc)
+    )
+    errors: list[ConfigError] = []
+    file = inspect_dbc(dbc, errors.append)
+    if file is None:
+        return [_located(str(error), {dbc.name: dbc}) for error in errors]
+    found = list(_of_content(dbc, file))
+    errors += binding_faults(profile, file)
+    for error in errors:
+        text = str(error)
+        if text.startswith(f"{path.name}: "):
+            found.append(lines.finding(text.removeprefix(f"{path.name}: "), ERROR))
+        else:
+            found.append(_located(text, {dbc.name: dbc}))
+    return [*found, *_for_control(dbc, file, profile)]
+
+
+def _located(text: str, files: dict[str, Path]) -> Finding:
+    """An error's text taken apart: `FILE:LINE: …`, `FILE: …` or `PATH: …`."""
+    for name, path in files.items():
+        for known in (name, str(path)):
+            match = re.match(rf"{re.escape(known)}(?::(\d+))?: ", text)
+            if match:
+                rest = text[match.end() :]
+                return Finding(str(path), int(match[1] or _line_in(rest, path)), ERROR, rest)
+    return Finding(next(iter(map(str, files.values()))), 0, ERROR, text)
+
+
+def _line_in(text: str, path: Path) -> int:
+    """The line that tomllib's words name."""
+    if "(at end of document)" in text:
+        return max(1, len(path.read_text(encoding="utf-8").splitlines()))
+    stated = re.search(r"\(at line (\d+)", text)
+    return int(stated[1]) if stated else 0
+
+
+# --- what needs no profile
+
+
+def _of_content(path: Path, file: DbcFile) -> Iterator[Finding]:
+    """Bits and ranges of every message."""
+    for message in file.database.messages:
+        yield from _bit_findings(path, file, message)
+        for signal in message.signals:
+            text = _range_beyond_bits(signal)
+            if text:
+                yield _finding(path, file, message, signal, WARNING, text)
+
+
+def _bit_findings(path: Path, file: DbcFile, message: Message) -> Iterator[Finding]:
+    """Signals beyond their message, and signals on the bits of another one."""
+    taken: list[tuple[Signal, frozenset[int]]] = []
+    for signal in message.signals:
+        bits = frozenset(bits_of(signal))
+        if max(bits, default=0) >= 8 * message.length or min(bits, default=0) < 0:
+            text = f"bits {signal.start}|{signal.length} do not fit into {message.length} bytes"
+            yield _finding(path, file, message, signal, ERROR, text)
+        for other, others in taken:
+            if bits & others and not _apart(message, signal, other):
+                yield _finding(path, file, message, signal, ERROR, f"lies on the bits of {other.name}: overlapping")
+        taken.append((signal, bits))
+
+
+def _apart(message: Message, one: Signal, other: Signal) -> bool:
+    """Whether some multiplexer never shows both."""
+    ids = dict(_multiplexers(message, one))
+    return any(name in ids and not ids[name] & shown for name, shown in _multiplexers(message, other))
+
+
+def _multiplexers(message: Message, signal: Signal) -> Iterator[tuple[str, frozenset[int]]]:
+    """Each multiplexer that the signal depends on, with the ids that show it."""
+    by_name = {one.name: one for one in message.signals}
+    seen: set[str] = set()
+    while signal.multiplexer_signal in by_name and signal.multiplexer_signal not in seen:
+        seen.add(signal.multiplexer_signal)
+        yield signal.multiplexer_signal, frozenset(signal.multiplexer_ids or ())
+        signal = by_name[signal.multiplexer_signal]
+
+
+def _range_beyond_bits(signal: Signal) -> str:
+    """A range that the bits cannot express: nobody can ever send its ends."""
+    if signal.is_float or signal.minimum is None or signal.maximum is None or not signal.scale:
+        return ""
+    least = -(1 << signal.length - 1) if signal.is_signed else 0
+    most = (1 << signal.length - bool(signal.is_signed)) - 1
+    low, high = sorted(raw * signal.scale + signal.offset for raw in (least, most))
+    step = abs(signal.scale) * 1e-6
+    if low - step <= signal.minimum and signal.maximum <= high + step:
+        return ""
+    return f"range [{signal.minimum}|{signal.maximum}]: {signal.length} bits express [{low:.10g}|{high:.10g}]"
+
+
+def _for_nobody(path: Path, file: DbcFile) -> Iterator[Finding]:
+    """What would matter if the signal were used: without a profile nobody knows."""
+    for message in file.database.messages:
+        yield from _cycle_findings(path, file, message)
+        yield from _impossible(path, file, message)
+        for signal in message.signals:
+            if signal.length > 1 and not signal.choices and (signal.minimum is None or signal.maximum is None):
+                yield _finding(path, file, message, signal, WARNING, "no range")
+            yield from _unit_findings(path, file, message, signal)
+
+
+def _cycle_findings(path: Path, file: DbcFile, message: Message) -> Iterator[Finding]:
+    if not message.cycle_time:
+        yield Finding(str(path), file.lines.get(message.name, 0), WARNING, f"{message.name}: no cycle time")
+
+
+def _impossible(path: Path, file: DbcFile, message: Message) -> Iterator[Finding]:
+    """Ranges without a value, and messages that cannot be compiled."""
+    try:
+        fields = Layout.of(message).fields
+    except ConfigError as error:
+        yield Finding(str(path), file.lines.get(message.name, 0), ERROR, str(error))
+        return
+    for field, signal in zip(fields, message.signals, strict=True):
+        upside_down = field.minimum is not None and field.maximum is not None and field.minimum > field.maximum
+        if not field.is_float and field.scale and not upside_down and field.allowed_raw()[0] > field.allowed_raw()[1]:
+            text = f"no value lies in its range [{field.minimum}|{field.maximum}]"
+            yield _finding(path, file, message, signal, ERROR, text)
+
+
+def _unit_findings(path: Path, file: DbcFile, message: Message, signal: Signal) -> Iterator[Finding]:
+    """Units that are not SI or not known, and scaled numbers without one."""
+    if signal.unit in _FOREIGN_UNITS:
+        text = f"unit {signal.unit!r} is not SI; a signal to control by is in {_FOREIGN_UNITS[signal.unit]!r}"
+        yield _finding(path, file, message, signal, WARNING, text)
+    elif signal.unit and signal.unit not in _KNOWN_UNITS:
+        yield _finding(path, file, message, signal, WARNING, f"unit {signal.unit!r} is not known")
+    elif not signal.unit and (signal.scale != 1 or signal.is_float):
+        yield _finding(path, file, message, signal, WARNING, "a scaled number without a unit")
+
+
+# --- what needs one
+
+
+def _for_control(path: Path, file: DbcFile, profile: Profile) -> Iterator[Finding]:
+    """What the program would drive with, but nobody should without a look."""
+    messages = {message.name: message for message in file.database.messages}
+    protected = profile.e2e.data_ids if profile.e2e else {}
+    for name, role in roles_of(profile, file).items():
+        if role in PERIODS:
+            yield from _cycle_findings(path, file, messages[name])
+        if role in (Role.SAMPLE, Role.COMMAND) and name not in protected:
+            text = f"{name}: no counter and no checksum: nothing tells a frame from a repeated or damaged one"
+            yield Finding(str(path), file.lines.get(name, 0), WARNING, text)
+    for field, dotted in _bound(profile):
+        message_name, _, name = dotted.partition(".")
+        for signal in messages[message_name].signals if message_name in messages else ():
+            if signal.name == name and not signal.unit and field.rpartition("_")[2] in UNITS:
+                text = f"no unit; {field} is taken from it as it is"
+                yield _finding(path, file, messages[message_name], signal, WARNING, text)
+
+
+def _bound(profile: Profile) -> Iterator[tuple[str, str]]:
+    """Each field with each of its signals."""
+    tables = (profile.state, profile.status, profile.command, profile.body, profile.report)
+    for signals in (table.signals for table in tables if table is not None):
+        for field in signals.__struct_fields__:
+            value = getattr(signals, field)
+            for dotted in (value,) if isinstance(value, str) else value or ():
+                yield field, dotted
+
+
+def _finding(path: Path, file: DbcFile, message: Message, signal: Signal, severity: str, text: str) -> Finding:
+    dotted = f"{message.name}.{signal.name}"
+    return Finding(str(path), file.lines.get(dotted, 0), severity, f"{dotted}: {text}")
+
+
+class _TomlLines:
+    """The lines of a profile's keys: enough of TOML for files that people write, key by key below table headers."""
+
+    _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
+    _KEY = re.compile(r'\s*("[^"]*"|[\w.-]+)\s*=')
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lines: dict[str, int] = {"$": 0}
+        self._dbc = ""
+        table = "$"
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+            if header := self._HEADER.match(line):
+                table = f"$.{header[1].strip()}"
+                self._lines.setdefault(table, number)
+            elif key := self._KEY.match(line):
+                self._lines.setdefault(f"{table}.{key[1].strip(chr(34))}", number)
+                if table == "$" and key[1] == "dbc" and (value := re.search(r"=\s*[\"']([^\"']+)[\"']", line)):
+                    self._dbc = value[1]
+
+    def finding(self, fault: str, severity: str) -> Finding:
+        """`$.place: text` with the line of the place, or of the nearest table around it."""
+        place = fault.partition(": ")[0]
+        known = re.sub(r"\[\d+\]", "", place)
+        while known not in self._lines and "." in known:
+            known = known.rpartition(".")[0]
+        return Finding(str(self._path), self._lines.get(known, 0), severity, fault)
+
+    def dbc(self) -> Path | None:
+        """The DBC that the profile names, where it can be read from a profile that is not whole."""
+        return self._path.parent / self._dbc if self._dbc.endswith(".dbc") else None
