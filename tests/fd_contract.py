@@ -91,15 +91,21 @@ class Told:
         return self.signals[signal]
 
 
+def _shifted_out(register: int) -> int:
+    """Eight bits of long division by the polynomial 0x1021."""
+    for _ in range(8):
+        register = (register << 1) ^ 0x11021 if register & 0x8000 else register << 1
+    return register
+
+
+_TABLE = tuple(_shifted_out(byte << 8) for byte in range(256))
+
+
 def crc16(data: bytes) -> int:
-    """CRC-16/CCITT-FALSE: polynomial 0x1021, initial value 0xFFFF, most significant bit first, one bit at a time."""
+    """CRC-16/CCITT-FALSE: polynomial 0x1021, initial value 0xFFFF, most significant bit first."""
     register = 0xFFFF
     for byte in data:
-        for bit in range(7, -1, -1):
-            top = register >> 15
-            register = (register << 1) & 0xFFFF
-            if top ^ (byte >> bit & 1):
-                register ^= 0x1021
+        register = (register << 8) & 0xFF00 ^ _TABLE[register >> 8 ^ byte]
     return register
 
 

@@ -69,7 +69,7 @@ class Record:
                 told, index = self.told[index], index + 1
                 if told.name == name and all(told[signal] == value for signal, value in wanted.items()):
                     return index
-            time.sleep(0.005)
+            time.sleep(0.05)  # a test that looks more often takes time from the programs that it watches
         raise AssertionError(f"{what}: did not come in {PATIENCE_S:.0f} s; wrong: {self.wrong[:5]}")
 
     def wait_samples(self, count: int, since: int) -> int:
