@@ -89,6 +89,8 @@ def test_a_comment_names_the_frame(file: Path, comment: str, place: str) -> None
         (HEADER + "-0.1,1,2,3,4\n", ["line 2", "column 1 (time_s)", "'-0.1'", "out of range"]),
         (HEADER + "1e10,1,2,3,4\n", ["line 2", "column 1 (time_s)", "'1e10'", "out of range"]),
         ("# frame_id:\n" + HEADER + ROW, ["line 1", "frame_id is empty"]),
+        ("# frame_id: a\tb\n" + HEADER + ROW, ["line 1", "frame_id = 'a\\tb'"]),
+        (f"# frame_id: {'a' * 65}\n" + HEADER + ROW, ["line 1", "at most 64 bytes"]),
         ("# frame_id: a\n# frame_id: b\n" + HEADER + ROW, ["line 2", "'b'", "'a'"]),
     ],
 )
@@ -125,7 +127,7 @@ def test_an_empty_trajectory_is_not_saved(file: Path) -> None:
     assert not file.exists()
 
 
-@pytest.mark.parametrize("frame", [" map", "map ", "a\nb", "a\rb", "\ud800"])
+@pytest.mark.parametrize("frame", [" map", "map "])
 def test_a_frame_that_a_comment_cannot_carry_is_not_saved(file: Path, frame: str) -> None:
     with pytest.raises(TrajectoryFileError, match="frame_id"):
         save_csv(file, one_point(frame))

@@ -20,7 +20,8 @@ from typing import NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from vehicle_iface.errors import TrajectoryFileError
+from vehicle_iface import checks
+from vehicle_iface.errors import InvalidValueError, TrajectoryFileError
 from vehicle_iface.trajectory import FloatArray, IntArray, Trajectory
 from vehicle_iface.units import NS_PER_S
 
@@ -73,13 +74,13 @@ def save_csv(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
     """Write `trajectory` so that `load_csv` gives back the very same numbers; the stamp is not kept.
 
     Raises `TrajectoryFileError` when the file cannot be written or could not be read back: no points, or a
-    frame id with line breaks or blanks at its ends.
+    frame id with blanks at its ends.
     """
     name, frame = os.fspath(path), trajectory.frame_id
     if not len(trajectory):
         raise TrajectoryFileError(f"{name}: a trajectory without points cannot be saved")
-    if frame != frame.strip() or not frame.isprintable():
-        raise TrajectoryFileError(f"{name}: frame_id {frame!r} cannot be saved: must be one plain line")
+    if frame != frame.strip():
+        raise TrajectoryFileError(f"{name}: frame_id {frame!r} cannot be saved: must have no blanks at its ends")
     times = [f"{ns // NS_PER_S}.{ns % NS_PER_S:09d}" for ns in trajectory.time_from_start_ns.tolist()]
     numbers = [map(repr, getattr(trajectory, column).tolist()) for column in _COLUMNS[1:]]
     rows = [f"# frame_id: {frame}", ",".join(_COLUMNS), *map(",".join, zip(times, *numbers, strict=True)), ""]
@@ -142,6 +143,10 @@ def _frame_id(path: str, lines: list[str]) -> str:
         name = match[1].strip()
         if not name:
             _refuse(path, index, "frame_id is empty: must be the name of a frame of reference, like 'map'")
+        try:
+            checks.frame_id("frame_id", name)
+        except InvalidValueError as error:
+            _refuse(path, index, str(error))
         if found not in (None, name):
             _refuse(path, index, f"frame_id {name!r}: was {found!r} before; a file has one frame")
         found = name
