@@ -3,10 +3,13 @@
 import signal
 import struct
 
+import pytest
+
 from .conftest import Programs
 from .contract import Observer, raw_socket
 from .driving import driven, summary
-from .peer import Vehicle
+
+pytestmark = pytest.mark.usefixtures("vehicle")
 
 ERROR = 0x20000000
 
@@ -17,9 +20,7 @@ def report(error_class: int, controller: int = 0) -> None:
         raw.send(struct.pack("=IB3x8s", ERROR | error_class, 8, bytes([0, controller]).ljust(8, b"\0")))
 
 
-def test_a_controller_that_goes_bus_off_silences_the_loop_and_latches(
-    programs: Programs, bus: Observer, vehicle: Vehicle
-) -> None:
+def test_a_controller_that_goes_bus_off_silences_the_loop_and_latches(programs: Programs, bus: Observer) -> None:
     loop, _ = driven(programs, bus)
     report(0x40)
     loop.says(r"link lost: .*bus off")
@@ -32,9 +33,7 @@ def test_a_controller_that_goes_bus_off_silences_the_loop_and_latches(
     assert summary(programs)["link_events"]["bus off"] == 1
 
 
-def test_warnings_of_the_controller_are_counted_and_the_vehicle_drives_on(
-    programs: Programs, bus: Observer, vehicle: Vehicle
-) -> None:
+def test_warnings_of_the_controller_are_counted_and_the_vehicle_drives_on(programs: Programs, bus: Observer) -> None:
     loop, moving = driven(programs, bus)
     report(0x4, controller=0x08)
     report(0x4, controller=0x20)

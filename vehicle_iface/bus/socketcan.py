@@ -165,6 +165,8 @@ class SocketCanBus:
         self._offset_ns = offset_ns
 
     def _gone(self, error: OSError) -> BusError:
+        if error.errno == errno.EINVAL:
+            return BusError(f"{self.channel}: takes no CAN FD frames; `sudo ip link set {self.channel} mtu 72`")
         return BusError(f"{self.channel}: {error.strerror}; check `ip -details link show {self.channel}`")
 
 
