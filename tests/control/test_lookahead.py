@@ -119,10 +119,15 @@ def test_a_search_does_not_go_round_and_round_for_the_whole_trajectory() -> None
     [0.05 * np.arange(300_000), 1e-5 * np.arange(300_000), np.r_[0.0, np.full(299_999, 1.0)]],
     ids=["usual", "dense", "at one place"],
 )
-def test_after_the_first_search_it_reads_few_points_however_many_there_are(x_m: Any) -> None:
+def test_each_point_is_measured_once_and_few_are_read_again(x_m: Any) -> None:
     xs, ys = Counting(x_m), Counting(np.zeros(len(x_m)))
     way = Way(xs, ys)  # type: ignore[arg-type]
-    search_target(way, 0, len(xs), 0.5, 0.0, 1.0, 0.0, 2.0)
+    expected = by_the_word(x_m.tolist(), [0.0] * len(x_m), 0, 0.5, 0.0, (1.0, 0.0), 2.0)
+    for _ in range(12):
+        before = xs.reads
+        assert search_target(way, 0, len(xs), 0.5, 0.0, 1.0, 0.0, 2.0) == expected
+        assert xs.reads - before < 2 * 2**15 + 5000
+    assert xs.reads < 300_000 + 12 * 5000
     xs.reads = 0
     for k in range(100):
         search_target(way, 0, len(xs), 0.5 + k * 1e-6, 0.0, 1.0, 0.0, 2.0)

@@ -17,8 +17,8 @@ from vehicle_iface.control.tracking import plain_values
 
 _STEPS = 32
 _FIRST_BLOCK, _GREATEST_BLOCK = 256, 16384
-_MOST_MEASURED = 2**19
-"""Points at a time; a search looks no further ahead than this in one go."""
+_MOST_MEASURED = 2**15
+"""Points at a time; behind them a search looks at samples, until later ones have measured on."""
 _ROUNDING = 1e-9
 """How much the measured way may be wrong: of itself, and in metres."""
 _REACH = 4.0
@@ -107,10 +107,12 @@ def search_target(
 
     Ahead is where (p − s) · (ahead_x, ahead_y) > 0. Without such a point the farthest that is ahead, or −1.
     `start` never decreases from one search on a `Way` to the next. A search ends four look-aheads (and 1024
-    points) further along the path, so that its cost does not depend on how long the trajectory is.
+    points) further along the path, and beyond 32768 points that nobody measured yet it looks at samples, so
+    that its cost does not depend on how long the trajectory is.
     """
     xs_m, ys_m, reach, index = way.xs_m, way.ys_m, lookahead_m * lookahead_m, start
     way.begin(start)
+    enough = way.measured + _MOST_MEASURED
     for _ in range(_STEPS):
         dx_m, dy_m = xs_m[index] - x_m, ys_m[index] - y_m
         square, ahead_m = dx_m * dx_m + dy_m * dy_m, dx_m * ahead_x + dy_m * ahead_y
@@ -118,9 +120,13 @@ def search_target(
             return index
         lacking_m = lookahead_m - math.sqrt(square)
         index = way.next(index, lacking_m if lacking_m >= -ahead_m else -ahead_m, end)
-        if index >= end or index >= way.measured:
-            return _farthest(way, start, index, x_m, y_m, ahead_x, ahead_y)
-    stop = min(end, max(start + _LEAST_POINTS, way.next(start, _REACH * lookahead_m, end)))
+        if index >= end:
+            return _farthest(way, start, end, x_m, y_m, ahead_x, ahead_y)
+        if index >= way.measured or way.measured >= enough:
+            stop = end
+            break
+    else:
+        stop = min(end, max(start + _LEAST_POINTS, way.next(start, _REACH * lookahead_m, end)))
     found = _first_beyond(way, index, stop, x_m, y_m, ahead_x, ahead_y, reach) if index < stop else -1
     return found if found >= 0 else _farthest(way, start, stop, x_m, y_m, ahead_x, ahead_y)
 

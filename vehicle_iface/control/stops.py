@@ -21,7 +21,7 @@ from vehicle_iface.control.tracking import Progress, plain_values
 
 _NO_SPEED_MPS = 1e-3
 _SAME_PLACE_M = 1e-3
-_BLOCK = 4096
+_BLOCK = 16384
 
 
 class Stops:
@@ -86,20 +86,19 @@ class Stops:
         return self._signs[min(bisect_left(self._moving_lasts, index), len(self._signs) - 1)]
 
     def _find(self, progress: Progress) -> None:
-        sign = _signs(np.asarray(progress.speeds_mps))  # (n,)
-        begins = np.flatnonzero(sign[1:] != sign[:-1]) + 1  # of the second stretch of equal sign, and so on
-        if not len(begins):
-            self._signs, self._moving_lasts = ((int(sign[0]),), (self._count - 1,)) if sign[0] else ((), ())
+        begins = _stretches(progress.speeds_mps)  # (m,)
+        if len(begins) == 1:  # nothing but motion in one direction, or none at all
+            sign = int(_signs(np.asarray(progress.speeds_mps[:1]))[0])
+            self._signs, self._moving_lasts = ((sign,), (self._count - 1,)) if sign else ((), ())
             return
-        begins = np.concatenate([[0], begins])  # (m,)
-        sign = sign[begins]  # (m,)
-        moving = np.flatnonzero(sign)
+        signs = _signs(np.asarray(progress.speeds_mps)[begins])  # (m,)
+        moving = np.flatnonzero(signs)
         lasts = np.append(begins[1:], self._count) - 1
-        self._signs, self._moving_lasts = plain_values(sign[moving]), plain_values(lasts[moving])
-        motion = sign[moving]
+        self._signs, self._moving_lasts = plain_values(signs[moving]), plain_values(lasts[moving])
+        motion = signs[moving]
         turn = begins[moving[1:][motion[1:] != motion[:-1]]] - 1
-        resting = np.flatnonzero((sign == 0) & (lasts > begins))
-        resting = resting[: np.searchsorted(resting, moving[-1:])[0]] if len(moving) else resting[:0]
+        resting = np.flatnonzero((signs == 0) & (lasts > begins))
+        resting = resting[: np.searchsorted(resting, moving[-1])]
         if len(resting):  # with motion after it
             first, last = _dwells(progress, int(begins[resting[0]]), int(lasts[resting[-1]]))
             turn = turn[~np.isin(turn, last)]
@@ -115,6 +114,17 @@ def _signs(speed_mps: npt.NDArray[np.float64]) -> npt.NDArray[np.int8]:
     """(n,) 1, −1, or 0 for no speed."""
     forwards, backwards = speed_mps > _NO_SPEED_MPS, speed_mps < -_NO_SPEED_MPS
     return forwards.view(np.int8) - backwards.view(np.int8)
+
+
+def _stretches(speeds_mps: Sequence[float]) -> npt.NDArray[np.int64]:
+    """(m,) the first point of each stretch of equal sign; in blocks that stay in the processor's cache."""
+    found = [np.zeros(1, dtype=np.int64)]
+    for at in range(0, len(speeds_mps) - 1, _BLOCK):
+        sign = _signs(np.asarray(speeds_mps[at : at + _BLOCK + 1]))
+        changes = np.flatnonzero(sign[1:] != sign[:-1])
+        if len(changes):
+            found.append(changes + (at + 1))
+    return np.concatenate(found)
 
 
 def _dwells(progress: Progress, begin: int, end: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
