@@ -177,15 +177,18 @@ class Drive:
         armed: bool = True,
         start: BicycleState | None = None,
         telemetry: TelemetryWriter | None = None,
+        database: VehicleDatabase | None = None,
         **vehicle: Any,
     ) -> None:
+        """`database` is the reference vehicle's, unless another one is given."""
+        database = database if database is not None else reference()
         self.clock = Clock()
-        self.vehicle = simulated_vehicle(reference().profile, start_ns=START_NS, start=start, **vehicle)
+        self.vehicle = simulated_vehicle(database.profile, start_ns=START_NS, start=start, **vehicle)
         self.line = Line(EmbeddedBus(self.vehicle, self.clock.now_ns, self.clock.sleep_until), self.clock)
         self.controller = controller or pure_pursuit()
         self.source = source or FixedTrajectory(straight())
         self.loop = compose.build_loop(
-            database=reference(),
+            database=database,
             open_bus=self.line.open,
             controller=self.controller,
             source=self.source,

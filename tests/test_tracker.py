@@ -1,6 +1,6 @@
 """One complete sample: messages of one counter value within the window, and nothing else."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import msgspec
@@ -15,6 +15,7 @@ from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.tracker import Sample, Tracker
 
 WINDOW_NS = ms(50)
+STALE_NS = ms(200)
 NAMES = ("POSE", "MOTION", "CHASSIS")
 FIELDS = {
     "POSE": ("x_m", "y_m", "pose_frame", "pose_valid"),
@@ -32,6 +33,7 @@ def tracker(sample: Iterable[str] = NAMES) -> Tracker:
         modes={int(mode): mode for mode in VehicleMode},
         gears={int(gear): gear for gear in Gear},
         window_ns=WINDOW_NS,
+        stale_ns=STALE_NS,
     )
 
 
@@ -176,7 +178,7 @@ def test_after_forgetting_nothing_from_before_is_combined_with_anything_after() 
     assert remembered == [None, None]
     assert t.take(part("CHASSIS", 5)) is None
     samples = taken(t, [part(name, 6) for name in NAMES])
-    assert [sample.state.rear_wheel_angle_rad for sample in samples] == [0.0]
+    assert [(sample.state.rear_wheel_angle_rad, sample.others_fresh) for sample in samples] == [(0.0, False)]
     assert (t.completed, t.incomplete) == (2, 0)
 
 
@@ -215,24 +217,62 @@ def test_another_multiplexer_branch_leaves_the_newest_value_in_force() -> None:
     assert [sample.state.accel_mps2 for sample in samples] == [2.5]
 
 
-def test_there_is_no_sample_while_a_value_that_it_needs_is_missing() -> None:
+def extra(stamp_ns: int) -> Received:
+    return Received("EXTRA", stamp_ns, 0, (1.0,))
+
+
+@pytest.mark.parametrize("came", [[], [status(ms(100))], [extra(ms(100))]])
+def test_until_every_message_outside_the_sample_has_come_the_sample_says_that_one_is_missing(
+    came: list[Received],
+) -> None:
+    t = tracker()
+    samples = taken(t, [*came, *(part(name, 10) for name in NAMES)])
+    assert [(sample.others_fresh, sample.state.rear_wheel_angle_rad) for sample in samples] == [(False, 0.0)]
+    assert (t.completed, t.incomplete) == (1, 0)
+
+
+@pytest.mark.parametrize(("age_ns", "fresh"), [(-ms(5), True), (0, True), (STALE_NS, True), (STALE_NS + 1, False)])
+@pytest.mark.parametrize("old", [status, extra])
+def test_a_message_outside_the_sample_is_stale_to_the_nanosecond(
+    old: Callable[[int], Received], age_ns: int, fresh: bool
+) -> None:
+    t = tracker()
+    sample_ns = ms(1000)
+    newer = extra if old is status else status
+    samples = taken(t, [old(sample_ns - age_ns), newer(sample_ns), *(part(name, 3, sample_ns) for name in NAMES)])
+    assert [sample.others_fresh for sample in samples] == [fresh]
+
+
+def test_a_vehicle_with_nothing_outside_the_sample_but_its_mode_needs_no_more_than_that() -> None:
     t = Tracker(
-        sample={"POSE": ("x_m", "y_m")},
-        others={"EXTRA": ("heading_rad", "speed_mps")},
+        sample={"POSE": ("x_m", "y_m", "heading_rad", "speed_mps")},
+        others={"MODE": ("mode",)},
         frames={0: "map"},
-        modes={},
+        modes={int(mode): mode for mode in VehicleMode},
         gears={},
         window_ns=WINDOW_NS,
+        stale_ns=STALE_NS,
     )
-    pose = [Received("POSE", ms(cycle), cycle, (1.0, 2.0)) for cycle in range(3)]
-    assert t.take(pose[0]) is None
-    t.take(Received("EXTRA", 0, 0, (0.5, None)))
-    assert t.take(pose[1]) is None
-    t.take(Received("EXTRA", 0, 1, (None, 3.0)))
-    sample = t.take(pose[2])
+    t.take(Received("MODE", 5, 0, (2,)))
+    sample = t.take(Received("POSE", 8, 0, (1.0, 2.0, 3.0, 4.0)))
     assert sample is not None
-    assert (sample.state.heading_rad, sample.state.speed_mps) == (0.5, 3.0)
-    assert (t.completed, t.incomplete) == (1, 2)
+    assert sample.others_fresh
+
+
+def test_a_vehicle_that_does_not_say_its_gear_is_not_said_to_be_in_one() -> None:
+    t = Tracker(
+        sample={},
+        others={"MODE": ("mode",), "LEVER": ("gear",)},
+        frames={0: "map"},
+        modes={int(mode): mode for mode in VehicleMode},
+        gears={int(gear): gear for gear in Gear},
+        window_ns=WINDOW_NS,
+        stale_ns=STALE_NS,
+    )
+    for lever, gear in (([], None), ([Received("LEVER", 6, 0, (1,))], Gear.REVERSE)):
+        taken(t, [*lever, Received("MODE", 7, 0, (2,))])
+        assert t.status is not None
+        assert t.status.gear is gear
 
 
 def test_a_sample_message_in_another_multiplexer_branch_is_no_sample() -> None:
@@ -259,6 +299,7 @@ def test_words_of_the_status_may_come_in_a_message_of_their_own() -> None:
         modes={int(mode): mode for mode in VehicleMode},
         gears={int(gear): gear for gear in Gear},
         window_ns=WINDOW_NS,
+        stale_ns=STALE_NS,
     )
     t.take(Received("BRAKES", 5, 0, (1, 3)))
     t.take(Received("MODE", 7, 0, (2,)))

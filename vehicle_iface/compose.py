@@ -187,6 +187,7 @@ def build_tracker(database: VehicleDatabase) -> Tracker:
         modes={int(mode): mode for mode in VehicleMode},
         gears={int(gear): gear for gear in Gear},
         window_ns=_window_ns(database),
+        stale_ns=ns_from_s(database.profile.timing.status_stale_s),
     )
 
 

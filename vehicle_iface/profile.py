@@ -78,6 +78,7 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     answer_age_s: Positive
     """An older sample is never answered."""
     status_stale_s: Positive
+    """Without a message that is outside the sample for so long: stop."""
     engage_fresh_s: Positive
     """Samples must have been fresh for so long before engaging."""
     engage_give_up_s: Positive

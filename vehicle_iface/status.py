@@ -44,7 +44,8 @@ class VehicleStatus:
     stamp_ns: int
     """Kernel receive time, nanoseconds of the monotonic clock."""
     mode: VehicleMode
-    gear: Gear
+    gear: Gear | None
+    """None: the vehicle does not say."""
     driver_brake: bool = False
     driver_throttle: bool = False
     driver_steer_torque_nm: float = 0.0

@@ -9,8 +9,6 @@ from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
 
 FieldMap = Mapping[str, Sequence[str]]
 """Message name → the field of each of its values, '' where it has none."""
-_NEEDED = {"x_m", "y_m", "heading_rad", "speed_mps"}
-"""Fields that a state cannot do without."""
 _STATUS_WORDS = {"mode", "gear", "driver_brake", "driver_throttle", "driver_steer_torque_nm", "fault_code"}
 """Fields of the status; they may come in several messages."""
 
@@ -22,6 +20,12 @@ class Sample:
     state: VehicleState
     pose_valid: bool
     """What the vehicle says of its own pose."""
+    others_fresh: bool
+    """Whether each message outside the sample had come, not longer than `stale_ns` before `state.stamp_ns`.
+
+    If not, there is no complete knowledge of the vehicle: a value of such a message is its last one or,
+    where it never came, 0. Who answers this sample must stop.
+    """
     counter: int
     """The counter value that its messages share."""
     completed_ns: int
@@ -40,7 +44,8 @@ class Tracker:
     """Puts messages together that belong together: the same counter value, within `window_ns`.
 
     Values of different cycles are never mixed. A message that is in no sample (`others`) lends its newest
-    values to the samples after it.
+    values to the samples after it; when it is older than `stale_ns`, or never came, they say so
+    (`Sample.others_fresh`).
     """
 
     def __init__(
@@ -52,14 +57,19 @@ class Tracker:
         modes: Mapping[int, VehicleMode],
         gears: Mapping[int, Gear],
         window_ns: int,
+        stale_ns: int,
     ) -> None:
-        """`frames`, `modes` and `gears` translate wire numbers; the status message is in `others`."""
+        """`frames`, `modes` and `gears` translate wire numbers; the status message is in `others`.
+
+        Position, heading and speed must be in `sample`, and so must `pose_frame` where there is one.
+        """
         self._sample = {name: tuple(fields) for name, fields in sample.items()}
         self._others = {name: tuple(fields) for name, fields in others.items()}
         self._frames, self._modes, self._gears = dict(frames), dict(modes), dict(gears)
-        self._window_ns = window_ns
+        self._window_ns, self._stale_ns = window_ns, stale_ns
         self._pending: dict[int, _Parts] = {}
         self._completed_ns: dict[int, int] = {}
+        self._others_ns: dict[str, int] = {}
         self._newest_others: dict[str, float | int] = {}
         self._newest_words: dict[str, float | int] = {}
         self.status: VehicleStatus | None = None
@@ -84,6 +94,7 @@ class Tracker:
         """Start anew after the link was lost: nothing from before it is combined with anything after it."""
         self._pending.clear()
         self._completed_ns.clear()
+        self._others_ns.clear()
         self._newest_others.clear()
         self._newest_words.clear()
         self.status = None
@@ -120,21 +131,32 @@ class Tracker:
             del self._completed_ns[counter]
 
     def _sample_of(self, parts: _Parts, last: Received) -> Sample | None:
-        """None as long as a value is missing: in another multiplexer branch, or in a message that never came."""
+        """None when a value of its own is missing: it is in another multiplexer branch."""
         values: dict[str, float | int | None] = dict(self._newest_others)
         for name, fields in self._sample.items():
             values.update(zip(fields, parts.received[name].values, strict=True))
         values.pop("", None)
-        if None in values.values() or not values.keys() >= _NEEDED:
+        if None in values.values():
             return None
         pose_frame = values.pop("pose_frame", None)
         pose_valid = bool(values.pop("pose_valid", True))
         frame_id = self._frames[int(pose_frame)] if pose_frame is not None else next(iter(self._frames.values()))
         state = VehicleState(stamp_ns=parts.first_ns, frame_id=frame_id, **values)  # type: ignore[arg-type]
-        return Sample(state=state, pose_valid=pose_valid, counter=last.counter, completed_ns=last.stamp_ns)
+        return Sample(
+            state=state,
+            pose_valid=pose_valid,
+            others_fresh=self._are_others_fresh(parts.first_ns),
+            counter=last.counter,
+            completed_ns=last.stamp_ns,
+        )
+
+    def _are_others_fresh(self, stamp_ns: int) -> bool:
+        came_ns = self._others_ns
+        return all(name in came_ns and stamp_ns - came_ns[name] <= self._stale_ns for name in self._others)
 
     def _note_others(self, received: Received) -> None:
         """Keep what it says; a message with the mode in it makes a status of that and the newest other words."""
+        self._others_ns[received.name] = received.stamp_ns
         pairs = zip(self._others[received.name], received.values, strict=True)
         values = {name: value for name, value in pairs if name and value is not None}
         for name, value in values.items():
@@ -146,7 +168,7 @@ class Tracker:
         return VehicleStatus(
             stamp_ns=stamp_ns,
             mode=self._modes[int(words["mode"])],
-            gear=self._gears[int(words.get("gear", 0))],
+            gear=self._gears[int(words["gear"])] if "gear" in words else None,
             driver_brake=bool(words.get("driver_brake", False)),
             driver_throttle=bool(words.get("driver_throttle", False)),
             driver_steer_torque_nm=float(words.get("driver_steer_torque_nm", 0.0)),

@@ -84,6 +84,11 @@ PROFILE_FAULTS = [
     ('"POSE", "MOTION", "CHASSIS"]', '"POSE", "POSE"]', r"\$\.state\.sample\[1\]: POSE is there twice"),
     ('"CHASSIS"]', '"CHASSIS", "VEHICLE_STATUS"]', r"\$\.status\.signals\.mode: VEHICLE_STATUS is a part of"),
     ('"CHASSIS"]', '"CHASSIS", "STEER_COMMAND"]', r"STEER_COMMAND is already a message of sample"),
+    ('"POSE", "MOTION", "CHASSIS"]', '"POSE", "CHASSIS"]', r"\$\.state\.signals\.heading_rad: MOTION\.HEADING: must be in a message of the sample: POSE, CHASSIS"),
+    ('"POSE", "MOTION", "CHASSIS"]', '"MOTION", "CHASSIS"]', r"\$\.state\.signals\.x_m: POSE\.POS_X: must be in"),
+    ('MAP = "map"', 'MAP = ""', r"\$\.state\.frames\.MAP: frame of reference = '': must be the name"),
+    ('MAP = "map"', f'MAP = "{"m" * 65}"', r"\$\.state\.frames\.MAP: .* must be at most 64 bytes"),
+    ("[state.signals]", 'frame_id = ""\n[state.signals]', r"\$\.state\.frame_id: .* must be the name"),
     ("[status.modes]", '[status.modes]\nREADY = "MANUAL"', r"1 'READY': MANUAL has two numbers"),
 ]  # fmt: skip
 
@@ -220,6 +225,22 @@ def test_state_fields_may_come_from_a_message_of_their_own(variant):
     )  # fmt: skip
     assert [message.name for message in database.extra] == ["REAR"]
     assert database.extra[0].fields == ("", "", "rear_wheel_angle_rad")
+
+
+def test_a_message_outside_the_sample_that_comes_too_seldom_to_be_fresh_is_refused(variant):
+    rest = ("BO_ 384 CONTROLLER_STATUS", 'BO_ 259 REAR: 8 VEHICLE\n SG_ FAULT : 16|8@1+ (1,0) [0|255] "" CONTROLLER\n\n'
+            'BO_ 384 CONTROLLER_STATUS')  # fmt: skip
+    toml = (("VEHICLE_STATUS.FAULT_CODE", "REAR.FAULT"), ("ignored = []", 'ignored = ["VEHICLE_STATUS.FAULT_CODE"]'))
+    for cycle_ms, fits in ((199, True), (200, False)):
+        cycle = (
+            'BA_ "GenMsgCycleTime" BO_ 384',
+            f'BA_ "GenMsgCycleTime" BO_ 259 {cycle_ms};\nBA_ "GenMsgCycleTime" BO_ 384',
+        )
+        if fits:
+            assert [message.name for message in variant(toml=toml, dbc=(rest, cycle)).extra] == ["REAR"]
+        else:
+            with pytest.raises(ConfigError, match=r"\$\.timing\.status_stale_s: 0\.2 s: must be above .* REAR, 200 ms"):
+                variant(toml=toml, dbc=(rest, cycle))
 
 
 def test_the_limits_are_finite_and_within_what_the_wire_can_say(database):

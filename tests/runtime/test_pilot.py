@@ -66,15 +66,21 @@ class Cabin:
         gear: Gear | None = Gear.DRIVE,
         status_age_ns: int = 0,
         pose_valid: bool = True,
+        others_fresh: bool = True,
         frame_id: str = "map",
     ) -> Any:
         state = VehicleState(stamp_ns=NOW_NS, frame_id=frame_id, x_m=5.0, y_m=0.0, heading_rad=0.0, speed_mps=speed_mps)
         self.pilot.controller.set_trajectory(straight(time_s=1e6))
-        sample = Sample(state=state, pose_valid=pose_valid, counter=1, completed_ns=NOW_NS)
+        sample = Sample(state=state, pose_valid=pose_valid, others_fresh=others_fresh, counter=1, completed_ns=NOW_NS)
         status = None
         if gear is not None:
             status = VehicleStatus(stamp_ns=NOW_NS - status_age_ns, mode=VehicleMode.AUTONOMOUS, gear=gear)
         return self.pilot.answer(sample, status, NOW_NS)
+
+
+def test_a_sample_without_complete_knowledge_of_the_vehicle_is_answered_by_a_stop() -> None:
+    safe = Cabin(Always(speed_mps=3.0)).answer(others_fresh=False).safe
+    assert (safe.enable, safe.safe_stop, safe.reason) == (True, True, Reason.STATE_STALE)
 
 
 @pytest.mark.parametrize("gear", [Gear.PARK, Gear.REVERSE, Gear.NEUTRAL, Gear.DRIVE])

@@ -18,11 +18,12 @@ import msgspec
 from cantools.database import Message, Signal
 from cantools.database.can import Database
 
+from vehicle_iface import checks
 from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.dbc_file import DbcFile, read_dbc
 from vehicle_iface.codec.e2e import Protection
 from vehicle_iface.codec.layout import Layout
-from vehicle_iface.errors import ConfigError
+from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.profile import Profile
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState, Gear, VehicleMode
@@ -182,6 +183,7 @@ class _Binder:
         for section, bindings in self._named_signals().items():
             self._claim(section, bindings)
         self._check_named_messages()
+        self._check_sample()
         roles = self.roles()
         self._check_senders(roles)
         self._check_periods(roles)
@@ -275,6 +277,26 @@ class _Binder:
                     if dotted in self._fields:
                         raise self._fault(place, f"{dotted} is bound to {self._fields[dotted]}")
 
+    def _check_sample(self) -> None:
+        """Values that mean nothing without one another are of one sample; frames of reference have usable names."""
+        state = self._profile.state
+        for field in _ONE_SAMPLE:
+            dotted = getattr(state.signals, field)
+            if dotted is not None and dotted.partition(".")[0] not in state.sample:
+                with self.noted():
+                    text = f"{dotted}: must be in a message of the sample: {', '.join(state.sample)}"
+                    raise self._fault(f"$.state.signals.{field}", text)
+        names = {"frame_id": state.frame_id} | {f"frames.{key}": name for key, name in state.frames.items()}
+        for place, name in names.items():
+            with self.noted():
+                self._check_frame(f"$.state.{place}", name)
+
+    def _check_frame(self, place: str, name: str) -> None:
+        try:
+            checks.frame_id("frame of reference", name)
+        except InvalidValueError as error:
+            raise self._fault(place, str(error)) from None
+
     # --- roles
 
     def _roles(
@@ -327,6 +349,10 @@ class _Binder:
         timing = self._profile.timing
         for name, role in roles.items():
             cycle_ms = self._dbc.get_message_by_name(name).cycle_time
+            if role is Role.EXTRA and cycle_ms and cycle_ms / 1000 >= timing.status_stale_s:
+                with self.noted():
+                    text = f"{timing.status_stale_s} s: must be above the cycle of {name}, {cycle_ms} ms"
+                    raise self._fault("$.timing.status_stale_s", text)
             if role not in PERIODS or not cycle_ms:
                 continue
             period_s = getattr(timing, PERIODS[role])
@@ -542,6 +568,8 @@ def _members(kind: type[IntEnum]) -> dict[str, int]:
     return {member.name: int(member) for member in kind}
 
 
+_ONE_SAMPLE = ("x_m", "y_m", "heading_rad", "speed_mps", "pose_frame")
+"""Fields of the state that must come in messages of its sample: where the vehicle is, in which frame, how fast."""
 _LIGHTS = {"OFF": 0, "LOW": 1, "HIGH": 2}
 _TURNS = {"OFF": 0, "LEFT": 1, "RIGHT": 2}
 _VOCABULARIES: dict[str, tuple[dict[str, int], tuple[str, ...]]] = {

@@ -65,6 +65,8 @@ class Pilot:
             return stop(state, Reason.SHUTDOWN)
         if not sample.pose_valid:
             return stop(state, Reason.STATE_INVALID)
+        if not sample.others_fresh:
+            return stop(state, Reason.STATE_STALE)
         if status is not None and now_ns - status.stamp_ns > self._status_stale_ns:
             return stop(state, Reason.STATE_STALE)
         try:
@@ -85,7 +87,7 @@ class Pilot:
         self._was_enabled = driving
         if not driving:
             return Answer(wish=wish, safe=self.gate.release(stamp_ns=state.stamp_ns, reason=engagement.reason))
-        gear = status.gear if status is not None else Gear.NO_REQUEST
+        gear = status.gear if status is not None else None
         wanted = wanted_gear(wish, state)
         may_change = abs(state.speed_mps) < self._gear_change_speed_mps
         request = wanted if may_change and wanted is not gear else Gear.NO_REQUEST
@@ -115,8 +117,8 @@ def wanted_gear(wish: Command, state: VehicleState) -> Gear:
     return Gear.DRIVE if direction > 0.0 else Gear.REVERSE
 
 
-def _is_reversing(state: VehicleState, wanted: Gear, gear: Gear) -> bool:
-    """Which way driving and braking point: by motion, else by the gear that is wanted or in."""
+def _is_reversing(state: VehicleState, wanted: Gear, gear: Gear | None) -> bool:
+    """Which way driving and braking point: by motion, else by the gear that is wanted or in; forwards if unknown."""
     if abs(state.speed_mps) >= STANDSTILL_MPS:
         return state.speed_mps < 0.0
     return (wanted if wanted is not Gear.NO_REQUEST else gear) is Gear.REVERSE

@@ -70,7 +70,7 @@ class Snapshot(NamedTuple):
     vehicle_mode: int = 0
     """A `VehicleMode`."""
     gear: int = 0
-    """A `Gear`."""
+    """A `Gear`; NO_REQUEST where the vehicle does not say."""
 
     trajectory_version: int = 0
     """Which trajectory is in force (`TelemetryWriter.publish_trajectory`); 0: none yet."""

@@ -11,7 +11,7 @@ from vehicle_iface.runtime.pilot import Answer
 from vehicle_iface.runtime.rate import Grid
 from vehicle_iface.runtime.telemetry import Snapshot, TelemetryWriter
 from vehicle_iface.state import VehicleState
-from vehicle_iface.status import ControllerState, VehicleStatus
+from vehicle_iface.status import ControllerState, Gear, VehicleStatus
 from vehicle_iface.units import NS_PER_MS
 
 QUIET_NS = 100 * NS_PER_MS
@@ -51,7 +51,8 @@ class Teller:
         if state is not None:
             known |= _of_state(state) | self._of_reference(state)
         if status is not None:
-            known |= {"has_status": True, "vehicle_mode": status.mode, "gear": status.gear}
+            gear = Gear.NO_REQUEST if status.gear is None else status.gear
+            known |= {"has_status": True, "vehicle_mode": status.mode, "gear": gear}
         if answer is not None:
             known |= _of_answer(answer)
         self._writer.publish(

@@ -6,6 +6,8 @@ intact commands while AUTONOMOUS, and a watchdog that trusts nobody.
 Choices that the contract leaves open:
 
 - It starts READY, in PARK, at standstill, so that a commander can engage, shift and drive with nobody in it.
+- Where commands have no gear it starts in DRIVE, and a command at standstill puts in the gear of its direction:
+  the sign of its speed or, where that is 0 and it is no stop, of its acceleration.
 - While the driver does something it does not become AUTONOMOUS, however many pairs come.
 - Out of FAULT and EMERGENCY_STOP only the driver's reset leads, to MANUAL; from there to READY only the
   driver's ready, with feet and hands off.
@@ -78,6 +80,8 @@ class Wire(Protocol):
     """Messages that carry the status."""
     frame_ids: Mapping[str, int]
     """Frames of reference that it can express, and their numbers."""
+    requests_gear: bool
+    """Whether the commands can say which gear is wanted."""
 
     def is_command(self, frame: CanFrame) -> bool:
         """Whether the frame claims to be one of `commands`."""
@@ -143,13 +147,16 @@ class SimulatedVehicle:
         car: BicycleParameters | None = None,
         parameters: SimulationParameters | None = None,
         mode: VehicleMode = VehicleMode.READY,
-        gear: Gear = Gear.PARK,
+        gear: Gear | None = None,
         frame_id: str = "map",
     ) -> None:
-        """Its first sample is due at `start_ns`."""
+        """Its first sample is due at `start_ns`.
+
+        Without a `gear` it is in PARK, or in DRIVE where commands have none.
+        """
         self.parameters = parameters if parameters is not None else SimulationParameters()
         self.mode = mode
-        self.gear = gear
+        self.gear = gear if gear is not None else Gear.PARK if wire.requests_gear else Gear.DRIVE
         self.fault_code = 0
         self.driver = Driver()
         self.frame_id = frame_id
@@ -330,8 +337,20 @@ class SimulatedVehicle:
             self._watch.break_row()
         elif self._watch.pairs >= PAIRS_TO_ENGAGE:
             self._happen(Event.PAIRS_RECEIVED)
-        if self.mode is VehicleMode.AUTONOMOUS and "gear_request" in heard.values:
-            self.shift(Gear(int(heard.values["gear_request"])))
+        if self.mode is VehicleMode.AUTONOMOUS:
+            if "gear_request" in heard.values:
+                self.shift(Gear(int(heard.values["gear_request"])))
+            elif not self._wire.requests_gear and self.state.speed_mps == 0.0:
+                self.shift(self._gear_of_direction())
+
+    def _gear_of_direction(self) -> Gear:
+        """Which gear the newest command drives in; NO_REQUEST where it has no direction."""
+        direction = self._wish.get("speed_mps", 0.0)
+        if direction == 0.0 and not self._wish.get("safe_stop", False):
+            direction = self._wish.get("accel_mps2", 0.0)
+        if direction == 0.0:
+            return Gear.NO_REQUEST
+        return Gear.DRIVE if direction > 0.0 else Gear.REVERSE
 
     def _happen(self, event: Event) -> bool:
         """Whether the event changed the mode."""

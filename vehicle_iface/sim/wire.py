@@ -26,6 +26,7 @@ class ProfileWire:
         self.status = tuple(message.name for message in (database.status, *database.extra))
         names = {name: number for number, name in database.frames.items()}
         self.frame_ids: Mapping[str, int] = names or {database.profile.state.frame_id: 0}
+        self.requests_gear = any("gear_request" in message.fields for message in database.commands)
         self._fields = {message.name: message.fields for message in database.commands}
         self._command_ids = {_key(message) for message in database.commands}
         self._ids = {_key(message) for message in (*database.received, *database.sent)}
@@ -71,7 +72,7 @@ def simulated_vehicle(
     start_ns: int,
     start: BicycleState | None = None,
     mode: VehicleMode = VehicleMode.READY,
-    gear: Gear = Gear.PARK,
+    gear: Gear | None = None,
     frame_id: str | None = None,
 ) -> SimulatedVehicle:
     """A vehicle as the profile describes it; `frame_id` is that of its pose, map where there is a choice.
