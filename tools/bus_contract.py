@@ -236,6 +236,8 @@ class Record:
     frames: Counter[str] = field(default_factory=Counter)
     """By message name; others by their identifier."""
     crc_errors: list[str] = field(default_factory=list)
+    damaged: list[tuple[str, int]] = field(default_factory=list)
+    """Name and stamp of each frame with a wrong checksum."""
     malformed: list[str] = field(default_factory=list)
     """Frames with an identifier of the contract and another kind or length."""
     counter_gaps: list[str] = field(default_factory=list)
@@ -402,12 +404,15 @@ def _judged_frame(frame: Frame, record: Record) -> Told | None:
     told = intact(frame)
     if told is None:
         record.crc_errors.append(where)
+        record.damaged.append((name, frame.stamp_ns))
     return told
 
 
 def _judge_counters(record: Record) -> list[Told]:
-    """Notes every step that is not 1; returns what a receiver accepts: steps of 1 to 3."""
+    """Notes every step that is not 1; returns what a receiver accepts: steps of 1 to 3, and one more for each
+    frame of the message that was damaged on the way (AUTOSAR profile 1)."""
     last: dict[str, int] = {}
+    last_ns: dict[str, int] = {}
     accepted = []
     for told in record.told:
         where = f"{told.name} at {_at(told.stamp_ns, record.begin_ns)}"
@@ -418,7 +423,9 @@ def _judge_counters(record: Record) -> list[Told]:
         step = (told.counter - before) % COUNTERS if before is not None else 1
         if step != 1:
             record.counter_gaps.append(f"{where}: {before} to {told.counter}")
-        if 1 <= step <= GREATEST_STEP:
+        since_ns, last_ns[told.name] = last_ns.get(told.name, 0), told.stamp_ns
+        damaged = sum(name == told.name and since_ns < at_ns < told.stamp_ns for name, at_ns in record.damaged)
+        if 1 <= step <= GREATEST_STEP + damaged:
             accepted.append(told)
     return accepted
 

@@ -249,7 +249,12 @@ def _paths(address: str) -> tuple[Path, ...]:
         )
     memory = Path("/dev/shm")
     folders = [memory] if memory.is_dir() and os.access(memory, os.W_OK) else []
-    folders.append(Path(tempfile.gettempdir()))
+    with contextlib.suppress(FileNotFoundError):  # there may be none that this user may write to
+        folders.append(Path(tempfile.gettempdir()))
+    if not folders:
+        raise ConfigError(
+            f"telemetry address {address!r}: neither {memory} nor a folder for temporary files is writable"
+        )
     return tuple(folder / f"vehicle-iface-{os.getuid()}-{address}" for folder in folders)
 
 
