@@ -1,6 +1,7 @@
 """What every controller does in the same way: when to stop, how far the vehicle has come, and how it
 stops."""
 
+import logging
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
@@ -19,6 +20,8 @@ from vehicle_iface.errors import (
 from vehicle_iface.reason import Reason
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
+
+log = logging.getLogger(__name__)
 
 
 class ControlReference(StrEnum):
@@ -79,6 +82,7 @@ class ControllerBase(ABC):
         self.behavior = BehaviorConfig() if behavior is None else behavior
         self._progress: Progress | None = None
         self._is_stopping = True
+        self._stop_steering_failed = False
 
     @final
     def set_trajectory(self, trajectory: Trajectory) -> None:
@@ -228,7 +232,10 @@ class ControllerBase(ABC):
         try:
             front_rad, rear_rad = self.stop_steering_impl(state)
             return checks.finite("front_wheel_angle_rad", front_rad), checks.finite("rear_wheel_angle_rad", rear_rad)
-        except Exception:  # noqa: BLE001  # a child's hook may raise anything, and a stop must always have an answer
+        except Exception:  # a child's hook may raise anything, and a stop must always have an answer
+            if not self._stop_steering_failed:
+                self._stop_steering_failed = True
+                log.exception("stop_steering_impl raised; stops are straight while it does (said once)")
             return 0.0, 0.0
 
     def _stamped(self, command: Command, stamp_ns: int) -> Command:

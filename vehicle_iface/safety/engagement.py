@@ -122,7 +122,6 @@ class Engagement:
         self._timing = timing
         self.mode = Mode.STARTING if armed else Mode.LISTENING
         self.reason = Reason.NOT_ENGAGED
-        self._may_engage = armed
         self._since_ns = 0
         self._fresh_since_ns: int | None = None
         self._last_sample_ns: int | None = None
@@ -153,15 +152,12 @@ class Engagement:
     def happened(self, event: Event, now_ns: int) -> bool:
         """Apply one event; whether the mode changed."""
         if event is Event.ARMED:
-            self._may_engage = self.mode is not Mode.LISTENING
             self._fresh_since_ns = None
         pair = TABLE.get((self.mode, event))
         if pair is None:
             return False
         self.mode, self.reason = pair
         self._since_ns = now_ns
-        if self.mode is Mode.ENGAGING:
-            self._may_engage = False
         self.transitions.append((now_ns, self.mode, self.reason))
         return True
 
@@ -183,7 +179,7 @@ class Engagement:
             self.happened(Event.OVERRIDE, now_ns)
         elif status.mode is VehicleMode.AUTONOMOUS:
             self.happened(Event.VEHICLE_AUTONOMOUS, now_ns)
-        elif self.mode is Mode.STANDBY and self._may_engage:
+        elif self.mode is Mode.STANDBY:
             self.happened(Event.VEHICLE_READY, now_ns)
         else:
             self.happened(Event.VEHICLE_LEFT, now_ns)
