@@ -1,4 +1,7 @@
-"""The `vehicle-iface` command."""
+"""The `vehicle-iface` command.
+
+What only one command needs is imported by that command: the control process carries nothing that it does not use.
+"""
 
 import argparse
 import dataclasses
@@ -14,9 +17,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from types import FrameType
 
-from vehicle_iface import clock, compose, demo, doctor
+from vehicle_iface import clock, compose
 from vehicle_iface.bus.base import Bus
-from vehicle_iface.codec import bulk, lint
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.errors import BusError, ConfigError, TrajectoryFileError, VehicleIfaceError
@@ -52,6 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 done, 2 bad usage, configuration or file, 3 no bus, 4 ended in a latched fault."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given[:1] == ["view"]:  # the viewer is another process and knows its own options
+        from vehicle_iface import demo
+
         command_line, environment = demo.python_module("viewer")
         os.execve(sys.executable, [*command_line, *given[1:]], environment)
     options = _parser().parse_args(given)
@@ -141,6 +145,8 @@ def press_pedal(options: argparse.Namespace) -> int:
 
 def run_demo(options: argparse.Namespace) -> int:
     """Simulated vehicle, loop and viewer together."""
+    from vehicle_iface import demo
+
     return demo.run(
         route=options.route,
         port=options.port,
@@ -153,6 +159,8 @@ def run_demo(options: argparse.Namespace) -> int:
 
 def check_dbc(options: argparse.Namespace) -> int:
     """All faults of a DBC or profile."""
+    from vehicle_iface.codec import lint
+
     findings = lint.check_file(Path(options.file))
     if options.json:
         _say(json.dumps([dataclasses.asdict(finding) for finding in findings], indent=2))
@@ -164,6 +172,8 @@ def check_dbc(options: argparse.Namespace) -> int:
 
 def decode(options: argparse.Namespace) -> int:
     """A candump log to columns."""
+    from vehicle_iface.codec import bulk
+
     dbc = Path(options.dbc or load_profile(options.profile).dbc)
     messages = {message.name: message for message in read_dbc(dbc).database.messages}
     for name in options.message:
@@ -195,6 +205,8 @@ def _show_progress(done_bytes: int, total_bytes: int) -> None:
 
 def examine(options: argparse.Namespace) -> int:
     """What this machine lacks."""
+    from vehicle_iface import doctor
+
     findings = doctor.examine(options.channel, load_profile(options.profile).bus)
     _say(doctor.as_json(findings) if options.json else doctor.as_text(findings))
     return DONE if doctor.is_ready(findings) else BAD_USAGE

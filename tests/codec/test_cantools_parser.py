@@ -1,0 +1,34 @@
+"""The parser alone is loaded, and nobody else notices."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def told_by(program: str) -> str:
+    result = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    return result.stdout.strip()
+
+
+def test_the_control_process_does_not_load_the_parsers_bench_tools() -> None:
+    loaded = told_by(
+        "import sys, vehicle_iface.cli; print([n for n in ('can', 'cantools.tester') if n in sys.modules])"
+    )
+    assert loaded == "[]"
+
+
+def test_who_imports_cantools_afterwards_gets_all_of_it_with_the_same_parser() -> None:
+    program = (
+        "import sys, vehicle_iface.cli; parser = sys.modules['cantools.database']; import cantools, cantools.tester;"
+        "print(cantools.database is parser, cantools.tester.Tester.__name__)"
+    )
+    assert told_by(program) == "True Tester"
+
+
+def test_who_imported_cantools_before_keeps_it() -> None:
+    program = (
+        "import cantools, sys, vehicle_iface.cli; print(sys.modules['cantools'] is cantools, 'can' in sys.modules)"
+    )
+    assert told_by(program) == "True True"
