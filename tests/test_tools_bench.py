@@ -1,0 +1,71 @@
+"""tools/bench as its users meet it: each benchmark runs, proves its comparison fair, and prints table and JSON."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from benchmarks import _report, _timing
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def bench(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """What tools/bench becomes once everything is installed."""
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tools'}:{ROOT}"}
+    command = [sys.executable, "-P", "-m", "benchmarks", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, env=environment)
+
+
+@pytest.mark.parametrize("name", ["codec"])
+def test_a_benchmark_prints_its_figures_with_the_machine_and_whether_its_targets_are_reached(name: str) -> None:
+    done = bench(name, "--quick", "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["benchmark"] == name
+    assert set(found["machine"]) == {"cpu", "cores", "python", "kernel", "user_mode_kernel"}
+    assert found["tables"]
+    assert found["targets"]
+    for table in found["tables"]:
+        assert table["rows"]
+        assert {len(row) for row in table["rows"]} == {len(table["columns"])}
+
+
+def test_the_help_names_each_benchmark_with_its_time_and_target() -> None:
+    done = bench("--help")
+    assert done.returncode == 0
+    names = [path.stem for path in (ROOT / "tools" / "benchmarks").glob("[a-z]*.py")]
+    for name in names:
+        said = done.stdout.split(f"\n{name}\n")[1].split("\n\n")[0]
+        assert "Takes" in said
+        assert "Target:" in said
+
+
+def test_an_unknown_benchmark_is_bad_usage() -> None:
+    done = bench("speed")
+    assert done.returncode == 2
+    assert "invalid choice: 'speed'" in done.stderr
+    assert done.stdout == ""
+
+
+def test_a_target_is_reached_up_to_its_bound_and_missed_beyond() -> None:
+    assert _report.Target(what="rate", value=6.0, at_least=6.0).is_reached
+    assert not _report.Target(what="rate", value=5.999, at_least=6.0).is_reached
+    assert _report.Target(what="cost", value=1.6, at_most=1.6).is_reached
+    assert str(_report.Target(what="cost", value=1.7, at_most=1.6, unit="x")).startswith("MISSED   cost: 1.70x")
+
+
+def test_a_disturbed_round_moves_no_median() -> None:
+    steady, disturbed = [100.0] * 9, [200.0] * 8 + [90_000.0]
+    spread = _timing.ratios(disturbed, steady)
+    assert spread.median == 2.0
+    assert spread.p10 == 2.0
+
+
+def test_contestants_take_turns_and_each_begins_as_often() -> None:
+    calls: list[str] = []
+    took = _timing.interleaved({name: lambda name=name: calls.append(name) for name in "abc"}, 3)
+    assert calls == [*"abc", *"abc", *"bca", *"cab"]
+    assert {name: len(times) for name, times in took.items()} == {"a": 3, "b": 3, "c": 3}
