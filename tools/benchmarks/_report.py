@@ -115,18 +115,9 @@ def _aligned(table: Table) -> list[str]:
 
 
 def _shown(cell: Cell) -> str:
-    """Three significant figures at least."""
+    """Floats with three significant figures at least."""
     if cell is None:
         return "-"
     if not isinstance(cell, float):
-        return str(cell) if isinstance(cell, str) else f"{cell:,}"
-    size = abs(cell)
-    return (
-        f"{cell:,.0f}"
-        if size >= 1000
-        else f"{cell:.1f}"
-        if size >= 100
-        else f"{cell:.2f}"
-        if size >= 1
-        else f"{cell:.3g}"
-    )
+        return cell if isinstance(cell, str) else f"{cell:,}"
+    return f"{cell:,.0f}" if abs(cell) >= 1000 else f"{cell:.1f}" if abs(cell) >= 100 else f"{cell:.3g}"

@@ -2,10 +2,14 @@
 
 import gc
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from statistics import median, quantiles
 from time import perf_counter_ns
+from typing import TypeVar
+
+Name = TypeVar("Name", bound=Hashable)
 
 NS_PER_US = 1000
 
@@ -24,29 +28,44 @@ class Spread:
         return cls(median(values), tenths[0], tenths[-1])
 
 
-def interleaved(contestants: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, list[int]]:
-    """Nanoseconds of each call, in rounds in which everybody runs once; who begins moves on by one each round.
+def interleaved(
+    contestants: Mapping[Name, Callable[[], object]], rounds: int, prepare: Callable[[Name], None] = lambda _: None
+) -> dict[Name, list[int]]:
+    """Nanoseconds of each call, in turns; `prepare` is called before each, unmeasured.
 
-    Each runs once before, unmeasured. No garbage is collected meanwhile, as with timeit.
+    No garbage is collected meanwhile, as with timeit.
     """
-    order = list(contestants)
-    took: dict[str, list[int]] = {name: [] for name in order}
-    for contestant in contestants.values():
-        contestant()
+
+    def timed(name: Name) -> int:
+        prepare(name)
+        call = contestants[name]
+        begun_ns = perf_counter_ns()
+        call()
+        return perf_counter_ns() - begun_ns
+
     was_on = gc.isenabled()
     gc.disable()
     try:
-        for number in range(rounds):
-            first = number % len(order)
-            for name in order[first:] + order[:first]:
-                run = contestants[name]
-                begun_ns = perf_counter_ns()
-                run()
-                took[name].append(perf_counter_ns() - begun_ns)
+        return in_turns({name: partial(timed, name) for name in contestants}, rounds)
     finally:
         if was_on:
             gc.enable()
-    return took
+
+
+def in_turns(measure: Mapping[Name, Callable[[], int]], rounds: int) -> dict[Name, list[int]]:
+    """What each measures, in rounds in which everybody measures once; who begins moves on by one each round.
+
+    Each measures once before, and that is thrown away.
+    """
+    order = list(measure)
+    found: dict[Name, list[int]] = {name: [] for name in order}
+    for name in order:
+        measure[name]()
+    for number in range(rounds):
+        first = number % len(order)
+        for name in order[first:] + order[:first]:
+            found[name].append(measure[name]())
+    return found
 
 
 def ratios(above: Sequence[float], below: Sequence[float]) -> Spread:

@@ -12,22 +12,20 @@ encoding at least 5 times, and 3.5 times.
 """
 
 import argparse
-import random
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
-from cantools.database import Message, Signal
+from cantools.database import Message
 
+from benchmarks._inputs import DBC_FOLDER, is_same, random_values
 from benchmarks._per_signal import PerSignalCodec
 from benchmarks._report import BenchmarkError, Cell, Report, Table, Target, progress
 from benchmarks._timing import NS_PER_US, Spread, geometric_mean, interleaved, ratios
 from vehicle_iface.codec import MessageCodec
 from vehicle_iface.codec.dbc_file import read_dbc
 
-DBC_FOLDER = Path(__file__).resolve().parents[2] / "dbc"
 PAYLOADS = 100
 OURS, OURS_UNCHECKED, CANTOOLS, PER_SIGNAL = "ours", "ours unchecked", "cantools", "per signal"
 COLUMNS = (
@@ -81,7 +79,7 @@ def _jobs(message: Message) -> tuple[Message, Mapping[str, Mapping[str, Job]]]:
     """What each contestant has to do with one message, after a proof that they all come to the same."""
     if message.is_multiplexed():
         raise BenchmarkError(f"{message.name} is multiplexed: the loop over signals knows no multiplexers")
-    values = _values(message)
+    values = random_values(message, PAYLOADS)
     checked, unchecked, per_signal = (
         MessageCodec(message),
         MessageCodec(message, checked=False),
@@ -93,9 +91,9 @@ def _jobs(message: Message) -> tuple[Message, Mapping[str, Mapping[str, Job]]]:
     for one, row, data in zip(values, rows, payloads, strict=True):
         _prove(
             message,
-            cantools=_same(message.decode(data, decode_choices=False), one),
-            ours=_same(checked.decode(data), row) and checked.encode(row) == data,
-            ours_unchecked=_same(unchecked.decode(data), row) and unchecked.encode(row) == data,
+            cantools=is_same(message.decode(data, decode_choices=False), one),
+            ours=is_same(checked.decode(data), row) and checked.encode(row) == data,
+            ours_unchecked=is_same(unchecked.decode(data), row) and unchecked.encode(row) == data,
             per_signal=per_signal.decode(data) == one and per_signal.encode(one) == data,
         )
     decoded_by = {
@@ -113,24 +111,6 @@ def _jobs(message: Message) -> tuple[Message, Mapping[str, Mapping[str, Job]]]:
     return message, {"decode": decoded_by, "encode": encoded_by}
 
 
-def _values(message: Message) -> list[dict[str, float]]:
-    """In range and on the grid of each signal, as cantools scales it; the same on each run."""
-    dice = random.Random(message.frame_id)
-    return [{signal.name: _value(signal, dice) for signal in message.signals} for _ in range(PAYLOADS)]
-
-
-def _value(signal: Signal, dice: random.Random) -> float:
-    """Of a name where there are names, else anywhere between the limits."""
-    raw_low = -(1 << signal.length - 1) if signal.is_signed else 0
-    raw_high = raw_low + (1 << signal.length) - 1
-    while True:
-        raw = dice.choice(list(signal.choices)) if signal.choices else dice.randint(raw_low, raw_high)
-        value = raw * signal.scale + signal.offset
-        above = signal.minimum is None or value >= signal.minimum
-        if above and (signal.maximum is None or value <= signal.maximum):
-            return value
-
-
 def _prove(message: Message, **same: bool) -> None:
     wrong = [name.replace("_", " ") for name, is_same in same.items() if not is_same]
     if wrong:
@@ -140,11 +120,6 @@ def _prove(message: Message, **same: bool) -> None:
 def _each(call: Callable[..., object], inputs: Iterable[object]) -> Job:
     """One after the other, nothing kept: the thinnest loop that Python has."""
     return lambda: deque(map(call, inputs), maxlen=0)
-
-
-def _same(one: object, other: object) -> bool:
-    """To the last bit, whole numbers as whole numbers."""
-    return repr(one) == repr(other)
 
 
 def _measured(message: Message, jobs: Mapping[str, Job], direction: str, rounds: int) -> Measured:
