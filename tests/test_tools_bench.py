@@ -1,5 +1,6 @@
 """tools/bench as its users meet it: each benchmark runs, proves its comparison fair, and prints table and JSON."""
 
+import argparse
 import json
 import os
 import subprocess
@@ -7,9 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from benchmarks import _report, _timing
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "tools"))
+
+from benchmarks import _per_signal, _report, _timing, codec  # noqa: E402  (only now are they to be found)
 
 
 def bench(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -19,7 +22,7 @@ def bench(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, env=environment)
 
 
-@pytest.mark.parametrize("name", ["codec"])
+@pytest.mark.parametrize("name", ["bulk", "codec", "control", "start"])
 def test_a_benchmark_prints_its_figures_with_the_machine_and_whether_its_targets_are_reached(name: str) -> None:
     done = bench(name, "--quick", "--json")
     assert done.returncode == 0, done.stderr
@@ -50,11 +53,23 @@ def test_an_unknown_benchmark_is_bad_usage() -> None:
     assert done.stdout == ""
 
 
+def test_a_contestant_that_comes_to_something_else_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = _per_signal.PerSignalCodec.encode
+
+    def wrong(self: _per_signal.PerSignalCodec, values: dict[str, float]) -> bytes:
+        data = right(self, values)
+        return bytes([data[0] ^ 1]) + data[1:] if self.length == 32 else data
+
+    monkeypatch.setattr(_per_signal.PerSignalCodec, "encode", wrong)
+    with pytest.raises(_report.BenchmarkError, match="STATE: per signal: not the same"):
+        codec.run(argparse.Namespace(quick=True))
+
+
 def test_a_target_is_reached_up_to_its_bound_and_missed_beyond() -> None:
     assert _report.Target(what="rate", value=6.0, at_least=6.0).is_reached
     assert not _report.Target(what="rate", value=5.999, at_least=6.0).is_reached
     assert _report.Target(what="cost", value=1.6, at_most=1.6).is_reached
-    assert str(_report.Target(what="cost", value=1.7, at_most=1.6, unit="x")).startswith("MISSED   cost: 1.70x")
+    assert str(_report.Target(what="cost", value=1.7, at_most=1.6, unit="x")).startswith("MISSED   cost: 1.7x")
 
 
 def test_a_disturbed_round_moves_no_median() -> None:

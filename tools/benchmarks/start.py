@@ -1,0 +1,124 @@
+"""The control process: how soon it commands, how much memory it takes and keeps, and when garbage is collected.
+
+Ours is `vehicle-iface run --interface embedded --route figure8 --arm` with its telemetry writer, in a process in which
+time passes only when the program sleeps. Start is from before the process exists to the first pair of commands handed
+to the bus; the half second for which the protocol wants fresh samples passes in that virtual time, so its work (some 50
+samples, and the simulated vehicle that sends them) counts and its waiting does not. The peer is a process that imports
+cantools and loads the same DBC. Memory is VmRSS, with the simulated vehicle inside, which a real bus does not need;
+then the loop makes its passes as fast as it can. Its real-time claims are all made, but SCHED_FIFO is given back.
+
+Takes 3 min (an hour of samples); --passes 1000000 7 min; --quick 10 s.
+
+Target: start at most 1.5 times the peer's; memory at most 45 MiB, and from a tenth of the passes on it grows by no more
+than 0.25 MiB; no full collection inside a pass; viser not imported.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from subprocess import DEVNULL
+from time import perf_counter_ns
+from typing import Any
+
+from benchmarks._inputs import DBC_FOLDER
+from benchmarks._report import BenchmarkError, Cell, Report, Table, Target, progress
+from benchmarks._timing import Spread, in_turns, ratios
+
+HOUR = 360_000
+"""Samples at 100 Hz; one pass takes one."""
+KIB_IN_MIB = 1024
+NS_PER_MS = 1_000_000
+MOST_GROWTH_MIB = 0.25
+MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
+"""Where the program has its telemetry."""
+TELLS = "import os; os.write({fd}, b'\\n')"
+PEER = f"import cantools.database; cantools.database.load_file({str(DBC_FOLDER / 'reference.dbc')!r}); {TELLS}"
+OURS, CANTOOLS, PYTHON = "first command", "cantools has loaded the DBC", "python is there"
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--passes", type=int, metavar="N", help=f"of the loop, for the memory (default {HOUR:,})")
+
+
+def run(options: argparse.Namespace) -> Report:
+    rounds = 3 if options.quick else 31
+    passes = options.passes or (3_000 if options.quick else HOUR)
+    with tempfile.TemporaryDirectory(prefix="vehicle-iface-bench-", dir=MEMORY) as folder:
+        control_process = ("-m", "benchmarks._control_process", "{passes}", f"{folder}/telemetry", "{fd}")
+        progress(f"start: {rounds} processes of each kind")
+        jobs = {
+            OURS: partial(_time_to_word, control_process),
+            CANTOOLS: partial(_time_to_word, ("-c", PEER)),
+            PYTHON: partial(_time_to_word, ("-c", TELLS)),
+        }
+        took = in_turns(jobs, rounds)
+        progress(f"start: {passes} passes")
+        seen = json.loads(_process(control_process, passes)[1])
+    ratio = ratios(took[OURS], took[CANTOOLS])
+    rows: list[Sequence[Cell]] = []
+    for name, times in took.items():
+        spread, to_peer = Spread.of([one / NS_PER_MS for one in times]), ratios(times, took[CANTOOLS])
+        rows.append((name, spread.median, spread.p10, spread.p90, to_peer.median, to_peer.p10, to_peer.p90))
+    columns = ("until", "ms", "p10", "p90", "vs cantools", "p10", "p90")
+    start = Table(title="process start", columns=columns, rows=rows)
+    mib = [kib / KIB_IN_MIB for kib in seen["rss_kib"]]
+    return Report(
+        method=f"{rounds} rounds of one process each, in turn; ms and ratios are medians of the rounds",
+        tables=[start, _memory(seen, mib), _collections(seen)],
+        targets=[
+            Target(what="start to first command, vs cantools with the DBC", value=ratio.median, at_most=1.5, unit="x"),
+            Target(what="memory after the first command", value=mib[0], at_most=45.0, unit="MiB"),
+            Target(what=f"memory after {seen['samples']:,} samples", value=mib[-1], at_most=45.0, unit="MiB"),
+            Target(
+                what="growth from a tenth of the passes to the end",
+                value=max(mib[len(mib) // 10 :]) - mib[len(mib) // 10],
+                at_most=MOST_GROWTH_MIB,
+                unit="MiB",
+            ),
+            Target(what="full collections inside a pass", value=seen["collections"].get("in 2", 0), at_most=0),
+            Target(what="viser imported", value=int("viser" in seen["imported"]), at_most=0),
+        ],
+        notes=[f"imported in the control process, of viser, can, cantools, numpy: {', '.join(seen['imported'])}"],
+    )
+
+
+def _memory(seen: dict[str, Any], mib: Sequence[float]) -> Table:
+    shown = sorted({0, 1, len(mib) // 10, len(mib) // 2, len(mib) - 1})
+    rows: list[Sequence[Cell]] = [(seen["passes"] * at // (len(mib) - 1), mib[at]) for at in shown]
+    return Table(title="memory", columns=("passes", "VmRSS MiB"), rows=rows)
+
+
+def _collections(seen: dict[str, Any]) -> Table:
+    rows: list[Sequence[Cell]] = [
+        (f"generation {number}", *(seen["collections"].get(f"{where} {number}", 0) for where in ("in", "between")))
+        for number in range(3)
+    ]
+    title = f"garbage collections in {seen['passes']:,} passes"
+    return Table(title=title, columns=("", "inside a pass", "between passes"), rows=rows)
+
+
+def _time_to_word(arguments: Sequence[str]) -> int:
+    return _process(arguments)[0]
+
+
+def _process(arguments: Sequence[str], passes: int = 0) -> tuple[int, str]:
+    """A Python process: nanoseconds from before its birth to its first line, and what it said after that."""
+    reading, writing = os.pipe()
+    command = [sys.executable, "-P", *(word.format(fd=writing, passes=passes) for word in arguments)]
+    with tempfile.TemporaryFile() as errors, open(reading, encoding="utf-8") as said:
+        begun_ns = perf_counter_ns()
+        process = subprocess.Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=errors, pass_fds=[writing])
+        os.close(writing)
+        has_spoken = said.readline() == "\n"
+        took_ns = perf_counter_ns() - begun_ns
+        rest = said.read()
+        if process.wait() != 0 or not has_spoken:
+            errors.seek(0)
+            raise BenchmarkError(f"{' '.join(command)}: {errors.read().decode(errors='replace')}")
+    return took_ns, rest
