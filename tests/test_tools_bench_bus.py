@@ -1,0 +1,134 @@
+"""The benchmarks of bus and loop: their comparison is fair, and their judges see what is wrong."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tools"))
+
+from benchmarks import _reaction_vcan, reaction  # noqa: E402
+from benchmarks._reaction_vehicle import RailVehicle, figure_of_eight, taken_apart  # noqa: E402
+from bus_contract import Frame, intact, pack  # noqa: E402
+
+VCAN = ROOT / "tools" / "vcan"
+
+
+def part(module: str, *arguments: str, within: tuple[str, ...] = ()) -> Any:
+    """What a part of a benchmark has found, in a process of its own."""
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tools'}:{ROOT}"}
+    command = [*within, sys.executable, "-P", "-m", f"benchmarks.{module}", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.fixture(scope="module")
+def passes() -> Any:
+    return part("_reaction_pass", "4", "8")
+
+
+@pytest.fixture(scope="module")
+def on_vcan() -> Any:
+    return part("_reaction_vcan", "1", "20", within=(sys.executable, str(VCAN)))
+
+
+def command_pair(stamp_ns: int, counter: int, reason: int = 0) -> list[Frame]:
+    drive = Frame(stamp_ns, *pack("DRIVE_COMMAND", counter, ENABLE=1, REASON=reason))
+    return [drive, Frame(stamp_ns + 10, *pack("STEER_COMMAND", counter, ENABLE=1))]
+
+
+def last_of_sample(stamp_ns: int, counter: int) -> Frame:
+    return Frame(stamp_ns, *pack("CHASSIS", counter))
+
+
+def test_every_contestant_answers_nearly_every_pass(passes: Any) -> None:
+    for name, found in passes.items():
+        assert len(found["passes_us"][reaction.HOT]) + found["unanswered"] >= 36, name
+        assert found["unanswered"] <= 4, name
+
+
+def test_an_echo_is_faster_than_whoever_computes(passes: Any) -> None:
+    best = {name: min(found["passes_us"][reaction.HOT]) for name, found in passes.items()}
+    assert min(best, key=lambda name: best[name]) == reaction.ECHO
+
+
+def test_the_pass_becomes_a_table_with_its_targets(passes: Any) -> None:
+    table = reaction._pass_table(passes)
+    assert {len(row) for row in table.rows} == {len(table.columns)}
+    assert len(table.rows) == 2 * len(passes)
+    assert len(reaction._pass_targets(passes)) == 4
+
+
+@pytest.mark.timeout(300)
+def test_every_process_answers_on_vcan_and_its_calls_are_counted(on_vcan: Any) -> None:
+    assert set(on_vcan["latencies"]) == set(_reaction_vcan.NAMES)
+    for name, found in on_vcan["latencies"].items():
+        assert found["first_s"], name
+        assert all(0.0 < first <= second for first, second in zip(found["first_s"], found["second_s"], strict=True))
+    calls = on_vcan["calls"]
+    assert calls is not None, "strace is missing"
+    assert calls["echo"].keys() == {"recvfrom", "sendto"}
+    assert not any("clock_gettime" in found for found in calls.values())
+
+
+def test_a_command_is_timed_from_its_samples_last_frame() -> None:
+    found = _reaction_vcan.Found()
+    frames = [last_of_sample(1_000, 1), *command_pair(4_000, 1), last_of_sample(11_000, 2), *command_pair(13_000, 2)]
+    _reaction_vcan.judge(frames, found, is_echo=False)
+    assert found.first_s == pytest.approx([3e-6, 2e-6])
+    assert found.second_s == pytest.approx([3.01e-6, 2.01e-6])
+
+
+def test_a_sample_without_a_whole_pair_is_unanswered_and_a_stop_is_no_answer() -> None:
+    found = _reaction_vcan.Found()
+    frames = [
+        last_of_sample(1_000, 1),
+        command_pair(4_000, 1)[0],
+        last_of_sample(11_000, 2),
+        *command_pair(13_000, 2, reason=6),
+    ]
+    _reaction_vcan.judge(frames, found, is_echo=False)
+    assert (found.unanswered, found.stops, found.first_s) == (1, 1, [])
+
+
+def test_calls_are_counted_once_and_within_their_time(tmp_path: Path) -> None:
+    trace = tmp_path / "trace"
+    trace.write_text(
+        "7 9.5 recvmmsg(3, ) = 1\n"
+        "7 10.0 recvmmsg(3, <unfinished ...>\n"
+        "8 10.1 futex(0x1) = 0\n"
+        "7 10.2 <... recvmmsg resumed>) = 1\n"
+        "7 10.3 --- SIGUSR1 {} ---\n"
+        "7 11.0 sendto(3, ) = 16\n"
+    )
+    assert _reaction_vcan._called(trace, 10.0, 11.0) == {"recvmmsg": 1, "futex": 1}
+
+
+def test_without_strace_the_table_says_so() -> None:
+    assert reaction._call_tables(None) == []
+    assert "strace is not installed" in reaction._notes(None)[-1]
+
+
+def test_the_vehicle_drives_off_after_three_enabled_pairs_and_keeps_to_its_course() -> None:
+    vehicle, course = RailVehicle(figure_of_eight()), figure_of_eight()
+    for counter in range(3):
+        assert not vehicle.is_autonomous
+        vehicle.hear(command_pair(0, counter)[0], now_s=5.0)
+    assert vehicle.is_autonomous
+    told = [intact(taken_apart(raw, 0)) for raw in vehicle.sample(5.0 + course.s_m[100] / 4.0)]
+    assert None not in told
+    pose, motion, _ = (one for one in told if one is not None)
+    assert (pose["POS_X"], pose["POS_Y"]) == pytest.approx((course.x_m[100], course.y_m[100]), abs=0.005)
+    assert motion["SPEED"] == pytest.approx(4.0)
+
+
+def test_a_part_that_fails_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reaction, "_vcan", list)
+    with pytest.raises(reaction.BenchmarkError, match="_reaction_pass ended with 1"):
+        reaction._child("_reaction_pass", 1)
