@@ -115,6 +115,8 @@ class Line:
         self.sent: list[Sent] = []
         self.down = False
         self.full = False
+        self.waiting = False
+        """What was sent last has not left yet."""
         self.opened = 0
         self.samples: list[tuple[int, VehicleState]] = []
         self._waiting: list[CanFrame] = []
@@ -133,6 +135,10 @@ class Line:
         self._check()
         frames, self._waiting = self._waiting + self.inner.drain(), []
         return frames
+
+    def has_room(self) -> bool:
+        self._check()
+        return not self.waiting
 
     def send(self, frame: CanFrame) -> bool:
         self._check()

@@ -593,7 +593,44 @@ def test_when_the_bus_has_no_room_the_frame_is_lost_and_not_kept() -> None:
     pairs = after(drive, 1.0)
     assert len(drive.sent) > count
     assert max(Counter(pair.step for pair in pairs).values()) == 1
-    assert drive.loop.details()["loop"]["frames_not_sent"] >= 10
+    assert drive.loop.details()["loop"]["frames_not_sent"] >= 5
+    assert counters_step_by_one(drive.sent)
+
+
+def test_a_command_is_not_sent_behind_one_that_still_waits() -> None:
+    drive = cruising()
+    count = len(drive.sent)
+    drive.line.waiting = True
+    drive.run_s(0.05)
+    assert drive.sent[count:] == []
+    drive.line.waiting = False
+    drive.run_s(0.5)
+    assert drive.loop.details()["loop"]["commands_refused"] >= 4
+    assert counters_step_by_one(drive.sent)
+
+
+def test_two_commands_refused_in_a_row_stop_nothing() -> None:
+    drive = cruising()
+    refuse(drive, 2)
+    assert {pair["SAFE_STOP"] for pair in after(drive, 1.0)} == {0}
+
+
+def test_three_commands_refused_in_a_row_stop_the_vehicle_until_the_link_is_clean() -> None:
+    drive = cruising()
+    refuse(drive, 3)
+    pairs = after(drive, 0.4)
+    assert {(pair["ENABLE"], pair["SAFE_STOP"], pair["REASON"]) for pair in pairs} == {(1, 1, Reason.LINK_DOWN)}
+    assert drive.vehicle.state.speed_mps < 4.5
+    assert after(drive, 1.0)[-1]["REASON"] == Reason.NOMINAL
+    assert drive.loop.summary()["link"]["state"] == "UP"
+
+
+def refuse(drive: Drive, count: int) -> None:
+    """Exactly so many commands find no room."""
+    before = drive.loop.details()["loop"]["commands_refused"]
+    drive.line.waiting = True
+    drive.run_until(lambda: drive.loop.details()["loop"]["commands_refused"] == before + count, 1.0)
+    drive.line.waiting = False
 
 
 # Trajectories

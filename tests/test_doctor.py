@@ -15,7 +15,7 @@ from vehicle_iface.doctor import Finding, Verdict
 from vehicle_iface.profile import Bus
 
 ROOT = Path(__file__).resolve().parents[1]
-CLASSICAL, FD = Bus(bitrate=500_000), Bus(bitrate=500_000, fd=True)
+CLASSICAL, FD = Bus(bitrate=500_000), Bus(bitrate=500_000, fd=True, data_bitrate=2_000_000)
 OK, WARN, MISSING = Verdict.OK, Verdict.WARN, Verdict.MISSING
 
 

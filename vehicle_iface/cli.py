@@ -93,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
         signal.signal(signal.SIGUSR1, lambda *_: loop.request_arming())
         _on_end_signals(loop.request_end)
         log.info("%s, %s: %s", loop.link.description, _arming(options), _wanted(options))
-        for lack in realtime.claim():
+        for lack in realtime.claim(cpu=options.cpu):
             log.warning("%s", lack)
         _run_for(loop, options.duration)
         loop.link.close()
@@ -396,6 +396,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--telemetry", default="default", metavar="ADDRESS", help="name, or path, that `view` connects to"
     )
     parser.add_argument("--summary", metavar="FILE.json", help="write the run's counts and latencies there")
+    parser.add_argument("--cpu", type=int, metavar="N", help="run on this processor only, counted from 0")
     parser.add_argument("--frame", default="map", help="frame of reference of the route")
     parser.add_argument("--verbose", action="store_true", help="say more")
     parser.set_defaults(command=run)

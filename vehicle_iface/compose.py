@@ -21,6 +21,7 @@ from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.runtime.counts import Counts
+from vehicle_iface.runtime.intake import TrajectoryIntake
 from vehicle_iface.runtime.loop import Loop, Parts
 from vehicle_iface.runtime.pilot import Pilot
 from vehicle_iface.runtime.telemetry import TelemetryWriter, VehicleShape
@@ -55,7 +56,14 @@ def open_bus(
     can_ids = [message.can_id for message in hears]
     if interface == "socketcan":
         own_ids = [message.can_id for message in sends]
-        return SocketCanBus(channel, can_ids, own_ids=own_ids, patience_ns=patience_ns)
+        return SocketCanBus(
+            channel,
+            can_ids,
+            own_ids=own_ids,
+            bitrate=profile.bus.bitrate,
+            data_bitrate=profile.bus.data_bitrate or profile.bus.bitrate,
+            patience_ns=patience_ns,
+        )
     from vehicle_iface.bus.python_can import PythonCanBus  # 0.2 s to import, and SocketCAN does not need it
 
     return PythonCanBus(interface, channel, can_ids, bitrate=profile.bus.bitrate, is_fd=profile.bus.fd)
@@ -165,10 +173,11 @@ def build_loop(
             pilot=pilot,
             engagement=engagement,
             encoder=Encoder(database.sent),
-            source=source,
+            intake=TrajectoryIntake(source, controller, counts),
             teller=Teller(telemetry, controller, counts),
             counts=counts,
             timing=timing,
+            names={(m.can_id, m.is_extended): m.name for m in (*database.received, *database.sent)},
             command_ids=frozenset((message.can_id, message.is_extended) for message in database.sent),
             body_message=database.body.name if database.body else None,
             report_message=database.report.name if database.report else None,

@@ -411,7 +411,7 @@ def _up(name: str, kind: str, bus: Bus) -> str:
     """What comes after `ip link set`, to bring it up as the profile wants it."""
     if kind != "can":
         return f"{name} up"
-    fd = " dbitrate 2000000 fd on" if bus.fd else ""
+    fd = f" dbitrate {bus.data_bitrate or bus.bitrate} fd on" if bus.fd else ""
     return f"{name} up type can bitrate {bus.bitrate} restart-ms 100{fd}"
 
 

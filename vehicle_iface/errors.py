@@ -9,6 +9,7 @@ VehicleIfaceError
 ├── TrajectoryRejectedError            the controller refused a new trajectory; the old one stays in force
 ├── NoTrajectoryError                  asked for an index where there is no trajectory
 └── BusError                           the bus cannot be used: channel, cause, mending command
+    └── BusGoneError                   there is no such interface, or not any more
 
 What a peer on the bus does wrong is data (a counted cause), never an exception.
 """
@@ -48,3 +49,7 @@ class NoTrajectoryError(VehicleIfaceError):
 
 class BusError(VehicleIfaceError):
     """The bus cannot be used."""
+
+
+class BusGoneError(BusError):
+    """There is no such interface, or not any more."""

@@ -99,6 +99,8 @@ class Bus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     bitrate: Annotated[int, msgspec.Meta(gt=0)]
     """Bits per second; of the arbitration phase on CAN FD."""
     fd: bool = False
+    data_bitrate: Annotated[int, msgspec.Meta(gt=0)] | None = None
+    """Bits per second of the data phase on CAN FD; left out, that of the arbitration phase."""
 
 
 class EndToEnd(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -223,9 +223,22 @@ def _session_lines(view: View) -> Iterator[str]:
     if info is None:
         return
     yield f'<div id="bus">{plain(info.bus)} · channel {plain(info.channel)} · <b>{plain(info.arming)}</b></div>'
+    yield from _link_lines(view)
     if info.bus_hint:
         yield f'<div style="opacity:.85;font-size:12px">{plain(info.bus_hint)}</div>'
     yield f"<div>profile {plain(info.profile or '–')} · route {plain(info.route or '–')}</div>"
+
+
+def _link_lines(view: View) -> Iterator[str]:
+    """The link's state where it is not up, and the bus load where it is known."""
+    link = view.details.get("link")
+    if not isinstance(link, dict):
+        return
+    state, load, frames = link.get("state"), link.get("load_percent"), link.get("frames_per_s")
+    if state not in (None, "UP"):
+        yield f'<div id="link" style="font-weight:700">link {plain(state)}</div>'
+    if isinstance(load, float) and isinstance(frames, float):
+        yield f'<div id="load">bus load {load:.1f} % · {frames:.0f} frames/s</div>'
 
 
 def _rates(view: View) -> str:

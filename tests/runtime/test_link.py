@@ -3,8 +3,9 @@
 import pytest
 from harness import Clock, ms
 
+from vehicle_iface.bus.error_frames import LinkEvent
 from vehicle_iface.bus.memory import MemoryBus
-from vehicle_iface.errors import BusError
+from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.runtime.link import REOPEN_NS, Link
@@ -32,19 +33,29 @@ class Socket:
         self.received += len(frames)
         return frames
 
+    def has_room(self) -> bool:
+        self._check()
+        return not self.cable.waiting
+
     def send(self, frame: CanFrame) -> bool:  # noqa: ARG002
         self._check()
         return not self.cable.full
 
     def counters(self) -> dict[str, int]:
-        return {"received": self.received}
+        overflow = {"receive_overflow": self.cable.overflow} if self.cable.overflow else {}
+        return {"received": self.received} | overflow
 
     def close(self) -> None:
         self.closed += 1
 
+    def events(self) -> list[LinkEvent]:
+        self._check()
+        events, self.cable.events = self.cable.events, []
+        return events
+
     def _check(self) -> None:
         if self.cable.down:
-            raise BusError("cut")
+            raise BusGoneError("no such interface") if self.cable.gone else BusError("cut")
 
 
 class Cable:
@@ -52,7 +63,9 @@ class Cable:
 
     def __init__(self) -> None:
         self.clock = Clock()
-        self.down = self.full = False
+        self.down = self.gone = self.full = self.waiting = False
+        self.events: list[LinkEvent] = []
+        self.overflow = 0
         self.frames: list[CanFrame] = []
         self.sockets: list[Socket] = []
         self.tries_ns: list[int] = []
@@ -69,7 +82,7 @@ class Cable:
     def open(self) -> Socket:
         self.tries_ns.append(self.clock.t_ns)
         if self.down:
-            raise BusError("still down")
+            raise BusGoneError("no such interface") if self.gone else BusError("still down")
         self.sockets.append(Socket(self))
         return self.sockets[-1]
 
@@ -82,6 +95,13 @@ class Cable:
         while self.clock.t_ns < end_ns:
             heard += self.link.hear(self.clock.t_ns + ms(10))
         return heard
+
+    def watch_for(self, duration_ns: int) -> None:
+        """Hear and watch at 100 Hz."""
+        end_ns = self.clock.t_ns + duration_ns
+        while self.clock.t_ns < end_ns:
+            self.link.hear(self.clock.t_ns + ms(10))
+            self.link.watch(self.clock.t_ns)
 
 
 def test_a_bus_that_cannot_be_opened_at_the_start_is_an_error() -> None:
@@ -170,3 +190,115 @@ def test_closing_twice_closes_the_bus_once() -> None:
     cable.link.close()
     assert cable.sockets[0].closed == 1
     assert cable.lost == 0
+
+
+def states(cable: Cable) -> list[str]:
+    return [change.state.name for change in cable.link.changes]
+
+
+def test_a_link_goes_down_and_comes_back_by_recovering() -> None:
+    cable = Cable()
+    cable.down = True
+    cable.pass_for(ms(250))
+    cable.down = False
+    cable.pass_for(ms(150))
+    assert states(cable) == ["DOWN", "RECOVERING"]
+    cable.watch_for(ms(600))
+    assert states(cable) == ["DOWN", "RECOVERING"]  # nothing was heard yet
+    cable.frames = [FRAME]
+    cable.watch_for(ms(100))
+    assert states(cable) == ["DOWN", "RECOVERING", "UP"]
+
+
+def test_an_interface_that_is_deleted_is_gone_and_one_that_is_back_but_down_is_down() -> None:
+    cable = Cable()
+    cable.down = cable.gone = True
+    cable.pass_for(ms(250))
+    cable.gone = False
+    cable.pass_for(ms(250))
+    cable.down = False
+    cable.pass_for(ms(250))
+    assert states(cable) == ["GONE", "DOWN", "RECOVERING"]
+
+
+def test_a_refused_command_degrades_the_link_until_it_was_clean_for_a_while() -> None:
+    cable = Cable()
+    cable.frames = [FRAME]
+    cable.pass_for(ms(10))
+    cable.waiting = True
+    assert not cable.link.has_room()
+    cable.waiting = False
+    assert cable.link.has_room()
+    assert cable.link.send(FRAME)
+    assert (states(cable), cable.link.is_stalled) == (["DEGRADED"], False)
+    cable.watch_for(ms(400))
+    assert states(cable) == ["DEGRADED"]
+    cable.watch_for(ms(200))
+    assert states(cable) == ["DEGRADED", "UP"]
+    assert cable.counts.commands_refused == 1
+
+
+@pytest.mark.parametrize("by", ["waiting", "full"])
+def test_three_refusals_in_a_row_stall_the_link(by: str) -> None:
+    cable = Cable()
+    cable.frames = [FRAME]
+    cable.pass_for(ms(10))
+    setattr(cable, by, True)
+    stalled = []
+    for _ in range(3):
+        assert not (cable.link.has_room() and cable.link.send(FRAME))
+        stalled.append(cable.link.is_stalled)
+    assert stalled == [False, False, True]
+    setattr(cable, by, False)
+    assert cable.link.has_room()
+    assert cable.link.send(FRAME)
+    assert cable.link.is_stalled  # one that leaves is no clean link yet
+    cable.watch_for(ms(600))
+    assert not cable.link.is_stalled
+
+
+def test_a_command_that_left_between_refusals_starts_the_row_anew() -> None:
+    cable = Cable()
+    for _ in range(4):
+        for _ in range(2):
+            cable.waiting = True
+            assert not cable.link.has_room()
+        cable.waiting = False
+        assert cable.link.send(FRAME)
+    assert not cable.link.is_stalled
+
+
+def test_a_bus_that_refuses_for_longer_than_a_tenth_of_a_second_is_lost() -> None:
+    cable = Cable()
+    cable.waiting = True
+    for _ in range(12):
+        cable.link.has_room()
+        cable.watch_for(ms(10))
+    assert (states(cable)[:2], cable.lost) == (["DEGRADED", "DOWN"], 1)
+
+
+def test_the_controllers_errors_degrade_the_link_until_it_is_active_again() -> None:
+    cable = Cable()
+    cable.frames = [FRAME]
+    cable.events = [LinkEvent.ARBITRATION_LOST]
+    cable.watch_for(ms(100))
+    assert states(cable) == []
+    cable.events = [LinkEvent.PASSIVE]
+    cable.watch_for(ms(2000))
+    assert states(cable) == ["DEGRADED"]
+    cable.events = [LinkEvent.ACTIVE]
+    cable.watch_for(ms(600))
+    assert states(cable) == ["DEGRADED", "UP"]
+    cable.events = [LinkEvent.BUS_OFF]
+    cable.watch_for(ms(60))
+    assert states(cable)[:3] == ["DEGRADED", "UP", "DOWN"]
+
+
+def test_frames_that_the_kernel_had_no_room_for_degrade_the_link() -> None:
+    cable = Cable()
+    cable.frames = [FRAME]
+    cable.overflow = 7
+    cable.watch_for(ms(60))
+    assert states(cable) == ["DEGRADED"]
+    cable.watch_for(ms(600))
+    assert states(cable) == ["DEGRADED", "UP"]

@@ -106,7 +106,7 @@ def test_a_link_that_goes_down_silences_the_loop_and_it_drives_again_only_when_a
     loop.says("SILENT .LINK_DOWN")
     cut = bus.now()
     set_link("up")
-    loop.says("link is back")
+    loop.says("link RECOVERING")
     bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=cut)
     vehicle.make_ready()
     quiet = bus.wait_samples(80)

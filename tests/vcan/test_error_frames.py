@@ -23,7 +23,7 @@ def report(error_class: int, controller: int = 0) -> None:
 def test_a_controller_that_goes_bus_off_silences_the_loop_and_latches(programs: Programs, bus: Observer) -> None:
     loop, _ = driven(programs, bus)
     report(0x40)
-    loop.says(r"link lost: .*bus off")
+    loop.says(r"link DOWN: .*bus off")
     loop.says(r"SILENT \(LINK_DOWN\)")
     begin = bus.wait_samples(5)
     end = bus.wait_samples(30)

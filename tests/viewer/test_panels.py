@@ -1,6 +1,8 @@
 """The words of the page: right, and only words."""
 
+import html
 import math
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -162,3 +164,16 @@ def test_counters_without_end_are_cut() -> None:
     many = View(now_ns=0, address="a", link=WriterState.LIVE, details={str(k): {"x": k} for k in range(5000)})
     assert "more than can be shown" in panels.details_html(many)
     assert panels.details_html(many).count("<tr>") <= 101
+
+
+@pytest.mark.parametrize("state", ["DEGRADED", "DOWN", "GONE", "RECOVERING", "<b>"])
+def test_a_link_that_is_not_up_is_said_in_the_banner(state: str) -> None:
+    shown = panels.banner_html(replace(view(Snapshot(0, 3, 0)), details={"link": {"state": state}}))
+    assert f"link {html.escape(state)}" in shown
+
+
+def test_the_banner_has_the_bus_load_and_nothing_about_a_link_that_is_up() -> None:
+    link = {"state": "UP", "load_percent": 14.6, "frames_per_s": 612.0, "rates_hz": {}}
+    shown = panels.banner_html(replace(view(Snapshot(0, 3, 0)), details={"link": link}))
+    assert "bus load 14.6 % · 612 frames/s" in shown
+    assert 'id="link"' not in shown

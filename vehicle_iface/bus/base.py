@@ -3,6 +3,7 @@
 from typing import Protocol, runtime_checkable
 
 from vehicle_iface.bus.error_frames import LinkEvent
+from vehicle_iface.bus.survey import Glimpse
 from vehicle_iface.frame import CanFrame
 
 
@@ -24,6 +25,10 @@ class Bus(Protocol):
         """All frames that have come since the last call, oldest first, without waiting. Never our own."""
         ...
 
+    def has_room(self) -> bool:
+        """Whether everything that was handed over earlier has left; what is sent now would wait behind the rest."""
+        ...
+
     def send(self, frame: CanFrame) -> bool:
         """Hand one frame to the bus, without waiting; false when it has no room: it is lost, not kept."""
         ...
@@ -43,4 +48,13 @@ class Watched(Protocol):
 
     def events(self) -> list[LinkEvent]:
         """What the hardware reported since the last call, without waiting."""
+        ...
+
+
+@runtime_checkable
+class Surveyed(Protocol):
+    """A bus that sees the other nodes' frames, too."""
+
+    def look(self, now_ns: int) -> Glimpse:
+        """What has been on the bus since the last call, without waiting."""
         ...

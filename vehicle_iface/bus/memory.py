@@ -50,6 +50,10 @@ class MemoryBus:
         self._counters["received"] += len(frames)
         return frames
 
+    def has_room(self) -> bool:
+        """Always: what is sent is at the other end at once."""
+        return True
+
     def send(self, frame: CanFrame) -> bool:
         """Put the frame into the other end's inbox; `BusError` when either end is closed."""
         if self._peer is None or self._peer._peer is None:

@@ -55,6 +55,10 @@ class PythonCanBus:
         self._counters["received"] += len(frames)
         return frames
 
+    def has_room(self) -> bool:
+        """Always: python-can does not tell what its adapters still hold."""
+        return True
+
     def send(self, frame: CanFrame) -> bool:
         """Hand one frame to the adapter; false when it refuses it."""
         message = can.Message(

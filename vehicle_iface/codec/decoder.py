@@ -43,7 +43,7 @@ _SEQUENCE_DROPS = {
 class _Input:
     """What the decoder keeps of one message."""
 
-    __slots__ = ("counters", "decode", "is_fd", "length", "name", "protection", "translate", "translated")
+    __slots__ = ("counters", "decode", "is_fd", "length", "name", "protection", "seen", "translate", "translated")
 
     def __init__(self, message: BoundMessage) -> None:
         self.name = message.name
@@ -55,6 +55,7 @@ class _Input:
         if message.protection is not None:
             self.counters = CounterCheck(message.protection.counter_states, message.max_counter_step)
         self.translate = message.to_program
+        self.seen = 0
         self.translated = any(table is not None for table in message.to_program)
 
 
@@ -76,6 +77,11 @@ class Decoder:
         """Frames dropped, by cause and message name ("" for unknown ones)."""
 
     @property
+    def seen(self) -> dict[tuple[int, bool], int]:
+        """Frames that came with each identifier of ours, good or not; with whether it is extended."""
+        return {(can_id & ~_EXTENDED, can_id >= _EXTENDED): entry.seen for can_id, entry in self._inputs.items()}
+
+    @property
     def lost(self) -> dict[str, int]:
         """Frames of each message that were sent but never arrived, as far as the counters tell."""
         checks = ((entry.name, entry.counters) for entry in self._inputs.values())
@@ -87,6 +93,7 @@ class Decoder:
         if entry is None:
             self._drop_stranger(frame)
             return None
+        entry.seen += 1
         if frame.is_remote or frame.is_error or frame.is_fd is not entry.is_fd:
             self._drop(DropCause.WRONG_TYPE, entry.name)
             return None

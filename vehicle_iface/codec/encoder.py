@@ -1,7 +1,7 @@
 """Permissions to frames: the fields of an object into a message's signals, with counter and checksum.
 
 The counter of a message steps once for each frame that was built of it, from 0; a value that cannot
-be sent raises `SignalError` and steps nothing.
+be sent raises `SignalError` and steps nothing, and a frame that nobody took may be taken back.
 """
 
 from collections.abc import Callable, Iterable
@@ -16,7 +16,18 @@ from vehicle_iface.frame import CanFrame
 class _Output:
     """What the encoder keeps of one message."""
 
-    __slots__ = ("can_id", "counter", "encode", "is_extended", "is_fd", "name", "protection", "values_of")
+    __slots__ = (
+        "can_id",
+        "counter",
+        "encode",
+        "is_extended",
+        "is_fd",
+        "last",
+        "name",
+        "protection",
+        "sent",
+        "values_of",
+    )
 
     def __init__(self, message: BoundMessage) -> None:
         self.name = message.name
@@ -27,6 +38,9 @@ class _Output:
         self.protection = message.protection
         self.values_of = _collector(message)
         self.counter = 0
+        self.sent = 0
+        self.last = 0
+        """The counter of the frame before the next one."""
 
     def payload(self, source: object) -> bytes:
         """The signals of `source`, not yet protected; SignalError when a value cannot be sent."""
@@ -38,9 +52,11 @@ class _Output:
 
     def frame(self, payload: bytes) -> CanFrame:
         """The next frame of this message with that payload; steps the counter."""
+        self.sent += 1
         if self.protection is not None:
             data = bytearray(payload)
             self.protection.protect(data, self.counter)
+            self.last = self.counter
             self.counter = self.protection.next_counter(self.counter)
             payload = bytes(data)
         return CanFrame(self.can_id, payload, 0, self.is_extended, False, self.is_fd)
@@ -49,12 +65,18 @@ class _Output:
 class Encoder:
     """Encodes the given messages; keeps the counter of each."""
 
-    __slots__ = ("_commands", "_outputs")
+    __slots__ = ("_by_id", "_commands", "_outputs")
 
     def __init__(self, messages: Iterable[BoundMessage]) -> None:
         kept = tuple(messages)
         self._outputs = {message.name: _Output(message) for message in kept}
+        self._by_id = {(output.can_id, output.is_extended): output for output in self._outputs.values()}
         self._commands = tuple(self._outputs[message.name] for message in kept if message.role is Role.COMMAND)
+
+    @property
+    def sent(self) -> dict[tuple[int, bool], int]:
+        """Frames of each identifier that were built and not taken back; with whether it is extended."""
+        return {can_id: output.sent for can_id, output in self._by_id.items()}
 
     def encode(self, message_name: str, source: object) -> CanFrame:
         """The next frame of a message, its values taken from the attributes of `source` that bear
@@ -71,6 +93,12 @@ class Encoder:
         """One frame of each command message; all of them, or `SignalError` and no counter has stepped."""
         payloads = [output.payload(command) for output in self._commands]
         return tuple(output.frame(data) for output, data in zip(self._commands, payloads, strict=True))
+
+    def take_back(self, frame: CanFrame) -> None:
+        """The newest frame of its message was not sent: the next one bears its counter again."""
+        output = self._by_id[frame.can_id, frame.is_extended]
+        output.counter = output.last
+        output.sent -= 1
 
 
 def _collector(message: BoundMessage) -> Callable[[object], tuple[Value, ...]]:

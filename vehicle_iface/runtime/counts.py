@@ -22,6 +22,8 @@ class Counts:
     frames_sent: int = 0
     frames_not_sent: int = 0
     """Frames that the bus had no room for; they are lost, not kept."""
+    commands_refused: int = 0
+    """Commands that were not sent because an earlier one still waited to leave."""
     foreign_commands: int = 0
     """Frames of other nodes that carried an identifier of ours."""
     controller_errors: int = 0

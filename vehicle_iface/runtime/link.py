@@ -3,13 +3,16 @@
 import logging
 from collections import Counter
 from collections.abc import Callable
+from typing import NamedTuple
 
-from vehicle_iface.bus.base import Bus, Watched
+from vehicle_iface.bus.base import Bus, Surveyed, Watched
 from vehicle_iface.bus.error_frames import LinkEvent
-from vehicle_iface.errors import BusError
+from vehicle_iface.bus.link_state import TABLE, LinkSign, LinkState
+from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.runtime.rate import Grid
+from vehicle_iface.runtime.traffic import Traffic
 from vehicle_iface.units import NS_PER_MS
 
 log = logging.getLogger(__name__)
@@ -17,9 +20,30 @@ log = logging.getLogger(__name__)
 REOPEN_NS = 100 * NS_PER_MS
 """How often a lost link is tried again."""
 REFUSED_NS = 100 * NS_PER_MS
-"""A bus that has refused every frame for so long carries nothing any more."""
+"""A bus that has refused everything for so long carries nothing any more."""
+STALLED_AFTER = 3
+"""Commands refused in a row: from then on the vehicle is stopped, until the link is clean again."""
 WATCH_NS = 50 * NS_PER_MS
 """How often the controller hardware is asked how it is."""
+SURVEY_NS = 500 * NS_PER_MS
+"""How often all traffic is looked at."""
+CLEAN_NS = 500 * NS_PER_MS
+"""Without trouble for so long, while frames come, a link is as good as new."""
+MAX_CHANGES = 1000
+
+_ILL = (LinkEvent.WARNING, LinkEvent.PASSIVE)
+"""These last until the controller says that it is well."""
+_WELL = (LinkEvent.ACTIVE, LinkEvent.RESTARTED)
+_USUAL = (LinkEvent.ARBITRATION_LOST,)
+"""No trouble on a bus with more than one node."""
+
+
+class Change(NamedTuple):
+    """When the link changed, to what, and why."""
+
+    at_ns: int
+    state: LinkState
+    why: str
 
 
 class Link:
@@ -43,10 +67,22 @@ class Link:
         self._on_lost = on_lost
         self._reopen_grid = Grid(REOPEN_NS, now_ns())
         self._watch_grid = Grid(WATCH_NS, now_ns())
+        self._survey_grid = Grid(SURVEY_NS, now_ns())
         self._refused_since_ns: int | None = None
+        self._refused_in_row = 0
+        self._troubled_ns = 0
+        self._is_ill = False
+        self._overflow = 0
+        self._has_heard = False
+        self._closed_counters: dict[str, int] = {}
+        self.state = LinkState.UP
+        self.is_stalled = False
+        """Commands are not taken one after another: whatever leaves next has to be a stop."""
+        self.changes: list[Change] = []
+        """Of the state, the first ones of the run."""
         self.events: Counter[str] = Counter()
         """What the controller hardware reported, by kind."""
-        self._closed_counters: dict[str, int] = {}
+        self.traffic = Traffic()
 
     def hear(self, until_ns: int) -> list[CanFrame]:
         """What has come, after waiting for it until `until_ns` at most."""
@@ -56,10 +92,26 @@ class Link:
             return []
         try:
             self._bus.wait(until_ns)
-            return self._bus.drain()
+            frames = self._bus.drain()
         except BusError as error:
             self._lose(error)
             return []
+        self._has_heard = self._has_heard or bool(frames)
+        return frames
+
+    def has_room(self) -> bool:
+        """Whether a command that is sent now leaves now; false is counted as a command refused."""
+        if self._bus is None:
+            return False
+        try:
+            has_room = self._bus.has_room()
+        except BusError as error:
+            self._lose(error)
+            return False
+        if not has_room:
+            self._counts.commands_refused += 1
+            self._refused()
+        return has_room
 
     def send(self, frame: CanFrame) -> bool:
         """Hand one frame over, at most once; whether the bus took it."""
@@ -73,31 +125,23 @@ class Link:
         self._counts.frames_sent += sent
         self._counts.frames_not_sent += not sent
         if sent:
-            self._refused_since_ns = None
-        elif self._refused_since_ns is None:
-            self._refused_since_ns = self._now_ns()
+            self._refused_since_ns, self._refused_in_row = None, 0
+        else:
+            self._refused()
         return sent
 
     def watch(self, now_ns: int) -> None:
         """Ask how the link is: a bus that takes nothing, or whose controller took itself off, is lost."""
         if self._refused_since_ns is not None and now_ns - self._refused_since_ns > REFUSED_NS:
             self._lose(BusError(f"{self.description}: takes no frames; is anybody else on the bus?"))
-        bus: object = self._bus
-        if not self._watch_grid.due(now_ns) or not isinstance(bus, Watched):
+        if not self._watch_grid.due(now_ns):
             return
-        try:
-            events = bus.events()
-        except BusError as error:
-            self._lose(error)
-            return
-        for event in events:
-            if not self.events[event.value]:
-                log.warning("%s: %s (further ones are counted)", self.description, event.value)
-            self.events[event.value] += 1
-        if LinkEvent.BUS_OFF in events:
-            self._lose(
-                BusError(f"{self.description}: bus off; `ip link set DEVICE type can restart-ms 100` restarts it")
-            )
+        self._look_at_hardware()
+        self._look_at_traffic(now_ns)
+        self._look_for_overflow()
+        if now_ns - self._troubled_ns >= CLEAN_NS and self._has_heard and not self._is_ill:
+            self.is_stalled = False
+            self._sign(LinkSign.CLEAN, "no trouble for a while")
 
     def counters(self) -> dict[str, int]:
         """The bus' own counters, over all times that it was open."""
@@ -112,9 +156,73 @@ class Link:
             self._bus.close()
             self._bus = None
 
+    def _look_at_hardware(self) -> None:
+        bus: object = self._bus
+        if not isinstance(bus, Watched):
+            return
+        try:
+            events = bus.events()
+        except BusError as error:
+            self._lose(error)
+            return
+        for event in events:
+            self._hear_of(event)
+        if LinkEvent.BUS_OFF in events:
+            self._lose(
+                BusError(f"{self.description}: bus off; `ip link set DEVICE type can restart-ms 100` restarts it")
+            )
+
+    def _hear_of(self, event: LinkEvent) -> None:
+        if not self.events[event.value]:
+            log.warning("%s: %s (further ones are counted)", self.description, event.value)
+        self.events[event.value] += 1
+        if event in _WELL:
+            self._is_ill = False
+        elif event is not LinkEvent.BUS_OFF and event not in _USUAL:
+            self._is_ill = self._is_ill or event in _ILL
+            self._trouble(event.value)
+
+    def _look_at_traffic(self, now_ns: int) -> None:
+        bus: object = self._bus
+        if not self._survey_grid.due(now_ns) or not isinstance(bus, Surveyed):
+            return
+        try:
+            self.traffic.add(bus.look(now_ns))
+        except BusError as error:
+            self._lose(error)
+
+    def _look_for_overflow(self) -> None:
+        """Frames that the kernel had no room for are lost to us, not to the bus."""
+        overflow = self.counters().get("receive_overflow", 0)
+        if overflow > self._overflow:
+            self._overflow = overflow
+            self._trouble("receive overflow")
+
+    def _refused(self) -> None:
+        if self._refused_since_ns is None:
+            self._refused_since_ns = self._now_ns()
+        self._refused_in_row += 1
+        self.is_stalled = self.is_stalled or self._refused_in_row >= STALLED_AFTER
+        self._trouble("transmit queue full")
+
+    def _trouble(self, why: str) -> None:
+        self._troubled_ns = self._now_ns()
+        self._sign(LinkSign.TROUBLE, why)
+
+    def _sign(self, sign: LinkSign, why: str) -> None:
+        """Move by the table."""
+        state = TABLE.get((self.state, sign), self.state)
+        if state is self.state:
+            return
+        self.state = state
+        log.log(logging.INFO if state is LinkState.UP else logging.WARNING, "link %s: %s", state.name, why)
+        if len(self.changes) < MAX_CHANGES:
+            self.changes.append(Change(self._now_ns(), state, why))
+
     def _lose(self, error: BusError) -> None:
-        self._refused_since_ns = None
-        log.error("link lost: %s", error)
+        self._refused_since_ns, self._refused_in_row = None, 0
+        self.is_stalled = self._is_ill = False
+        self._sign(_sign_of(error), str(error))
         self.close()
         self._counts.link_losses += 1
         self._on_lost()
@@ -124,6 +232,13 @@ class Link:
             return
         try:
             self._bus = self._open_bus()
-        except BusError:
-            return  # the loss is counted and told; the next try is 100 ms away
-        log.warning("link is back: %s", self._bus.description)
+        except BusError as error:
+            self._sign(_sign_of(error), str(error))
+            return
+        self._has_heard = False
+        self._troubled_ns = self._now_ns()
+        self._sign(LinkSign.OPENED, f"{self._bus.description} is open again")
+
+
+def _sign_of(error: BusError) -> LinkSign:
+    return LinkSign.GONE if isinstance(error, BusGoneError) else LinkSign.LOST

@@ -1,6 +1,5 @@
 """The corridor: frames in, a command computed from each complete sample and sent within the same pass."""
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -8,12 +7,13 @@ from typing import Any
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
-from vehicle_iface.errors import TrajectoryRejectedError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import Timing
 from vehicle_iface.reason import Reason
 from vehicle_iface.runtime import realtime
+from vehicle_iface.runtime.account import Account
 from vehicle_iface.runtime.counts import Counts
+from vehicle_iface.runtime.intake import TrajectoryIntake
 from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.pilot import Answer, Pilot
 from vehicle_iface.runtime.rate import Grid
@@ -21,10 +21,7 @@ from vehicle_iface.runtime.teller import Teller
 from vehicle_iface.safety.engagement import Engagement, Event, Mode
 from vehicle_iface.status import BodyRequest, ControllerReport, VehicleMode
 from vehicle_iface.tracker import Sample, Tracker
-from vehicle_iface.trajectories.source import TrajectorySource
-from vehicle_iface.units import NS_PER_MS, ns_from_s, s_from_ns
-
-log = logging.getLogger(__name__)
+from vehicle_iface.units import NS_PER_MS, ns_from_s
 
 LETTING_GO_NS = 200 * NS_PER_MS
 """How long ENABLE = 0 is repeated at the end for a vehicle that does not say that it has let go."""
@@ -32,7 +29,6 @@ AT_REST_MPS, AT_REST_SAMPLES = 0.01, 3
 """Two counts of the reference vehicle's speed signal, several times in a row: only then is it let go."""
 END_OF_TRAJECTORY = (Reason.PAST_END_SPACE, Reason.PAST_END_TIME)
 MAX_INDEX, MAX_MISSES = 0xFFFF, 0xFF
-MAX_TRANSITIONS = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,10 +41,12 @@ class Parts:
     pilot: Pilot
     engagement: Engagement
     encoder: Encoder
-    source: TrajectorySource
+    intake: TrajectoryIntake
     teller: Teller
     counts: Counts
     timing: Timing
+    names: dict[tuple[int, bool], str]
+    """Of the messages of the profile, by identifier and whether it is extended."""
     command_ids: frozenset[tuple[int, bool]]
     """Identifiers that only we may send, each with whether it is extended."""
     body_message: str | None
@@ -83,16 +81,24 @@ class Loop:
         self._stale_ns = ns_from_s(timing.state_stale_s)
         self._answer_age_ns = ns_from_s(timing.answer_age_s)
         self._late_ns = ns_from_s(timing.command_period_s)
+        self._commanded_ns = now_ns
+        self._room: bool | None = None
         self._answer: Answer | None = None
         self._end_requests = 0
         self._ends_heard = 0
         self._arm_requested = False
         self._released_ns: int | None = None
         self._standing = 0
-        self._latched_fault: str | None = None
-        self._started_ns = now_ns
-        self._last_reason = Reason.NOT_ENGAGED
-        self._transitions: list[dict[str, Any]] = []
+        self.account = Account(
+            parts.decoder,
+            parts.encoder,
+            parts.tracker,
+            parts.pilot.gate,
+            parts.counts,
+            self.link,
+            parts.names,
+            now_ns,
+        )
         self.ended_in_fault = False
         self.done = False
 
@@ -103,19 +109,12 @@ class Loop:
 
     def step(self) -> None:
         """One pass: hear, answer each complete sample, keep time."""
-        samples: list[Sample] = []
-        for frame in self.link.hear(self.grid.next_ns):
-            received = self._decoder.decode(frame)
-            if received is None:
-                self._look_at_foreign(frame)
-                continue
-            sample = self._tracker.take(received)
-            if sample is not None:
-                samples.append(sample)
-            else:
-                self._look_at_status(received.stamp_ns)
-        if samples:
-            self._answer_samples(samples)
+        self._room = None
+        frames = self.link.hear(self.grid.next_ns)
+        if frames:
+            samples = self._samples_in(frames)
+            if samples:
+                self._answer_samples(samples)
         now_ns = self._now_ns()
         if self.grid.due(now_ns):
             self._keep_time(now_ns)
@@ -138,42 +137,30 @@ class Loop:
 
     def details(self) -> dict[str, Any]:
         """Every counter there is, by room and cause."""
-        return {
-            "loop": self._counts.as_dict() | {"grid_overruns": self.grid.overruns},
-            "samples": {
-                "complete": self._tracker.completed,
-                "incomplete": self._tracker.incomplete,
-                "repeated": self._tracker.repeated,
-            },
-            "drops": {f"{cause.value} {name}".strip(): n for (cause, name), n in self._decoder.drops.items()},
-            "lost": dict(self._decoder.lost),
-            "limited": dict(self._pilot.gate.limited),
-            "bus": self.link.counters(),
-            "link_events": dict(self.link.events),
-        }
+        return self.account.details(self.grid.overruns)
 
     def summary(self) -> dict[str, Any]:
         """What the run came to; counts, and latencies in seconds."""
-        details = self.details()
-        return {
-            "bus": self.link.description,
+        ended = {
             "controller_state": self._engagement.wire_state(stopping=self._is_stopping).name,
             "reason": self.reason.name,
-            "latched_fault": self._latched_fault,
-            "duration_s": s_from_ns(self._now_ns() - self._started_ns),
-            "samples": self._tracker.completed,
-            "incomplete_samples": self._tracker.incomplete,
-            "commands": self._counts.commands,
-            "deadline_misses": self._counts.deadline_misses,
-            "latency": self._counts.latency.summary(),
-            "drops": details["drops"],
-            "lost": details["lost"],
-            "limited": details["limited"],
-            "counts": details["loop"],
-            "bus_counters": details["bus"],
-            "link_events": details["link_events"],
-            "transitions": self._transitions,
         }
+        return ended | self.account.summary(self.grid.overruns, self._now_ns())
+
+    def _samples_in(self, frames: list[CanFrame]) -> list[Sample]:
+        """The samples that these frames complete; what the other frames say is taken note of."""
+        samples: list[Sample] = []
+        for frame in frames:
+            received = self._decoder.decode(frame)
+            if received is None:
+                self._look_at_foreign(frame)
+                continue
+            sample = self._tracker.take(received)
+            if sample is not None:
+                samples.append(sample)
+            else:
+                self._look_at_status(received.stamp_ns)
+        return samples
 
     def _answer_samples(self, samples: list[Sample]) -> None:
         """Each sample, unless they have waited: after a pause only the newest, and not even that when it is old."""
@@ -193,27 +180,49 @@ class Loop:
         """Decide, send, and only then tell."""
         now_ns = self._now_ns()
         if self._answer is None:
-            self._take_trajectory()
+            self._take_trajectory(sample)
         self._standing = self._standing + 1 if abs(sample.state.speed_mps) <= AT_REST_MPS else 0
         if self._engagement.mode is Mode.ENDING and self._standing >= AT_REST_SAMPLES:
             self._engagement.happened(Event.STANDSTILL, now_ns)
-        self._answer = self._pilot.answer(sample, self._tracker.status, now_ns)
-        sent = self._send_command(self._answer)
+        status = self._tracker.status
+        self._answer = self._pilot.answer(sample, status, now_ns, link_is_stalled=self.link.is_stalled)
+        sent = self._send_command(self._answer, now_ns)
         latency_ns = self._now_ns() - sample.completed_ns
         if sent:
             self._counts.latency.add(latency_ns)
             self._counts.answered_late += latency_ns > self._late_ns
         self._tell(now_ns, sent=sent, latency_ns=latency_ns)
-        self._take_trajectory()
+        self._take_trajectory(sample)
 
-    def _send_command(self, answer: Answer) -> bool:
-        """All command frames of one answer, each at most once; whether all of them left."""
-        if not self._engagement.sends:
+    def _send_command(self, answer: Answer, now_ns: int) -> bool:
+        """All command frames of one answer, each at most once, and behind them what else is due.
+
+        Nothing while the command of an earlier pass still waits to leave: however dead the bus is, no more of them
+        than one pass sends are under way.
+        """
+        self._commanded_ns = now_ns
+        if not self._engagement.sends or not self._has_room():
             return False
-        frames = self._encoder.encode_command(answer.safe)
-        left = sum(self.link.send(frame) for frame in frames)
-        self._counts.commands += left == len(frames)
-        return left == len(frames)
+        left = self._hand_over(self._encoder.encode_command(answer.safe))
+        if left:
+            self._counts.commands += 1
+            self._send_reports(now_ns)
+        return left
+
+    def _has_room(self) -> bool:
+        """Asked once a pass."""
+        if self._room is None:
+            self._room = self.link.has_room()
+        return self._room
+
+    def _hand_over(self, frames: tuple[CanFrame, ...]) -> bool:
+        """Up to the first that is refused; what did not leave has stepped no counter."""
+        for place, frame in enumerate(frames):
+            if not self.link.send(frame):
+                for unsent in frames[place:]:
+                    self._encoder.take_back(unsent)
+                return False
+        return True
 
     def _look_at_foreign(self, frame: CanFrame) -> None:
         """Our own frames do not come back to us, so this one is another node's command."""
@@ -229,42 +238,23 @@ class Loop:
         before = engagement.mode
         engagement.see_status(status, self._now_ns())
         if engagement.mode is not before and engagement.mode in (Mode.ENGAGING, Mode.ENGAGED):
-            self._take_trajectory(restart=True)  # its time 0 is the instant of engagement
+            self._take_trajectory(self._tracker.newest, restart=True)  # its time 0 is the instant of engagement
 
-    def _take_trajectory(self, *, restart: bool = False) -> None:
-        """The source's new trajectory, if it has one; one that is refused leaves the old one in force."""
-        if self._tracker.newest is None:
-            return
-        try:
-            if restart:
-                self._parts.source.restart()
-            trajectory = self._parts.source.next(self._now_ns(), self._tracker.newest.state)
-            if trajectory is None:
-                return
-            self._pilot.controller.set_trajectory(trajectory)
-        except TrajectoryRejectedError as error:
-            self._counts.trajectories_rejected += 1
-            log.warning("trajectory rejected, the old one stays in force: %s", error)
-            return
-        except Exception:  # source and controller are the user's code: they may raise anything
-            self._counts.trajectories_rejected += 1
-            if self._counts.trajectories_rejected == 1:
-                log.exception("no new trajectory; the old one stays in force (further ones are counted)")
-            return
-        self._counts.trajectories += 1
-        self._parts.teller.tell_trajectory()
+    def _take_trajectory(self, sample: Sample | None, *, restart: bool = False) -> None:
+        if sample is not None and self._parts.intake.take(self._now_ns(), sample.state, restart=restart):
+            self._parts.teller.tell_trajectory()
 
     def _keep_time(self, now_ns: int) -> None:
         """What happens on the grid and not on arrival: noticing what did not come, reports, the end."""
         self._hear_requests(now_ns)
         self.link.watch(now_ns)
         self._engagement.see_time(now_ns)
-        self._note_transitions()
+        self.account.note(self._engagement, self.reason)
         newest = self._tracker.newest
         if newest is not None and now_ns - newest.state.stamp_ns > self._stale_ns:
             self._answer_silence(newest, now_ns)
-        if self._engagement.sends:
-            self._send_periodic(now_ns)
+        if self._engagement.sends and now_ns - self._commanded_ns > 2 * self._late_ns and self._has_room():
+            self._send_reports(now_ns)
         if self._parts.teller.is_quiet(now_ns):
             self._tell(now_ns)
         self._parts.teller.tell_details(now_ns, self.details)
@@ -276,16 +266,16 @@ class Loop:
         if not self._engagement.enables:
             return
         self._answer = self._pilot.answer_without_sample(newest.state, self._tracker.status, now_ns)
-        sent = self._send_command(self._answer)
+        sent = self._send_command(self._answer, now_ns)
         self._counts.stale_stops += sent
         self._tell(now_ns, sent=sent)
 
-    def _send_periodic(self, now_ns: int) -> None:
-        """Lights and the controller's own report."""
+    def _send_reports(self, now_ns: int) -> None:
+        """Lights and the controller's own report, when they are due."""
         body, report = self._parts.body_message, self._parts.report_message
         if body is not None and self._body_grid.due(now_ns):
             hazard = self._is_stopping and self.reason not in END_OF_TRAJECTORY
-            self.link.send(self._encoder.encode(body, BodyRequest(hazard_lights=hazard)))
+            self._hand_over((self._encoder.encode(body, BodyRequest(hazard_lights=hazard)),))
         if report is not None and self._report_grid.due(now_ns):
             spatial, temporal = self._parts.teller.indices
             content = ControllerReport(
@@ -295,27 +285,11 @@ class Loop:
                 ref_temporal_index=min(temporal, MAX_INDEX),
                 deadline_misses=min(self._counts.deadline_misses, MAX_MISSES),
             )
-            self.link.send(self._encoder.encode(report, content))
+            self._hand_over((self._encoder.encode(report, content),))
 
     @property
     def _is_stopping(self) -> bool:
         return self._answer is not None and self._answer.safe.safe_stop
-
-    def _note_transitions(self) -> None:
-        """Say each change of mode once, and keep the first ones for the summary."""
-        for when_ns, mode, reason in self._engagement.transitions:
-            if mode in (Mode.FAULT, Mode.SILENT):
-                self._latched_fault = reason.name
-            elif mode is Mode.STARTING:
-                self._latched_fault = None
-            log.info("%s (%s)", mode.name, reason.name)
-            if len(self._transitions) < MAX_TRANSITIONS:
-                at_s = s_from_ns(when_ns - self._started_ns)
-                self._transitions.append({"at_s": at_s, "mode": mode.name, "reason": reason.name})
-        self._engagement.transitions.clear()
-        if self.reason is not self._last_reason:
-            log.info("reason: %s", self.reason.name)
-            self._last_reason = self.reason
 
     def _hear_requests(self, now_ns: int) -> None:
         if self._arm_requested:
@@ -335,7 +309,7 @@ class Loop:
         self._engagement.happened(Event.STANDSTILL, now_ns)
         if self._engagement.mode is Mode.RELEASED and self._tracker.newest is not None:
             state = self._tracker.newest.state
-            self._send_command(self._pilot.answer_without_sample(state, self._tracker.status, now_ns))
+            self._send_command(self._pilot.answer_without_sample(state, self._tracker.status, now_ns), now_ns)
 
     def _end_when_let_go(self, now_ns: int) -> None:
         """Done when the vehicle says that it has let go, was told so long enough, or hears nothing from us."""

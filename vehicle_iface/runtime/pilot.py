@@ -49,9 +49,15 @@ class Pilot:
         self._counts = counts
         self._was_enabled = False
 
-    def answer(self, sample: Sample, status: VehicleStatus | None, now_ns: int) -> Answer:
-        """The answer to a fresh sample."""
-        return self._permitted(self._wish(sample, status, now_ns), sample.state, status, now_ns)
+    def answer(
+        self, sample: Sample, status: VehicleStatus | None, now_ns: int, *, link_is_stalled: bool = False
+    ) -> Answer:
+        """The answer to a fresh sample; a stop while the link does not take the commands."""
+        if link_is_stalled and self._engagement.mode is not Mode.ENDING:
+            wish = self.controller.compute_stop_command(sample.state, Reason.LINK_DOWN)
+        else:
+            wish = self._wish(sample, status, now_ns)
+        return self._permitted(wish, sample.state, status, now_ns)
 
     def answer_without_sample(self, last: VehicleState, status: VehicleStatus | None, now_ns: int) -> Answer:
         """A stop from the last known state, because no sample came."""

@@ -28,6 +28,7 @@ def table(summary: dict[str, Any]) -> str:
     latency = summary["latency"]
     rows = [
         ("bus", summary["bus"]),
+        ("link", _link(summary["link"])),
         ("ended", f"{summary['controller_state']}, {summary['reason']}"),
         *([("latched fault", summary["latched_fault"])] if summary["latched_fault"] else []),
         ("duration", f"{summary['duration_s']:.1f} s"),
@@ -39,11 +40,26 @@ def table(summary: dict[str, Any]) -> str:
         rows.append(("latency state→command", "  ".join(_quantiles(latency))))
     for name in ("drops", "lost", "limited"):
         rows += [(f"{name}: {cause}", str(count)) for cause, count in summary[name].items() if count]
-    for name in ("stale_stops", "frames_not_sent", "foreign_commands", "controller_errors", "link_losses"):
+    for name in (
+        "stale_stops",
+        "commands_refused",
+        "frames_not_sent",
+        "foreign_commands",
+        "controller_errors",
+        "link_losses",
+    ):
         if summary["counts"][name]:
             rows.append((name.replace("_", " "), str(summary["counts"][name])))
     width = max(len(name) for name, _ in rows)
     return "\n".join(f"  {name:<{width}}  {value}" for name, value in rows)
+
+
+def _link(link: dict[str, Any]) -> str:
+    changes = f", changed {len(link['transitions'])} times" if link["transitions"] else ""
+    if "load_percent" not in link:
+        return f"{link['state']}{changes}"
+    load = f"bus load {link['load_percent']} % (at most {link['highest_load_percent']} %)"
+    return f"{link['state']}{changes}, {load}, {link['frames_per_s']:.0f} frames/s"
 
 
 def _quantiles(latency: dict[str, Any]) -> list[str]:

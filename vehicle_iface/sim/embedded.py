@@ -38,6 +38,10 @@ class EmbeddedBus:
         self._counters["received"] += len(frames)
         return frames
 
+    def has_room(self) -> bool:
+        """Always: the vehicle hears at once."""
+        return True
+
     def send(self, frame: CanFrame) -> bool:
         """The vehicle hears it at once."""
         self.vehicle.receive(frame, self._now_ns())

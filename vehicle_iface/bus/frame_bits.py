@@ -1,0 +1,118 @@
+"""How long a frame is on the wire, in bits, stuffing included (ISO 11898-1; Bosch CAN 2.0 and CAN FD 1.0)."""
+
+from typing import NamedTuple
+
+from vehicle_iface.frame import CanFrame
+
+_CRC15 = 0x4599
+_CRC15_BITS = 15
+_TAIL_BITS = 13
+"""Of a classical frame, never stuffed: CRC delimiter, acknowledgement (2), end of frame (7), intermission (3)."""
+_FD_TAIL_BITS = 12
+"""Of an FD frame at the nominal rate: acknowledgement, end of frame, intermission."""
+_FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+"""Of the data, by its code."""
+_ROW = 5
+"""After so many equal bits one of the other kind is put in."""
+
+
+class WireBits(NamedTuple):
+    """Bit times that one frame holds the bus for."""
+
+    nominal: int
+    """At the arbitration phase's bit rate."""
+    fast: int
+    """At the data phase's bit rate; 0 for classical frames."""
+
+
+def wire_bits(frame: CanFrame) -> WireBits:
+    """The length of a data or remote frame from its start to the end of the intermission; FD frames switch rates."""
+    return _fd_bits(frame) if frame.is_fd else _classical_bits(frame)
+
+
+def _classical_bits(frame: CanFrame) -> WireBits:
+    length = len(frame.data)
+    if frame.is_extended:
+        # start 0, 11 bits, SRR 1, IDE 1, 18 bits, RTR, r1 0, r0 0, length
+        high, low = frame.can_id >> 18, frame.can_id & 0x3FFFF
+        head = ((high << 2 | 0b11) << 18 | low) << 7 | frame.is_remote << 6 | min(length, 8)
+        count = 39
+    else:  # start 0, 11 bits, RTR, IDE 0, r0 0, length
+        head = frame.can_id << 7 | frame.is_remote << 6 | min(length, 8)
+        count = 19
+    data = b"" if frame.is_remote else frame.data
+    bits, count = head << 8 * len(data) | int.from_bytes(data, "big"), count + 8 * len(data)
+    bits = bits << _CRC15_BITS | _crc15(bits, count)
+    count += _CRC15_BITS
+    return WireBits(count + _stuffed(bits, count) + _TAIL_BITS, 0)
+
+
+def _fd_bits(frame: CanFrame) -> WireBits:
+    """The identifier's half at the nominal rate, from the bit-rate switch on the data at the other one."""
+    length = len(frame.data)
+    code = next(code for code, room in enumerate(_FD_LENGTHS) if room >= length)
+    if frame.is_extended:  # start, 11 bits, SRR, IDE, 18 bits, RRS, FDF 1, res 0, BRS 1
+        high, low = frame.can_id >> 18, frame.can_id & 0x3FFFF
+        head, count = ((high << 2 | 0b11) << 18 | low) << 4 | 0b0101, 36
+    else:  # start, 11 bits, RRS 0, IDE 0, FDF 1, res 0, BRS 1
+        head, count = frame.can_id << 5 | 0b00101, 17
+    nominal = count + _stuffed(head, count)
+    payload = frame.data.ljust(_FD_LENGTHS[code], b"\0")
+    body = (head << 5 | code) << 8 * len(payload) | int.from_bytes(payload, "big")
+    dynamic = count + 5 + 8 * len(payload)
+    fast = dynamic + _stuffed(body, dynamic) - nominal
+    # Stuff count (4) and checksum, with a fixed stuff bit before each four of them; then the delimiter.
+    check = 4 + (17 if len(payload) <= 16 else 21)
+    return WireBits(nominal + _FD_TAIL_BITS, fast + check + -(-check // 4) + 1)
+
+
+def _crc15(bits: int, count: int) -> int:
+    """The checksum of a classical frame; zeros in front change nothing."""
+    crc = 0
+    for byte in bits.to_bytes(-(-count // 8), "big"):
+        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
+    return crc
+
+
+def _stuffed(bits: int, count: int) -> int:
+    """How many bits are put into these."""
+    whole, rest = divmod(count, 8)
+    state, added = _START, 0
+    for place in range(count - 1, count - 1 - rest, -1):
+        more, state = _step(state, bits >> place & 1)
+        added += more
+    for byte in (bits & (1 << 8 * whole) - 1).to_bytes(whole, "big"):
+        more, state = _STUFFING[state][byte]
+        added += more
+    return added
+
+
+_START = 2 * _ROW
+"""No bit yet. Otherwise a state is twice how many equal bits came last (1 to 4), plus which."""
+
+
+def _step(state: int, bit: int) -> tuple[int, int]:
+    """One bit: how many are put in after it, and the state then."""
+    row = state // 2 + 1 if state != _START and state % 2 == bit else 1
+    if row < _ROW:
+        return 0, 2 * row + bit
+    return 1, 2 + (1 - bit)
+
+
+def _byte_step(state: int, byte: int) -> tuple[int, int]:
+    added = 0
+    for place in range(7, -1, -1):
+        more, state = _step(state, byte >> place & 1)
+        added += more
+    return added, state
+
+
+def _crc_entry(byte: int) -> int:
+    crc = byte << 7
+    for _ in range(8):
+        crc = crc << 1 ^ (_CRC15 if crc & 0x4000 else 0)
+    return crc & 0x7FFF
+
+
+_STUFFING = [[_byte_step(state, byte) for byte in range(256)] for state in range(_START + 1)]
+_CRC_TABLE = [_crc_entry(byte) for byte in range(256)]

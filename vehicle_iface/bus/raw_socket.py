@@ -1,0 +1,123 @@
+"""The kernel's raw CAN sockets: opening one on an interface that is up, and the form of a frame on it."""
+
+import errno
+import fcntl
+import socket
+import struct
+from collections.abc import Iterable
+
+from vehicle_iface.bus.receive import CANFD_MTU, SO_RXQ_OVFL, SO_TIMESTAMPNS
+from vehicle_iface.errors import BusError, BusGoneError
+from vehicle_iface.frame import CanFrame
+
+# From <linux/can.h>, <linux/can/raw.h>, <linux/sockios.h>, <linux/sock_diag.h> and <asm-generic/socket.h>.
+EFF_FLAG, RTR_FLAG, ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
+EFF_MASK, SFF_MASK, ERR_MASK = 0x1FFFFFFF, 0x7FF, 0x1FFFFFFF
+CAN_RAW_ERR_FILTER = 2
+CANFD_BRS = 0x01
+SIOCGIFFLAGS, IFF_UP = 0x8913, 0x1
+SO_MEMINFO = 55
+
+SEND_BUFFER_BYTES = 1
+"""The kernel's least (some 7 frames): what a dead bus has not taken by then is refused here and never sent late."""
+
+_HEADER = struct.Struct("=IBB2x")
+_UINT32 = struct.Struct("=I")
+_MEMORY = struct.Struct("@9I")
+_GONE = (errno.ENODEV, errno.ENXIO)
+
+
+def packed(frame: CanFrame) -> bytes:
+    """`frame` as the kernel's struct can_frame or canfd_frame."""
+    can_id = frame.can_id | (EFF_FLAG if frame.is_extended else 0) | (RTR_FLAG if frame.is_remote else 0)
+    if frame.is_fd:
+        return _HEADER.pack(can_id, len(frame.data), CANFD_BRS) + frame.data.ljust(64, b"\0")
+    return _HEADER.pack(can_id, len(frame.data), 0) + frame.data.ljust(8, b"\0")
+
+
+def unpacked(data: bytes, stamp_ns: int) -> CanFrame:
+    """The kernel's struct can_frame or canfd_frame as a frame."""
+    word, length, _ = _HEADER.unpack_from(data)
+    is_extended = bool(word & EFF_FLAG)
+    return CanFrame(
+        word & (EFF_MASK if is_extended else SFF_MASK),
+        data[_HEADER.size : _HEADER.size + length],
+        stamp_ns,
+        is_extended,
+        bool(word & RTR_FLAG),
+        len(data) == CANFD_MTU,
+        bool(word & ERR_FLAG),
+    )
+
+
+def error_class(data: bytes) -> int:
+    """What an error frame reports: the bits of its identifier."""
+    return int(_HEADER.unpack_from(data)[0]) & ERR_MASK
+
+
+def opened(channel: str, can_ids: Iterable[int] | None, *, receive_bytes: int, errors: bool = False) -> socket.socket:
+    """A raw socket on an interface that is up, filtered to `can_ids` (None: all of them, of either kind).
+
+    `BusError` with the mending command; `BusGoneError` where there is no such interface.
+    """
+    if not hasattr(socket, "AF_CAN"):
+        raise BusError("this system has no SocketCAN; use --interface with a python-can adapter, or the demo")
+    try:
+        raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    except OSError as error:
+        raise BusError(
+            f"this kernel has no SocketCAN ({error.strerror}); `sudo modprobe can_raw`, or tools/vcan"
+        ) from error
+    try:
+        # Exact identifiers over all 29 bits; the flags are left open (see SocketCanBus).
+        pairs = [(0, 0)] if can_ids is None else [(can_id, EFF_MASK) for can_id in sorted(set(can_ids))]
+        filters = b"".join(struct.pack("=II", *pair) for pair in pairs)
+        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
+        raw.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, _UINT32.pack(ERR_MASK if errors else 0))
+        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+        raw.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        raw.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        _bind_up(raw, channel)
+    except BaseException:
+        raw.close()
+        raise
+    return raw
+
+
+def _bind_up(raw: socket.socket, channel: str) -> None:
+    """Bind to an interface that exists, carries CAN and is up."""
+    try:
+        raw.bind((channel,))
+        request = struct.pack("16sH22x", channel.encode(), 0)
+        flags = struct.unpack_from("16xH", fcntl.ioctl(raw, SIOCGIFFLAGS, request))[0]
+    except OSError as error:
+        how = f"`sudo ip link add dev {channel} type vcan`" if channel.startswith("vcan") else "`ip link` lists them"
+        raise BusGoneError(f"{channel}: no such CAN interface ({error.strerror}); {how}") from error
+    if not flags & IFF_UP:
+        setup = "" if channel.startswith("vcan") else " type can bitrate 500000"
+        raise BusError(f"{channel}: the interface is down; `sudo ip link set {channel} up{setup}`")
+
+
+def gone(channel: str, error: OSError) -> BusError:
+    """What an error of a socket in use means."""
+    if error.errno == errno.EINVAL:
+        return BusError(f"{channel}: takes no CAN FD frames; `sudo ip link set {channel} mtu 72`")
+    kind = BusGoneError if error.errno in _GONE else BusError
+    return kind(f"{channel}: {error.strerror}; check `ip -details link show {channel}`")
+
+
+def waiting_bytes(raw: socket.socket) -> int:
+    """Kernel memory of the frames that this socket handed over and that nobody has taken yet; 0: all are sent."""
+    return int(_memory(raw)[2])
+
+
+def dropped_frames(raw: socket.socket) -> int:
+    """Frames that this socket had no room to receive, since it was opened."""
+    return int(_memory(raw)[8])
+
+
+def _memory(raw: socket.socket) -> tuple[int, ...]:
+    """The kernel's account of a socket: received, its limit, sent, its limit, …, drops (<linux/sock_diag.h>)."""
+    return _MEMORY.unpack(raw.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, _MEMORY.size))

@@ -1,0 +1,63 @@
+"""What else is on the bus: every frame is counted, and a few of them are looked at.
+
+The kernel counts for us: a socket for all identifiers with room for a few frames only drops the rest, and says how
+many. So a bus that is flooded costs no more than an idle one.
+"""
+
+from collections import Counter
+from typing import NamedTuple
+
+from vehicle_iface.bus.frame_bits import wire_bits
+from vehicle_iface.bus.raw_socket import dropped_frames, opened, unpacked
+from vehicle_iface.bus.receive import BatchReceiver
+from vehicle_iface.units import NS_PER_S
+
+SAMPLED_BYTES = 12288
+"""Of the receive buffer: some 32 frames (the kernel doubles it, and a frame takes 768 bytes of it)."""
+
+
+class Glimpse(NamedTuple):
+    """The bus between two looks at it."""
+
+    span_ns: int
+    frames: int
+    """All of them, our own included; exact."""
+    busy_ns: int
+    """For how long they held the bus: the length of those that were looked at, scaled to all."""
+    frames_by_id: dict[tuple[int, bool], float]
+    """By identifier and whether it is extended; scaled in the same way."""
+
+
+class Survey:
+    """Looks at one SocketCAN interface."""
+
+    def __init__(self, channel: str, *, bitrate: int, data_bitrate: int, now_ns: int) -> None:
+        """Bit rates in bits per second, of the arbitration phase and of an FD frame's data phase."""
+        self._socket = opened(channel, None, receive_bytes=SAMPLED_BYTES)
+        self._receiver = BatchReceiver(self._socket.fileno())
+        self._ns_per_bit, self._ns_per_fast_bit = NS_PER_S / bitrate, NS_PER_S / data_bitrate
+        self._received = 0
+        self._seen = 0
+        self._looked_ns = now_ns
+
+    def look(self, now_ns: int) -> Glimpse:
+        """What has been on the bus since the last look; `OSError` when the interface is gone."""
+        counts: Counter[tuple[int, bool]] = Counter()
+        busy_ns = 0.0
+        for packet in self._receiver.receive(wait=False):
+            frame = unpacked(packet.data, 0)
+            counts[frame.can_id, frame.is_extended] += 1
+            bits = wire_bits(frame)
+            busy_ns += bits.nominal * self._ns_per_bit + bits.fast * self._ns_per_fast_bit
+        sampled = counts.total()
+        self._received += sampled
+        seen = self._received + dropped_frames(self._socket)
+        frames, self._seen = seen - self._seen, seen
+        span_ns, self._looked_ns = now_ns - self._looked_ns, now_ns
+        scale = frames / sampled if sampled else 0.0
+        by_id = {can_id: count * scale for can_id, count in counts.items()}
+        return Glimpse(span_ns, frames, round(busy_ns * scale), by_id)
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self._socket.close()

@@ -1,0 +1,39 @@
+"""New trajectories on their way from the source to the controller."""
+
+import logging
+
+from vehicle_iface.control.base import ControllerBase
+from vehicle_iface.errors import TrajectoryRejectedError
+from vehicle_iface.runtime.counts import Counts
+from vehicle_iface.state import VehicleState
+from vehicle_iface.trajectories.source import TrajectorySource
+
+log = logging.getLogger(__name__)
+
+
+class TrajectoryIntake:
+    """Asks the source once per sample; a trajectory that is refused leaves the old one in force."""
+
+    def __init__(self, source: TrajectorySource, controller: ControllerBase, counts: Counts) -> None:
+        self._source, self._controller, self._counts = source, controller, counts
+
+    def take(self, now_ns: int, state: VehicleState, *, restart: bool) -> bool:
+        """Whether the controller has a new trajectory now; with `restart` the source's time begins now."""
+        try:
+            if restart:
+                self._source.restart()
+            trajectory = self._source.next(now_ns, state)
+            if trajectory is None:
+                return False
+            self._controller.set_trajectory(trajectory)
+        except TrajectoryRejectedError as error:
+            self._counts.trajectories_rejected += 1
+            log.warning("trajectory rejected, the old one stays in force: %s", error)
+            return False
+        except Exception:  # source and controller are the user's code: they may raise anything
+            self._counts.trajectories_rejected += 1
+            if self._counts.trajectories_rejected == 1:
+                log.exception("no new trajectory; the old one stays in force (further ones are counted)")
+            return False
+        self._counts.trajectories += 1
+        return True
