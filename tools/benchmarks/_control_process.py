@@ -104,8 +104,8 @@ def watch(witness: Witness) -> None:
         tidy()
         witness.is_tidying = False
 
-    def returned_claim() -> list[str]:
-        lacks = claim()
+    def returned_claim(**wishes: Any) -> list[str]:
+        lacks = claim(**wishes)
         # What never waits must not have a processor to itself.
         os.sched_setscheduler(0, os.SCHED_OTHER | SCHED_RESET_ON_FORK, os.sched_param(0))
         return lacks
