@@ -6,7 +6,7 @@ program's own codec.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -156,7 +156,7 @@ class Line:
 
     def inject(self, frame: CanFrame) -> None:
         """Another node's frame, heard with the next ones."""
-        self._waiting.append(replace(frame, stamp_ns=self.clock.t_ns))
+        self._waiting.append(frame._replace(stamp_ns=self.clock.t_ns))
 
     def let_drive(self, until_ns: int) -> None:
         """Time passes while the loop does not run; what the vehicle sends waits, stamped with its own time."""
@@ -164,7 +164,7 @@ class Line:
         while vehicle.next_due_ns <= until_ns:
             self.clock.sleep_until(vehicle.next_due_ns)
             frames = vehicle.advance(self.clock.t_ns)
-            self._waiting += [replace(frame, stamp_ns=self.clock.t_ns) for frame in frames]
+            self._waiting += [frame._replace(stamp_ns=self.clock.t_ns) for frame in frames]
         self.clock.sleep_until(until_ns)
 
     def _check(self) -> None:

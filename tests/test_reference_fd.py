@@ -3,7 +3,6 @@
 import math
 import sys
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -247,13 +246,13 @@ def test_a_frame_written_from_the_contract_is_read() -> None:
 @pytest.mark.parametrize(
     ("change", "cause"),
     [
-        (lambda frame: replace(frame, is_fd=False, data=frame.data[:8]), DropCause.WRONG_TYPE),
-        (lambda frame: replace(frame, data=frame.data[:24]), DropCause.WRONG_LENGTH),
-        (lambda frame: replace(frame, data=frame.data + bytes(16)), DropCause.WRONG_LENGTH),
-        (lambda frame: replace(frame, data=frame.data[:31] + b"\x01"), DropCause.BAD_CRC),
-        (lambda frame: replace(frame, data=frame.data[:2] + b"\x09" + frame.data[3:]), DropCause.BAD_CRC),
-        (lambda frame: replace(frame, is_extended=True), DropCause.WRONG_TYPE),
-        (lambda frame: replace(frame, is_remote=True), DropCause.WRONG_TYPE),
+        (lambda frame: frame._replace(is_fd=False, data=frame.data[:8]), DropCause.WRONG_TYPE),
+        (lambda frame: frame._replace(data=frame.data[:24]), DropCause.WRONG_LENGTH),
+        (lambda frame: frame._replace(data=frame.data + bytes(16)), DropCause.WRONG_LENGTH),
+        (lambda frame: frame._replace(data=frame.data[:31] + b"\x01"), DropCause.BAD_CRC),
+        (lambda frame: frame._replace(data=frame.data[:2] + b"\x09" + frame.data[3:]), DropCause.BAD_CRC),
+        (lambda frame: frame._replace(is_extended=True), DropCause.WRONG_TYPE),
+        (lambda frame: frame._replace(is_remote=True), DropCause.WRONG_TYPE),
     ],
 )  # fmt: skip
 def test_a_frame_that_is_not_whole_is_dropped(change, cause) -> None:  # type: ignore[no-untyped-def]

@@ -1,17 +1,12 @@
 """One CAN frame, received or to be sent."""
 
-from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 from vehicle_iface.errors import InvalidValueError
 
 
-@dataclass(frozen=True, slots=True)
-class CanFrame:
-    """A classical or FD data frame with the moment it was seen.
-
-    Not keyword-only and not converted: the loop builds several per sample. The bus checks what it receives,
-    the encoder what it sends.
-    """
+class _Fields(NamedTuple):
+    """A plain tuple, because the loop makes several for each sample."""
 
     can_id: int
     """Identifier, 11 bits, or 29 bits when `is_extended`."""
@@ -24,8 +19,28 @@ class CanFrame:
     is_fd: bool = False
     is_error: bool = False
 
-    def __post_init__(self) -> None:
-        if not 0 <= self.can_id <= (0x1FFFFFFF if self.is_extended else 0x7FF):
-            raise InvalidValueError(f"can_id = {self.can_id:#x}: must fit {29 if self.is_extended else 11} bits")
-        if len(self.data) > (64 if self.is_fd else 8):
-            raise InvalidValueError(f"data of {len(self.data)} bytes: at most {64 if self.is_fd else 8}")
+
+class CanFrame(_Fields):
+    """A classical or FD data frame with the moment it was seen.
+
+    Refuses what no bus can carry; a bus makes those that it has received with `_make`, which checks nothing.
+    """
+
+    __slots__ = ()
+
+    def __new__(
+        cls,
+        can_id: int,
+        data: bytes,
+        stamp_ns: int = 0,
+        is_extended: bool = False,
+        is_remote: bool = False,
+        is_fd: bool = False,
+        is_error: bool = False,
+    ) -> Self:
+        """Raises `InvalidValueError` for an identifier or a payload that does not fit."""
+        if not 0 <= can_id <= (0x1FFFFFFF if is_extended else 0x7FF):
+            raise InvalidValueError(f"can_id = {can_id:#x}: must fit {29 if is_extended else 11} bits")
+        if len(data) > (64 if is_fd else 8):
+            raise InvalidValueError(f"data of {len(data)} bytes: at most {64 if is_fd else 8}")
+        return cls._make((can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error))

@@ -1,15 +1,38 @@
 """The kernel's struct can_frame and canfd_frame (linux/can.h), there and back."""
 
+import socket
 import struct
-from dataclasses import replace
+import time
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle_iface.bus.receive import CANFD_MTU
-from vehicle_iface.bus.socketcan import packed, unpacked
+from vehicle_iface.bus.raw_socket import frame_of, packed
+from vehicle_iface.bus.receive import BATCH, CANFD_MTU, BatchReceiver
 from vehicle_iface.frame import CanFrame
+
+
+class Wire:
+    """Two sockets of another family that carry the kernel's structures as a CAN socket does."""
+
+    def __init__(self) -> None:
+        self.near, self.far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.receiver = BatchReceiver(self.near.fileno())
+
+    def comes_as(self, raw: bytes, stamp_ns: int = 0) -> CanFrame:
+        self.far.send(raw)
+        [packet] = self.receiver.receive(wait=False)
+        return frame_of(packet, stamp_ns)
+
+
+@pytest.fixture(scope="module")
+def wire() -> Iterator[Wire]:
+    made = Wire()
+    yield made
+    made.near.close()
+    made.far.close()
 
 
 @st.composite
@@ -26,8 +49,30 @@ def frames(draw: st.DrawFn) -> CanFrame:
 
 
 @given(frames())
-def test_every_frame_comes_back_as_it_went(frame: CanFrame) -> None:
-    assert unpacked(packed(frame), frame.stamp_ns) == frame
+def test_every_frame_comes_back_as_it_went(wire: Wire, frame: CanFrame) -> None:
+    assert wire.comes_as(packed(frame), frame.stamp_ns) == frame
+
+
+def test_a_batch_keeps_the_order_and_leaves_the_rest_for_the_next_call(wire: Wire) -> None:
+    sent = [CanFrame(number, bytes([number])) for number in range(BATCH + 3)]
+    for frame in sent:
+        wire.far.send(packed(frame))
+    batches = [wire.receiver.receive(wait=False) for _ in range(3)]
+    assert [len(batch) for batch in batches] == [BATCH, 3, 0]
+    assert [frame_of(packet, 0) for batch in batches for packet in batch] == sent
+
+
+def test_the_stamp_is_the_kernels_wall_clock_time(wire: Wire) -> None:
+    wire.near.setsockopt(socket.SOL_SOCKET, 35, 1)  # SO_TIMESTAMPNS
+    before_ns = time.time_ns()
+    wire.far.send(packed(CanFrame(1, b"")))
+    after_ns = time.time_ns()
+    [packet] = wire.receiver.receive(wait=False)
+    assert before_ns - 50_000_000 <= packet.wall_ns <= after_ns + 50_000_000
+    wire.near.setsockopt(socket.SOL_SOCKET, 35, 0)
+    wire.far.send(packed(CanFrame(1, b"")))
+    [packet] = wire.receiver.receive(wait=False)
+    assert (packet.wall_ns, packet.dropped) == (0, 0)
 
 
 @given(frames())
@@ -43,11 +88,11 @@ def test_a_frame_is_laid_out_as_the_header_file_says() -> None:
 
 
 @pytest.mark.parametrize("can_class", [0x001, 0x040, 0x080, 0x100])
-def test_an_error_frame_is_told_from_a_data_frame_of_the_same_number(can_class: int) -> None:
-    frame = unpacked(struct.pack("=IB3x8s", 0x20000000 | can_class, 8, bytes(8)), 5)
+def test_an_error_frame_is_told_from_a_data_frame_of_the_same_number(wire: Wire, can_class: int) -> None:
+    frame = wire.comes_as(struct.pack("=IB3x8s", 0x20000000 | can_class, 8, bytes(8)), 5)
     assert (frame.can_id, frame.is_error, frame.is_extended, frame.is_remote) == (can_class, True, False, False)
 
 
-def test_bytes_beyond_the_length_are_not_part_of_the_frame() -> None:
+def test_bytes_beyond_the_length_are_not_part_of_the_frame(wire: Wire) -> None:
     raw = struct.pack("=IB3x8s", 0x123, 3, b"\x01\x02\x03\xff\xff\xff\xff\xff")
-    assert unpacked(raw, 0) == replace(CanFrame(0x123, b"\x01\x02\x03"), stamp_ns=0)
+    assert wire.comes_as(raw) == CanFrame(0x123, b"\x01\x02\x03")

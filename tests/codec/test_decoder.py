@@ -1,7 +1,5 @@
 """A frame is used whole or not at all, and every frame that is not used is counted by cause and message."""
 
-from dataclasses import replace
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -38,10 +36,10 @@ def test_an_intact_frame_becomes_numbers_with_its_stamp_and_counter(decoder):
 @pytest.mark.parametrize(
     ("frame", "cause"),
     [
-        (replace(motion(0), is_remote=True), DropCause.WRONG_TYPE),
-        (replace(motion(0), is_fd=True), DropCause.WRONG_TYPE),
-        (replace(motion(0), is_extended=True), DropCause.WRONG_TYPE),
-        (replace(motion(0), is_error=True), DropCause.WRONG_TYPE),
+        (motion(0)._replace(is_remote=True), DropCause.WRONG_TYPE),
+        (motion(0)._replace(is_fd=True), DropCause.WRONG_TYPE),
+        (motion(0)._replace(is_extended=True), DropCause.WRONG_TYPE),
+        (motion(0)._replace(is_error=True), DropCause.WRONG_TYPE),
         (CanFrame(MOTION, b""), DropCause.WRONG_LENGTH),
         (CanFrame(MOTION, bytes(7)), DropCause.WRONG_LENGTH),
         (CanFrame(MOTION, bytes(9), is_fd=True), DropCause.WRONG_TYPE),

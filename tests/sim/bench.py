@@ -1,6 +1,5 @@
 """A commander and the vehicle, wired back to back in virtual time."""
 
-from dataclasses import replace
 from typing import Any
 
 from vehicle_iface.frame import CanFrame
@@ -61,7 +60,7 @@ class Bench:
         self.steer(ENABLE=enable, FRONT_WHEEL_ANGLE_REQUEST=angle_rad)
 
     def hear(self, frame: CanFrame) -> None:
-        self.vehicle.receive(replace(frame, stamp_ns=self.now_ns), self.now_ns)
+        self.vehicle.receive(frame._replace(stamp_ns=self.now_ns), self.now_ns)
 
     def command_for_ms(self, ms: float, **pair: float) -> None:
         """A pair each 10 ms."""

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -196,7 +195,7 @@ def test_commands_of_one_kind_alone_never_engage(bench: Bench, kind: str) -> Non
 def broken_crc(bench: Bench) -> None:
     bench.steer_counter = (bench.steer_counter + 1) % 15
     frame = pack("STEER_COMMAND", bench.steer_counter, ENABLE=1)
-    bench.hear(replace(frame, data=bytes([frame.data[0] ^ 1]) + frame.data[1:]))
+    bench.hear(frame._replace(data=bytes([frame.data[0] ^ 1]) + frame.data[1:]))
 
 
 def repeated_counter(bench: Bench) -> None:
@@ -453,8 +452,8 @@ def test_a_vehicle_that_was_late_itself_blames_nobody(engaged: Bench) -> None:
     for i in range(1, 31):  # 300 ms during which commands wait in its queue, stamped when they came
         engaged.drive_counter, engaged.steer_counter = engaged.drive_counter + 1, engaged.steer_counter + 1
         stamp_ns = engaged.now_ns + 10 * i * MS
-        frames.append(replace(pack("DRIVE_COMMAND", engaged.drive_counter % 15, ENABLE=1), stamp_ns=stamp_ns))
-        frames.append(replace(pack("STEER_COMMAND", engaged.steer_counter % 15, ENABLE=1), stamp_ns=stamp_ns))
+        frames.append(pack("DRIVE_COMMAND", engaged.drive_counter % 15, ENABLE=1)._replace(stamp_ns=stamp_ns))
+        frames.append(pack("STEER_COMMAND", engaged.steer_counter % 15, ENABLE=1)._replace(stamp_ns=stamp_ns))
     engaged.now_ns += 300 * MS
     for frame in frames:
         engaged.vehicle.receive(frame, engaged.now_ns)

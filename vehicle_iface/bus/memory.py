@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
 
 from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
@@ -61,7 +60,7 @@ class MemoryBus:
         if len(self._peer._inbox) >= ROOM_FRAMES:
             self._counters["send_no_room"] += 1
             return False
-        self._peer._inbox.append(replace(frame, stamp_ns=self._now_ns()))
+        self._peer._inbox.append(frame._replace(stamp_ns=self._now_ns()))
         self._counters["sent"] += 1
         return True
 

@@ -6,7 +6,7 @@ import socket
 import struct
 from collections.abc import Iterable
 
-from vehicle_iface.bus.receive import CANFD_MTU, SO_RXQ_OVFL, SO_TIMESTAMPNS
+from vehicle_iface.bus.receive import SO_RXQ_OVFL, SO_TIMESTAMPNS, Packet
 from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame
 
@@ -21,7 +21,7 @@ SO_MEMINFO = 55
 SEND_BUFFER_BYTES = 1
 """The kernel's least (some 7 frames): what a dead bus has not taken by then is refused here and never sent late."""
 
-_HEADER = struct.Struct("=IBB2x")
+_FRAME, _FD_FRAME = struct.Struct("=IBB2x8s"), struct.Struct("=IBB2x64s")
 _UINT32 = struct.Struct("=I")
 _MEMORY = struct.Struct("@9I")
 _GONE = (errno.ENODEV, errno.ENXIO)
@@ -29,30 +29,23 @@ _GONE = (errno.ENODEV, errno.ENXIO)
 
 def packed(frame: CanFrame) -> bytes:
     """`frame` as the kernel's struct can_frame or canfd_frame."""
-    can_id = frame.can_id | (EFF_FLAG if frame.is_extended else 0) | (RTR_FLAG if frame.is_remote else 0)
-    if frame.is_fd:
-        return _HEADER.pack(can_id, len(frame.data), CANFD_BRS) + frame.data.ljust(64, b"\0")
-    return _HEADER.pack(can_id, len(frame.data), 0) + frame.data.ljust(8, b"\0")
+    can_id, data, _, is_extended, is_remote, is_fd, _ = frame
+    if is_extended or is_remote:
+        can_id |= (EFF_FLAG if is_extended else 0) | (RTR_FLAG if is_remote else 0)
+    if is_fd:
+        return _FD_FRAME.pack(can_id, len(data), CANFD_BRS, data)
+    return _FRAME.pack(can_id, len(data), 0, data)
 
 
-def unpacked(data: bytes, stamp_ns: int) -> CanFrame:
-    """The kernel's struct can_frame or canfd_frame as a frame."""
-    word, length, _ = _HEADER.unpack_from(data)
+def frame_of(packet: Packet, stamp_ns: int) -> CanFrame:
+    """What the kernel handed over, as a frame."""
+    word = packet.can_id
+    if word <= SFF_MASK:  # the usual case: a standard data frame
+        return CanFrame._make((word, packet.data, stamp_ns, False, False, packet.is_fd, False))
     is_extended = bool(word & EFF_FLAG)
-    return CanFrame(
-        word & (EFF_MASK if is_extended else SFF_MASK),
-        data[_HEADER.size : _HEADER.size + length],
-        stamp_ns,
-        is_extended,
-        bool(word & RTR_FLAG),
-        len(data) == CANFD_MTU,
-        bool(word & ERR_FLAG),
-    )
-
-
-def error_class(data: bytes) -> int:
-    """What an error frame reports: the bits of its identifier."""
-    return int(_HEADER.unpack_from(data)[0]) & ERR_MASK
+    can_id = word & (EFF_MASK if is_extended else SFF_MASK)
+    flags = is_extended, bool(word & RTR_FLAG), packet.is_fd, bool(word & ERR_FLAG)
+    return CanFrame._make((can_id, packet.data, stamp_ns, *flags))
 
 
 def opened(channel: str, can_ids: Iterable[int] | None, *, receive_bytes: int, errors: bool = False) -> socket.socket:

@@ -26,20 +26,25 @@ _MMSGHDR = struct.Struct("@PIPNPNi0PI0P")
 _CMSGHDR = struct.Struct("@Nii")
 _TIMESPEC = struct.Struct("@ll")
 _UINT32 = struct.Struct("@I")
-_CONTROL_BYTES = 128
-"""Room for the stamp and the drop counter, each with its header and padding."""
 _NAME, _NAME_LENGTH, _VECTORS, _VECTOR_COUNT, _CONTROL, _CONTROL_LENGTH, _FLAGS, _LENGTH = range(8)
+_CONTROL_BYTES = 64
+"""Room for the stamp and the drop counter, each with its header and padding."""
+_PLACE = struct.Struct(f"@IBB2x64sNii{_TIMESPEC.format[1:]}")
+"""Identifier, length, flags and data of a frame, and the control message that usually is alone: the stamp."""
+_STRIDE = CANFD_MTU + _CONTROL_BYTES
 
 
 class Packet(NamedTuple):
     """One frame as the kernel handed it over."""
 
+    can_id: int
+    """With the flags in its upper bits."""
     data: bytes
-    """A struct can_frame or canfd_frame."""
+    is_fd: bool
     wall_ns: int
     """Kernel receive time, nanoseconds of the wall clock; 0 when there is none."""
-    dropped: int | None
-    """Frames that this socket has lost so far, as of this one; None when the kernel did not say."""
+    dropped: int
+    """Frames that this socket has lost so far, as of this one; 0 when the kernel did not say."""
     is_local: bool
     """Whether a program on this machine has sent it."""
 
@@ -49,15 +54,14 @@ class BatchReceiver:
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
-        self._data = bytearray(CANFD_MTU * BATCH)
-        self._control = bytearray(_CONTROL_BYTES * BATCH)
+        self._places = bytearray(_STRIDE * BATCH)
         self._vectors = bytearray(_IOVEC.size * BATCH)
         self._headers = bytearray(_MMSGHDR.size * BATCH)
-        data, control, vectors = _address(self._data), _address(self._control), _address(self._vectors)
+        places, vectors = _address(self._places), _address(self._vectors)
         for i in range(BATCH):
-            _IOVEC.pack_into(self._vectors, i * _IOVEC.size, data + i * CANFD_MTU, CANFD_MTU)
-            vector = vectors + i * _IOVEC.size
-            fields = (0, 0, vector, 1, control + i * _CONTROL_BYTES, _CONTROL_BYTES, 0, 0)
+            place, vector = places + i * _STRIDE, vectors + i * _IOVEC.size
+            _IOVEC.pack_into(self._vectors, i * _IOVEC.size, place, CANFD_MTU)
+            fields = (0, 0, vector, 1, place + CANFD_MTU, _CONTROL_BYTES, 0, 0)
             _MMSGHDR.pack_into(self._headers, i * _MMSGHDR.size, *fields)
         self._blank = bytes(self._headers)
         self._address = _address(self._headers)
@@ -83,21 +87,25 @@ class BatchReceiver:
 
     def _packet(self, i: int) -> Packet:
         header = _MMSGHDR.unpack_from(self._headers, i * _MMSGHDR.size)
-        start = i * CANFD_MTU
-        wall_ns, dropped = self._ancillary(i * _CONTROL_BYTES, header[_CONTROL_LENGTH])
-        data = bytes(self._data[start : start + header[_LENGTH]])
-        return Packet(data, wall_ns, dropped, bool(header[_FLAGS] & MSG_DONTROUTE))
+        can_id, length, _, room, size, level, kind, seconds, nanoseconds = _PLACE.unpack_from(self._places, i * _STRIDE)
+        if header[_CONTROL_LENGTH] == size and level == SOL_SOCKET and kind == SO_TIMESTAMPNS:
+            wall_ns, dropped = seconds * NS_PER_S + nanoseconds, 0
+        else:
+            wall_ns, dropped = self._ancillary(i * _STRIDE + CANFD_MTU, header[_CONTROL_LENGTH])
+        return Packet(
+            can_id, room[:length], header[_LENGTH] == CANFD_MTU, wall_ns, dropped, bool(header[_FLAGS] & MSG_DONTROUTE)
+        )
 
-    def _ancillary(self, start: int, length: int) -> tuple[int, int | None]:
-        """Stamp and drop counter from the control messages."""
-        wall_ns, dropped, place, end = 0, None, start, start + length
+    def _ancillary(self, start: int, length: int) -> tuple[int, int]:
+        """Stamp and drop counter from the control messages, whatever there are."""
+        wall_ns, dropped, place, end = 0, 0, start, start + length
         while place + _CMSGHDR.size <= end:
-            size, level, kind = _CMSGHDR.unpack_from(self._control, place)
+            size, level, kind = _CMSGHDR.unpack_from(self._places, place)
             if level == SOL_SOCKET and kind == SO_TIMESTAMPNS:
-                seconds, nanoseconds = _TIMESPEC.unpack_from(self._control, place + _CMSGHDR.size)
+                seconds, nanoseconds = _TIMESPEC.unpack_from(self._places, place + _CMSGHDR.size)
                 wall_ns = seconds * NS_PER_S + nanoseconds
             elif level == SOL_SOCKET and kind == SO_RXQ_OVFL:
-                dropped = _UINT32.unpack_from(self._control, place + _CMSGHDR.size)[0]
+                dropped = _UINT32.unpack_from(self._places, place + _CMSGHDR.size)[0]
             place += (size + _ALIGN - 1) & -_ALIGN
         return wall_ns, dropped
 

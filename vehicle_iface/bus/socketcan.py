@@ -13,7 +13,7 @@ from contextlib import ExitStack
 
 from vehicle_iface import clock
 from vehicle_iface.bus.error_frames import LinkEvent, events_of
-from vehicle_iface.bus.raw_socket import error_class, gone, opened, packed, unpacked, waiting_bytes
+from vehicle_iface.bus.raw_socket import ERR_FLAG, ERR_MASK, frame_of, gone, opened, packed, waiting_bytes
 from vehicle_iface.bus.receive import BATCH, MSG_DONTWAIT, BatchReceiver, Packet
 from vehicle_iface.bus.survey import Glimpse, Survey
 from vehicle_iface.frame import CanFrame
@@ -135,10 +135,9 @@ class SocketCanBus:
         packets = self._received(self._watcher, wait=False)
         while packets:
             for packet in packets:
-                frame = unpacked(packet.data, 0)
-                if frame.is_error:
+                if packet.can_id & ERR_FLAG:
                     self._counters["error_frames"] += 1
-                    events += events_of(error_class(packet.data), frame.data)
+                    events += events_of(packet.can_id & ERR_MASK, packet.data)
                 elif packet.is_local:
                     self._counters["send_confirmed"] += 1
             packets = self._received(self._watcher, wait=False) if len(packets) == BATCH else []
@@ -173,8 +172,8 @@ class SocketCanBus:
         """Receive into the inbox until the kernel has no more."""
         packets = self._received(self._receiver, wait=wait)
         while packets:
-            self._follow_wall_clock()
             now_ns = clock.monotonic_ns()
+            self._follow_wall_clock(now_ns - clock.wall_ns())
             self._inbox += [self._frame(packet, now_ns) for packet in packets]
             self._counters["received"] += len(packets)
             packets = self._received(self._receiver, wait=False) if len(packets) == BATCH else []
@@ -189,14 +188,13 @@ class SocketCanBus:
         # Never later than now: a wall clock set forwards between the stamp and our reading of it would make an old
         # frame look fresh.
         stamp_ns = min(now_ns, packet.wall_ns + self._offset_ns) if packet.wall_ns else now_ns
-        if packet.dropped is not None:
+        if packet.dropped:
             self._counters["receive_overflow"] += (packet.dropped - self._kernel_drops) & 0xFFFFFFFF
             self._kernel_drops = packet.dropped
-        return unpacked(packet.data, stamp_ns)
+        return frame_of(packet, stamp_ns)
 
-    def _follow_wall_clock(self) -> None:
+    def _follow_wall_clock(self, offset_ns: int) -> None:
         """Kernel stamps are wall-clock time: map them by the offset that holds now."""
-        offset_ns = clock.monotonic_ns() - clock.wall_ns()
         if abs(offset_ns - self._offset_ns) > CLOCK_STEP_NS:
             self._counters["wall_clock_steps"] += 1
         self._offset_ns = offset_ns

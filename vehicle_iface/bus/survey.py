@@ -8,7 +8,7 @@ from collections import Counter
 from typing import NamedTuple
 
 from vehicle_iface.bus.frame_bits import wire_bits
-from vehicle_iface.bus.raw_socket import dropped_frames, opened, unpacked
+from vehicle_iface.bus.raw_socket import dropped_frames, frame_of, opened
 from vehicle_iface.bus.receive import BatchReceiver
 from vehicle_iface.units import NS_PER_S
 
@@ -45,7 +45,7 @@ class Survey:
         counts: Counter[tuple[int, bool]] = Counter()
         busy_ns = 0.0
         for packet in self._receiver.receive(wait=False):
-            frame = unpacked(packet.data, 0)
+            frame = frame_of(packet, 0)
             counts[frame.can_id, frame.is_extended] += 1
             bits = wire_bits(frame)
             busy_ns += bits.nominal * self._ns_per_bit + bits.fast * self._ns_per_fast_bit

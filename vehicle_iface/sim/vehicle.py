@@ -441,4 +441,4 @@ class SimulatedVehicle:
 
 def _damaged(frame: CanFrame) -> CanFrame:
     """The frame with bits of its first byte turned over: where the checksum is, or under it."""
-    return replace(frame, data=bytes((frame.data[0] ^ 0x5A, *frame.data[1:])))
+    return frame._replace(data=bytes((frame.data[0] ^ 0x5A, *frame.data[1:])))
