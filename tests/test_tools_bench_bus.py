@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tools"))
 
-from benchmarks import _reaction_vcan, reaction  # noqa: E402
+from benchmarks import _reaction_vcan, pacing, reaction  # noqa: E402
 from benchmarks._reaction_vehicle import RailVehicle, figure_of_eight, taken_apart  # noqa: E402
 from bus_contract import Frame, intact, pack  # noqa: E402
 
@@ -132,3 +132,63 @@ def test_a_part_that_fails_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reaction, "_vcan", list)
     with pytest.raises(reaction.BenchmarkError, match="_reaction_pass ended with 1"):
         reaction._child("_reaction_pass", 1)
+
+
+def control_run(**changes: Any) -> dict[str, Any]:
+    """What a control process says of a run in which nothing was late."""
+    told = {"late_ns": [50_000] * 100, "ticks": 50, "periods": 50.2, "state": "ENGAGED", "deadline_misses": 0}
+    collections = {"in a pass": 0, "between passes": 1}
+    return {**told, "full_collections": collections, "imports_viser": False, "page": True, **changes}
+
+
+def paced(**changes: Any) -> dict[pacing.Case, pacing.Found]:
+    """Two runs of each case; the changes are in the second ones of those with a reloading page."""
+    found = {}
+    for how in pacing.ONLOOKERS:
+        one = found[pacing.Case(pacing.SLOW, pacing.FIFO, how)] = pacing.Found()
+        one.add(control_run())
+        one.add(control_run(**changes) if how == pacing.RELOADING else control_run())
+    return found
+
+
+@pytest.mark.parametrize("policy", [pacing.FIFO, pacing.ORDINARY])
+def test_the_control_process_watches_its_own_wake_ups(policy: str, tmp_path: Path) -> None:
+    found = part("_pacing_loop", "reference", str(tmp_path / "telemetry"), "0.5", policy)
+    assert 0 < found["ticks"] <= found["periods"] + 1.0
+    assert len(found["late_ns"]) >= found["ticks"]
+    assert min(found["late_ns"]) >= 0
+    assert not found["imports_viser"]
+
+
+def test_the_fast_profile_drives_at_1_khz(tmp_path: Path) -> None:
+    profile = pacing.fast_profile(tmp_path)
+    found = part("_pacing_loop", str(profile), str(tmp_path / "telemetry"), "0.5", pacing.ORDINARY)
+    assert found["periods"] > 490
+
+
+def test_a_quiet_machine_reaches_every_target() -> None:
+    targets = pacing._targets(paced())
+    assert all(target.is_reached for target in targets)
+    for table in pacing._tables(paced()):
+        assert {len(row) for row in table.rows} == {len(table.columns)}
+        assert len(table.rows) == 4
+
+
+@pytest.mark.parametrize(
+    ("place", "changes"),
+    [
+        (1, {"late_ns": [50_000] * 98 + [1_000_001] * 2}),
+        (2, {"ticks": 48}),
+        (3, {"full_collections": {"in a pass": 1, "between passes": 0}}),
+        (4, {"imports_viser": True}),
+    ],
+)
+def test_one_bad_run_misses_its_target(place: int, changes: dict[str, Any]) -> None:
+    reached = [target.is_reached for target in pacing._targets(paced(**changes))]
+    assert reached == [index != place for index in range(5)]
+
+
+def test_a_browser_that_makes_the_loop_late_misses_the_target() -> None:
+    found = paced()
+    found[pacing.Case(pacing.SLOW, pacing.FIFO, pacing.WATCHED)].add(control_run(late_ns=[70_000] * 200))
+    assert not pacing._targets(found)[0].is_reached
