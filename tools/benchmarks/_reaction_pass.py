@@ -25,7 +25,7 @@ from bus_contract import intact
 from benchmarks._reaction_contestants import Bare, Contestant, Echo, PythonCan
 from benchmarks._reaction_vehicle import Course, RailVehicle, figure_of_eight, taken_apart
 from vehicle_iface import compose
-from vehicle_iface.bus import socketcan
+from vehicle_iface.bus import socketcan, survey
 from vehicle_iface.codec.database import load_database
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime import realtime
@@ -76,6 +76,7 @@ class Bench:
             self.last_status_s = now_s
             self.far.send(self.vehicle.status())
         self.rest()
+        received(self.far)  # what waits there counts as not sent yet
         frames = self.vehicle.sample(now_s)
         if how == IDLE:
             time.sleep(IDLE_S)
@@ -144,7 +145,8 @@ def build_ours(wires: Wires, course: Course, telemetry: TelemetryWriter) -> Loop
     profile = load_profile("reference")
     timing = msgspec.structs.replace(profile.timing, sample_period_s=HOT_SAMPLE_PERIOD_S)
     database = replace(load_database(profile), profile=msgspec.structs.replace(profile, timing=timing))
-    with mock.patch.object(socketcan, "_opened", side_effect=lambda *_, **__: wires.near()):
+    near = mock.Mock(side_effect=lambda *_, **__: wires.near())
+    with mock.patch.object(socketcan, "opened", near), mock.patch.object(survey, "opened", near):
         return compose.build_loop(
             database=database,
             open_bus=lambda: compose.open_bus(
