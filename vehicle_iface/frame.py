@@ -1,5 +1,6 @@
 """One CAN frame, received or to be sent."""
 
+from functools import partial
 from typing import NamedTuple, Self
 
 from vehicle_iface.errors import InvalidValueError
@@ -23,7 +24,7 @@ class _Fields(NamedTuple):
 class CanFrame(_Fields):
     """A classical or FD data frame with the moment it was seen.
 
-    Refuses what no bus can carry; a bus makes those that it has received with `_make`, which checks nothing.
+    Refuses what no bus can carry. `unchecked_frame` makes those that are known to be good.
     """
 
     __slots__ = ()
@@ -43,4 +44,8 @@ class CanFrame(_Fields):
             raise InvalidValueError(f"can_id = {can_id:#x}: must fit {29 if is_extended else 11} bits")
         if len(data) > (64 if is_fd else 8):
             raise InvalidValueError(f"data of {len(data)} bytes: at most {64 if is_fd else 8}")
-        return cls._make((can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error))
+        return super().__new__(cls, can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error)
+
+
+unchecked_frame = partial(tuple.__new__, CanFrame)
+"""A frame from the tuple of all its fields, in order: for those that a bus has carried or the encoder has built."""

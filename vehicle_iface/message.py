@@ -1,10 +1,9 @@
 """A received message after the codec: whole, intact and in range."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class Received:
+class Received(NamedTuple):
     """The values of one message, all of them checked; there is no partly good message."""
 
     name: str

@@ -1,7 +1,9 @@
 """From decoded messages to the vehicle's state: knows what one complete sample is, and how old it is."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
+from typing import Any, NamedTuple
 
 from vehicle_iface.message import Received
 from vehicle_iface.state import VehicleState
@@ -13,8 +15,7 @@ _STATUS_WORDS = {"mode", "gear", "driver_brake", "driver_throttle", "driver_stee
 """Fields of the status; they may come in several messages."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sample:
+class Sample(NamedTuple):
     """One complete and consistent look at the vehicle."""
 
     state: VehicleState
@@ -63,9 +64,16 @@ class Tracker:
 
         Position, heading and speed must be in `sample`, and so must `pose_frame` where there is one.
         """
-        self._sample = {name: tuple(fields) for name, fields in sample.items()}
+        self._sample = tuple(sample)
+        # The values of a sample, message after message, are one long tuple; what is bound is picked out of it.
+        row = [field for fields in sample.values() for field in fields]
+        places = {field: place for place, field in enumerate(row) if field}
+        self._frame_place, self._valid_place = places.pop("pose_frame", None), places.pop("pose_valid", None)
+        self._fields = tuple(places)
+        self._pick = _picker(*places.values())
         self._others = {name: tuple(fields) for name, fields in others.items()}
         self._frames, self._modes, self._gears = dict(frames), dict(modes), dict(gears)
+        self._usual_frame = next(iter(frames.values()))
         self._window_ns, self._stale_ns = window_ns, stale_ns
         self._pending: dict[int, _Parts] = {}
         self._completed_ns: dict[int, int] = {}
@@ -101,17 +109,20 @@ class Tracker:
         self.newest = None
 
     def _put_together(self, received: Received) -> Sample | None:
-        self._drop_old(received.stamp_ns)
-        if received.counter in self._completed_ns:
+        counter = received.counter
+        self._drop_old(received.stamp_ns - self._window_ns)
+        if counter in self._completed_ns:
             self.repeated += 1
             return None
-        parts = self._pending.setdefault(received.counter, _Parts(received.stamp_ns))
+        parts = self._pending.get(counter)
+        if parts is None:
+            parts = self._pending[counter] = _Parts(received.stamp_ns)
         parts.received[received.name] = received
         if len(parts.received) < len(self._sample):
             return None
-        del self._pending[received.counter]
-        if received.counter >= 0:  # without a counter nothing tells a repeated message from the next one
-            self._completed_ns[received.counter] = received.stamp_ns
+        del self._pending[counter]
+        if counter >= 0:  # without a counter nothing tells a repeated message from the next one
+            self._completed_ns[counter] = received.stamp_ns
         sample = self._sample_of(parts, received)
         if sample is None:
             self.incomplete += 1
@@ -120,39 +131,38 @@ class Tracker:
         self.newest = sample
         return sample
 
-    def _drop_old(self, now_ns: int) -> None:
+    def _drop_old(self, before_ns: int) -> None:
         """A counter value comes round again: parts of its last round must be gone by then."""
-        old = [c for c, parts in self._pending.items() if now_ns - parts.first_ns > self._window_ns]
-        for counter in old:
-            del self._pending[counter]
-        self.incomplete += len(old)
-        done = [c for c, completed_ns in self._completed_ns.items() if now_ns - completed_ns > self._window_ns]
-        for counter in done:
-            del self._completed_ns[counter]
+        if self._pending and next(iter(self._pending.values())).first_ns < before_ns:  # the oldest stand first
+            old = [counter for counter, parts in self._pending.items() if parts.first_ns < before_ns]
+            for counter in old:
+                del self._pending[counter]
+            self.incomplete += len(old)
+        if self._completed_ns and next(iter(self._completed_ns.values())) < before_ns:
+            done = [counter for counter, completed_ns in self._completed_ns.items() if completed_ns < before_ns]
+            for counter in done:
+                del self._completed_ns[counter]
 
     def _sample_of(self, parts: _Parts, last: Received) -> Sample | None:
         """None when a value of its own is missing: it is in another multiplexer branch."""
-        values: dict[str, float | int | None] = dict(self._newest_others)
-        for name, fields in self._sample.items():
-            values.update(zip(fields, parts.received[name].values, strict=True))
-        values.pop("", None)
-        if None in values.values():
+        row: tuple[Any, ...] = ()
+        for name in self._sample:
+            row += parts.received[name].values
+        values = self._pick(row)
+        frame = row[self._frame_place] if self._frame_place is not None else -1
+        is_valid = row[self._valid_place] if self._valid_place is not None else True
+        if frame is None or is_valid is None or None in values:
             return None
-        pose_frame = values.pop("pose_frame", None)
-        pose_valid = bool(values.pop("pose_valid", True))
-        frame_id = self._frames[int(pose_frame)] if pose_frame is not None else next(iter(self._frames.values()))
-        state = VehicleState(stamp_ns=parts.first_ns, frame_id=frame_id, **values)  # type: ignore[arg-type]
-        return Sample(
-            state=state,
-            pose_valid=pose_valid,
-            others_fresh=self._are_others_fresh(parts.first_ns),
-            counter=last.counter,
-            completed_ns=last.stamp_ns,
+        state = VehicleState(
+            stamp_ns=parts.first_ns,
+            frame_id=self._usual_frame if frame == -1 else self._frames[int(frame)],
+            **(self._newest_others | dict(zip(self._fields, values, strict=True))),
         )
+        return Sample(state, bool(is_valid), self._are_others_fresh(parts.first_ns), last.counter, last.stamp_ns)
 
     def _are_others_fresh(self, stamp_ns: int) -> bool:
-        came_ns = self._others_ns
-        return all(name in came_ns and stamp_ns - came_ns[name] <= self._stale_ns for name in self._others)
+        oldest_ns, came_ns = stamp_ns - self._stale_ns, self._others_ns
+        return all(name in came_ns and came_ns[name] >= oldest_ns for name in self._others)
 
     def _note_others(self, received: Received) -> None:
         """Keep what it says; a message with the mode in it makes a status of that and the newest other words."""
@@ -174,3 +184,10 @@ class Tracker:
             driver_steer_torque_nm=float(words.get("driver_steer_torque_nm", 0.0)),
             fault_code=int(words.get("fault_code", 0)),
         )
+
+
+def _picker(*places: int) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
+    """The values at these places of a row."""
+    if len(places) < 2:  # where `itemgetter` gives no tuple
+        return lambda row: tuple(row[place] for place in places)
+    return itemgetter(*places)

@@ -68,11 +68,11 @@ def test_the_stamp_is_the_kernels_wall_clock_time(wire: Wire) -> None:
     wire.far.send(packed(CanFrame(1, b"")))
     after_ns = time.time_ns()
     [packet] = wire.receiver.receive(wait=False)
-    assert before_ns - 50_000_000 <= packet.wall_ns <= after_ns + 50_000_000
+    assert before_ns - 50_000_000 <= packet[3] <= after_ns + 50_000_000
     wire.near.setsockopt(socket.SOL_SOCKET, 35, 0)
     wire.far.send(packed(CanFrame(1, b"")))
     [packet] = wire.receiver.receive(wait=False)
-    assert (packet.wall_ns, packet.dropped) == (0, 0)
+    assert packet[3:5] == (0, 0)
 
 
 @given(frames())

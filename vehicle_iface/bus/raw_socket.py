@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from vehicle_iface.bus.receive import SO_RXQ_OVFL, SO_TIMESTAMPNS, Packet
 from vehicle_iface.errors import BusError, BusGoneError
-from vehicle_iface.frame import CanFrame
+from vehicle_iface.frame import CanFrame, unchecked_frame
 
 # From <linux/can.h>, <linux/can/raw.h>, <linux/sockios.h>, <linux/sock_diag.h> and <asm-generic/socket.h>.
 EFF_FLAG, RTR_FLAG, ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
@@ -39,13 +39,12 @@ def packed(frame: CanFrame) -> bytes:
 
 def frame_of(packet: Packet, stamp_ns: int) -> CanFrame:
     """What the kernel handed over, as a frame."""
-    word = packet.can_id
+    word, data, is_fd, _, _, _ = packet
     if word <= SFF_MASK:  # the usual case: a standard data frame
-        return CanFrame._make((word, packet.data, stamp_ns, False, False, packet.is_fd, False))
+        return unchecked_frame((word, data, stamp_ns, False, False, is_fd, False))
     is_extended = bool(word & EFF_FLAG)
     can_id = word & (EFF_MASK if is_extended else SFF_MASK)
-    flags = is_extended, bool(word & RTR_FLAG), packet.is_fd, bool(word & ERR_FLAG)
-    return CanFrame._make((can_id, packet.data, stamp_ns, *flags))
+    return unchecked_frame((can_id, data, stamp_ns, is_extended, bool(word & RTR_FLAG), is_fd, bool(word & ERR_FLAG)))
 
 
 def opened(channel: str, can_ids: Iterable[int] | None, *, receive_bytes: int, errors: bool = False) -> socket.socket:

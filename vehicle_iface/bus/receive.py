@@ -9,7 +9,6 @@ import ctypes
 import errno
 import os
 import struct
-from typing import NamedTuple
 
 from vehicle_iface.units import NS_PER_S
 
@@ -26,7 +25,6 @@ _MMSGHDR = struct.Struct("@PIPNPNi0PI0P")
 _CMSGHDR = struct.Struct("@Nii")
 _TIMESPEC = struct.Struct("@ll")
 _UINT32 = struct.Struct("@I")
-_NAME, _NAME_LENGTH, _VECTORS, _VECTOR_COUNT, _CONTROL, _CONTROL_LENGTH, _FLAGS, _LENGTH = range(8)
 _CONTROL_BYTES = 64
 """Room for the stamp and the drop counter, each with its header and padding."""
 _PLACE = struct.Struct(f"@IBB2x64sNii{_TIMESPEC.format[1:]}")
@@ -34,19 +32,10 @@ _PLACE = struct.Struct(f"@IBB2x64sNii{_TIMESPEC.format[1:]}")
 _STRIDE = CANFD_MTU + _CONTROL_BYTES
 
 
-class Packet(NamedTuple):
-    """One frame as the kernel handed it over."""
-
-    can_id: int
-    """With the flags in its upper bits."""
-    data: bytes
-    is_fd: bool
-    wall_ns: int
-    """Kernel receive time, nanoseconds of the wall clock; 0 when there is none."""
-    dropped: int
-    """Frames that this socket has lost so far, as of this one; 0 when the kernel did not say."""
-    is_local: bool
-    """Whether a program on this machine has sent it."""
+Packet = tuple[int, bytes, bool, int, int, bool]
+"""One frame as the kernel handed it over: identifier with the flags in its upper bits, data, whether it is FD, kernel
+receive time (nanoseconds of the wall clock; 0 when there is none), frames that this socket has lost so far (0 when
+the kernel did not say), and whether a program on this machine has sent it."""
 
 
 class BatchReceiver:
@@ -80,21 +69,20 @@ class BatchReceiver:
             if error in _NOTHING:
                 return []
             raise OSError(error, os.strerror(error))
-        packets = [self._packet(i) for i in range(count)]
+        packets: list[Packet] = []
+        for i in range(count):
+            _, _, _, _, _, control, flags, length = _MMSGHDR.unpack_from(self._headers, i * _MMSGHDR.size)
+            at = i * _STRIDE
+            can_id, size, _, room, told, level, kind, seconds, nanoseconds = _PLACE.unpack_from(self._places, at)
+            if control == told and level == SOL_SOCKET and kind == SO_TIMESTAMPNS:  # the stamp is all there is
+                wall_ns, dropped = seconds * NS_PER_S + nanoseconds, 0
+            else:
+                wall_ns, dropped = self._ancillary(at + CANFD_MTU, control)
+            is_local = flags & MSG_DONTROUTE != 0
+            packets.append((can_id, room[:size], length == CANFD_MTU, wall_ns, dropped, is_local))
         used = count * _MMSGHDR.size
         self._headers[:used] = self._blank[:used]  # the kernel has written lengths into them
         return packets
-
-    def _packet(self, i: int) -> Packet:
-        header = _MMSGHDR.unpack_from(self._headers, i * _MMSGHDR.size)
-        can_id, length, _, room, size, level, kind, seconds, nanoseconds = _PLACE.unpack_from(self._places, i * _STRIDE)
-        if header[_CONTROL_LENGTH] == size and level == SOL_SOCKET and kind == SO_TIMESTAMPNS:
-            wall_ns, dropped = seconds * NS_PER_S + nanoseconds, 0
-        else:
-            wall_ns, dropped = self._ancillary(i * _STRIDE + CANFD_MTU, header[_CONTROL_LENGTH])
-        return Packet(
-            can_id, room[:length], header[_LENGTH] == CANFD_MTU, wall_ns, dropped, bool(header[_FLAGS] & MSG_DONTROUTE)
-        )
 
     def _ancillary(self, start: int, length: int) -> tuple[int, int]:
         """Stamp and drop counter from the control messages, whatever there are."""

@@ -134,11 +134,11 @@ class SocketCanBus:
         events: list[LinkEvent] = []
         packets = self._received(self._watcher, wait=False)
         while packets:
-            for packet in packets:
-                if packet.can_id & ERR_FLAG:
+            for can_id, data, _, _, _, is_local in packets:
+                if can_id & ERR_FLAG:
                     self._counters["error_frames"] += 1
-                    events += events_of(packet.can_id & ERR_MASK, packet.data)
-                elif packet.is_local:
+                    events += events_of(can_id & ERR_MASK, data)
+                elif is_local:
                     self._counters["send_confirmed"] += 1
             packets = self._received(self._watcher, wait=False) if len(packets) == BATCH else []
         self._count_missed(clock.monotonic_ns())
@@ -174,7 +174,15 @@ class SocketCanBus:
         while packets:
             now_ns = clock.monotonic_ns()
             self._follow_wall_clock(now_ns - clock.wall_ns())
-            self._inbox += [self._frame(packet, now_ns) for packet in packets]
+            for packet in packets:
+                wall_ns, dropped = packet[3], packet[4]
+                # Never later than now: a wall clock set forwards between the stamp and our reading of it would make
+                # an old frame look fresh.
+                stamp_ns = wall_ns + self._offset_ns if wall_ns else now_ns
+                self._inbox.append(frame_of(packet, stamp_ns if stamp_ns < now_ns else now_ns))
+                if dropped:
+                    self._counters["receive_overflow"] += (dropped - self._kernel_drops) & 0xFFFFFFFF
+                    self._kernel_drops = dropped
             self._counters["received"] += len(packets)
             packets = self._received(self._receiver, wait=False) if len(packets) == BATCH else []
 
@@ -183,15 +191,6 @@ class SocketCanBus:
             return receiver.receive(wait=wait)
         except OSError as error:
             raise gone(self.channel, error) from error
-
-    def _frame(self, packet: Packet, now_ns: int) -> CanFrame:
-        # Never later than now: a wall clock set forwards between the stamp and our reading of it would make an old
-        # frame look fresh.
-        stamp_ns = min(now_ns, packet.wall_ns + self._offset_ns) if packet.wall_ns else now_ns
-        if packet.dropped:
-            self._counters["receive_overflow"] += (packet.dropped - self._kernel_drops) & 0xFFFFFFFF
-            self._kernel_drops = packet.dropped
-        return frame_of(packet, stamp_ns)
 
     def _follow_wall_clock(self, offset_ns: int) -> None:
         """Kernel stamps are wall-clock time: map them by the offset that holds now."""

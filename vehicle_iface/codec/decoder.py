@@ -43,17 +43,31 @@ _SEQUENCE_DROPS = {
 class _Input:
     """What the decoder keeps of one message."""
 
-    __slots__ = ("counters", "decode", "is_fd", "length", "name", "protection", "seen", "translate", "translated")
+    __slots__ = (
+        "counter_byte",
+        "counter_mask",
+        "counters",
+        "decode",
+        "intact",
+        "is_fd",
+        "length",
+        "name",
+        "seen",
+        "translate",
+        "translated",
+    )
 
     def __init__(self, message: BoundMessage) -> None:
         self.name = message.name
         self.length = message.length
         self.is_fd = message.is_fd
         self.decode = message.codec.decode
-        self.protection = message.protection
         self.counters: CounterCheck | None = None
-        if message.protection is not None:
-            self.counters = CounterCheck(message.protection.counter_states, message.max_counter_step)
+        protection = message.protection
+        if protection is not None:
+            self.counters = CounterCheck(protection.counter_states, message.max_counter_step)
+            self.intact = protection.intact
+            self.counter_byte, self.counter_mask = protection.counter_byte, protection.counter_mask
         self.translate = message.to_program
         self.seen = 0
         self.translated = any(table is not None for table in message.to_program)
@@ -89,26 +103,27 @@ class Decoder:
 
     def decode(self, frame: CanFrame) -> Received | None:
         """The message in `frame`, or None when it is not ours or not to be believed."""
-        entry = self._inputs.get(frame.can_id | _EXTENDED if frame.is_extended else frame.can_id)
+        can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error = frame
+        entry = self._inputs.get(can_id | _EXTENDED if is_extended else can_id)
         if entry is None:
             self._drop_stranger(frame)
             return None
         entry.seen += 1
-        if frame.is_remote or frame.is_error or frame.is_fd is not entry.is_fd:
+        if is_remote or is_error or is_fd is not entry.is_fd:
             self._drop(DropCause.WRONG_TYPE, entry.name)
             return None
-        data = frame.data
         if len(data) != entry.length:
             self._drop(DropCause.WRONG_LENGTH, entry.name)
             return None
         counter = -1
-        if entry.protection is not None and entry.counters is not None:
-            if not entry.protection.intact(data):
-                entry.counters.note_damaged()
+        counters = entry.counters
+        if counters is not None:
+            if not entry.intact(data):
+                counters.note_damaged()
                 self._drop(DropCause.BAD_CRC, entry.name)
                 return None
-            counter = entry.protection.counter_of(data)
-            verdict = entry.counters.step(counter)
+            counter = data[entry.counter_byte] & entry.counter_mask
+            verdict = counters.step(counter)
             if verdict is not Sequence.OK and verdict is not Sequence.INITIAL:
                 self._drop(_SEQUENCE_DROPS[verdict], entry.name)
                 return None
@@ -120,7 +135,7 @@ class Decoder:
         if entry.translated:
             values = _translated(values, entry.translate)
         self.accepted += 1
-        return Received(entry.name, frame.stamp_ns, counter, values)
+        return Received(entry.name, stamp_ns, counter, values)
 
     def reset(self) -> None:
         """Forget all sequences, as after the bus was opened anew; the counts stay."""

@@ -7,6 +7,7 @@ package; the rule for the counter is here.
 
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 
 import e2e.p01
 import e2e.p02
@@ -38,7 +39,10 @@ class Protection:
     than the header.
     """
 
-    __slots__ = ("_check", "_seal", "counter_byte", "counter_mask", "counter_states", "profile")
+    __slots__ = ("_seal", "counter_byte", "counter_mask", "counter_states", "intact", "profile")
+
+    intact: Callable[[bytes], bool]
+    """Whether the checksum in a payload of full length is the one of its bytes and the data id."""
 
     def __init__(self, profile: int, data_id: int | tuple[int, ...], length: int, data_id_mode: str = "BOTH") -> None:
         if profile not in _HEADER_BYTES:
@@ -50,7 +54,7 @@ class Protection:
         self.counter_mask = _COUNTER_MASK[profile]
         self.counter_states = _COUNTER_STATES[profile]
         """Valid counters are 0 … counter_states − 1."""
-        self._seal, self._check = _functions(profile, data_id, data_id_mode)
+        self._seal, self.intact = _functions(profile, data_id, data_id_mode)
 
     @property
     def crc_bits(self) -> tuple[int, int]:
@@ -66,11 +70,6 @@ class Protection:
         """Write counter and checksum into `data`, in place."""
         data[self.counter_byte] = data[self.counter_byte] & ~self.counter_mask | counter
         self._seal(data)
-
-    def intact(self, data: bytes) -> bool:
-        """Whether the checksum in `data`, a payload of full length, is the one of its bytes and the
-        data id."""
-        return self._check(data)
 
     def counter_of(self, data: bytes) -> int:
         """The counter in `data`; it may be an invalid one (15 in profiles 1 and 11)."""
@@ -106,8 +105,7 @@ def _functions(
         else (e2e.p11.e2e_p11_protect, e2e.p11.e2e_p11_check)
     )
 
-    def seal(data: bytearray) -> None:
-        module_protect(data, data_id, data_id_mode=number, increment_counter=False)
+    seal = partial(module_protect, data_id=data_id, data_id_mode=number, increment_counter=False)
 
     def check(data: bytes) -> bool:
         again = bytearray(data)

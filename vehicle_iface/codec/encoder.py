@@ -10,7 +10,7 @@ from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.database import BoundMessage, Role
 from vehicle_iface.command import SafeCommand
 from vehicle_iface.errors import ConfigError, SignalError
-from vehicle_iface.frame import CanFrame
+from vehicle_iface.frame import CanFrame, unchecked_frame
 
 
 class _Output:
@@ -59,7 +59,7 @@ class _Output:
             self.last = self.counter
             self.counter = self.protection.next_counter(self.counter)
             payload = bytes(data)
-        return CanFrame(self.can_id, payload, 0, self.is_extended, False, self.is_fd)
+        return unchecked_frame((self.can_id, payload, 0, self.is_extended, False, self.is_fd, False))
 
 
 class Encoder:

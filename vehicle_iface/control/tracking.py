@@ -209,12 +209,18 @@ def tracking_error(state: VehicleState, reference_point: Reference) -> TrackingE
     if frame_id != state.frame_id:
         raise FrameMismatchError(f"state in frame {state.frame_id!r}, reference in {frame_id!r}")
     dx_m, dy_m = state.x_m - reference_point.x_m, state.y_m - reference_point.y_m
-    cos, sin = math.cos(reference_point.heading_rad), math.sin(reference_point.heading_rad)
+    longitudinal_m, lateral_m = turned_back(dx_m, dy_m, reference_point.heading_rad)
     return TrackingError(
-        lateral_m=cos * dy_m - sin * dx_m,
-        longitudinal_m=cos * dx_m + sin * dy_m,
+        lateral_m=lateral_m,
+        longitudinal_m=longitudinal_m,
         heading_rad=wrapped_rad(state.heading_rad - reference_point.heading_rad),
         speed_mps=state.speed_mps - reference_point.speed_mps,
         accel_mps2=state.accel_mps2 - reference_point.accel_mps2,
         yaw_rate_radps=state.yaw_rate_radps - reference_point.yaw_rate_radps,
     )
+
+
+def turned_back(dx_m: float, dy_m: float, heading_rad: float) -> tuple[float, float]:
+    """A difference in position in the axes of that heading: how far along it, and how far to its left."""
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    return cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m

@@ -1,7 +1,7 @@
 """What to answer: from a sample, through the controller and the gate, to a permission."""
 
 import logging
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from vehicle_iface.command import Command, SafeCommand
 from vehicle_iface.control.base import ControllerBase
@@ -20,8 +20,7 @@ STANDSTILL_MPS = 0.05
 """Slower than this the vehicle stands, as far as its own speed signal can tell."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class Answer(NamedTuple):
     """What the controller wished and what may be sent for it."""
 
     wish: Command

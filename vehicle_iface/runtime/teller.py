@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from vehicle_iface.control.base import ControllerBase
-from vehicle_iface.control.tracking import point_at, tracking_error
+from vehicle_iface.control.tracking import plain_values, turned_back
 from vehicle_iface.reason import Reason
 from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.runtime.pilot import Answer
@@ -12,11 +12,26 @@ from vehicle_iface.runtime.rate import Grid
 from vehicle_iface.runtime.telemetry import Snapshot, TelemetryWriter
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import ControllerState, Gear, VehicleStatus
-from vehicle_iface.units import NS_PER_MS
+from vehicle_iface.trajectory import Trajectory
+from vehicle_iface.units import NS_PER_MS, wrapped_rad
 
 QUIET_NS = 100 * NS_PER_MS
 """Without samples a snapshot is published this often, so that a viewer sees the loop alive."""
 DETAILS_NS = 500 * NS_PER_MS
+
+
+def _unknown(first: str, last: str) -> tuple[Any, ...]:
+    """What a snapshot says in a group of fields of which nothing is known."""
+    names = Snapshot._fields
+    group = names[names.index(first) : names.index(last) + 1]
+    return tuple(Snapshot._field_defaults[name] for name in group)
+
+
+# The groups of a snapshot, in its order: it is a plain tuple, put together of theirs.
+_NO_STATE = _unknown("has_state", "rear_wheel_angle_rad")
+_NO_STATUS = _unknown("has_status", "gear")
+_NO_REFERENCE = _unknown("trajectory_version", "heading_error_rad")
+_NO_LOOKAHEAD = _unknown("has_lookahead", "lookahead_y_m")
 
 
 class Teller:
@@ -29,6 +44,7 @@ class Teller:
         self._trajectory_version = 0
         self._last_ns = 0
         self._details_grid: Grid | None = None
+        self._path: _Path | None = None
 
     def tell(
         self,
@@ -47,28 +63,35 @@ class Teller:
         if self._writer is None:
             return
         self._last_ns = now_ns
-        known: dict[str, Any] = {}
+        reference, lookahead, frame_id = _NO_REFERENCE, _NO_LOOKAHEAD, "map"
         if state is not None:
-            known |= _of_state(state) | self._of_reference(state)
-        if status is not None:
-            gear = Gear.NO_REQUEST if status.gear is None else status.gear
-            known |= {"has_status": True, "vehicle_mode": status.mode, "gear": gear}
-        if answer is not None:
-            known |= _of_answer(answer)
-        self._writer.publish(
-            Snapshot(
-                published_ns=now_ns,
-                controller_state=controller_state,
-                reason=reason,
-                sent=sent,
-                latency_ns=latency_ns,
-                samples=self._counts.samples,
-                commands=self._counts.commands,
-                drops=drops,
-                deadline_misses=self._counts.deadline_misses,
-                **known,
-            )
+            frame_id = state.frame_id
+            reference, lookahead = self._reference(state)
+        wish, safe = (answer.wish, answer.safe) if answer is not None else (None, None)
+        counts = self._counts
+        snapshot = (
+            now_ns,
+            controller_state,
+            reason,
+            *(_of_state(state) if state is not None else _NO_STATE),
+            *(_of_status(status) if status is not None else _NO_STATUS),
+            *reference,
+            *lookahead,
+            answer is not None,
+            wish.accel_mps2 if wish is not None else 0.0,
+            wish.front_wheel_angle_rad if wish is not None else 0.0,
+            sent,
+            safe.accel_mps2 if safe is not None else 0.0,
+            safe.front_wheel_angle_rad if safe is not None else 0.0,
+            latency_ns,
+            counts.samples,
+            counts.commands,
+            drops,
+            counts.deadline_misses,
+            frame_id,
+            0,
         )
+        self._writer.publish(Snapshot._make(snapshot))
 
     def is_quiet(self, now_ns: int) -> bool:
         """Whether nothing was published for a while."""
@@ -96,55 +119,59 @@ class Teller:
         if self._details_grid.due(now_ns):
             self._writer.publish_details(details())
 
-    def _of_reference(self, state: VehicleState) -> dict[str, Any]:
+    def _reference(self, state: VehicleState) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """The groups of the reference points and of the look-ahead."""
         trajectory = self._controller.trajectory
         if trajectory is None or not len(trajectory) or trajectory.frame_id != state.frame_id:
-            return {}
-        spatial_index, temporal_index = self.indices
-        spatial = point_at(trajectory, spatial_index)
-        temporal = point_at(trajectory, temporal_index)
-        error = tracking_error(state, spatial)
+            return _NO_REFERENCE, _NO_LOOKAHEAD
+        if self._path is None or self._path.trajectory is not trajectory:
+            self._path = _Path(trajectory)
+        path, spatial, temporal = self._path, self._controller.spatial_index, self._controller.temporal_index
+        x_m, y_m, heading_rad = path.xs_m[spatial], path.ys_m[spatial], path.headings_rad[spatial]
+        _, lateral_m = turned_back(state.x_m - x_m, state.y_m - y_m, heading_rad)
+        reference = (
+            self._trajectory_version,
+            True,
+            spatial,
+            temporal,
+            x_m,
+            y_m,
+            path.xs_m[temporal],
+            path.ys_m[temporal],
+            path.speeds_mps[spatial],
+            lateral_m,
+            wrapped_rad(state.heading_rad - heading_rad),
+        )
         lookahead = getattr(self._controller, "lookahead_point", None)
-        return {
-            "has_reference": True,
-            "trajectory_version": self._trajectory_version,
-            "spatial_index": spatial_index,
-            "temporal_index": temporal_index,
-            "spatial_reference_x_m": spatial.x_m,
-            "spatial_reference_y_m": spatial.y_m,
-            "temporal_reference_x_m": temporal.x_m,
-            "temporal_reference_y_m": temporal.y_m,
-            "reference_speed_mps": spatial.speed_mps,
-            "lateral_error_m": error.lateral_m,
-            "heading_error_rad": error.heading_rad,
-            "has_lookahead": lookahead is not None,
-            "lookahead_x_m": lookahead[0] if lookahead else 0.0,
-            "lookahead_y_m": lookahead[1] if lookahead else 0.0,
-        }
+        return reference, (True, *lookahead) if lookahead is not None else _NO_LOOKAHEAD
 
 
-def _of_state(state: VehicleState) -> dict[str, Any]:
-    return {
-        "has_state": True,
-        "stamp_ns": state.stamp_ns,
-        "frame_id": state.frame_id,
-        "x_m": state.x_m,
-        "y_m": state.y_m,
-        "heading_rad": state.heading_rad,
-        "speed_mps": state.speed_mps,
-        "accel_mps2": state.accel_mps2,
-        "yaw_rate_radps": state.yaw_rate_radps,
-        "lateral_speed_mps": state.lateral_speed_mps,
-        "front_wheel_angle_rad": state.front_wheel_angle_rad,
-        "rear_wheel_angle_rad": state.rear_wheel_angle_rad,
-    }
+class _Path:
+    """A trajectory's numbers, quick to read."""
+
+    __slots__ = ("headings_rad", "speeds_mps", "trajectory", "xs_m", "ys_m")
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory
+        self.xs_m, self.ys_m = plain_values(trajectory.x_m), plain_values(trajectory.y_m)
+        self.headings_rad, self.speeds_mps = plain_values(trajectory.heading_rad), plain_values(trajectory.speed_mps)
 
 
-def _of_answer(answer: Answer) -> dict[str, Any]:
-    return {
-        "has_wanted": True,
-        "wanted_accel_mps2": answer.wish.accel_mps2,
-        "wanted_front_wheel_angle_rad": answer.wish.front_wheel_angle_rad,
-        "sent_accel_mps2": answer.safe.accel_mps2,
-        "sent_front_wheel_angle_rad": answer.safe.front_wheel_angle_rad,
-    }
+def _of_state(state: VehicleState) -> tuple[Any, ...]:
+    return (
+        True,
+        state.stamp_ns,
+        state.x_m,
+        state.y_m,
+        state.heading_rad,
+        state.speed_mps,
+        state.accel_mps2,
+        state.yaw_rate_radps,
+        state.lateral_speed_mps,
+        state.front_wheel_angle_rad,
+        state.rear_wheel_angle_rad,
+    )
+
+
+def _of_status(status: VehicleStatus) -> tuple[Any, ...]:
+    return True, status.mode, Gear.NO_REQUEST if status.gear is None else status.gear

@@ -5,7 +5,7 @@ hold after it. A value is raw · lsb; raw 0 is 0 in SI units.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
@@ -26,6 +26,11 @@ class Channel:
     rate_per_s: float
     """Greatest change per second; `math.inf` for a quantity that may jump, like the speed told along."""
 
+    lowest_raw: int = field(init=False)
+    """The least wire value whose meaning is not below `lowest`."""
+    highest_raw: int = field(init=False)
+    """The greatest wire value whose meaning is not above `highest`."""
+
     def __post_init__(self) -> None:
         checks.positive(f"{self.name}: lsb", self.lsb)
         if not self.rate_per_s >= 0.0:
@@ -34,23 +39,16 @@ class Channel:
         highest = checks.finite(f"{self.name}: highest", self.highest)
         if not lowest <= 0.0 <= highest:
             raise InvalidValueError(f"{self.name}: the range [{lowest}, {highest}] must contain 0")
-
-    @property
-    def lowest_raw(self) -> int:
-        """The least wire value whose meaning is not below `lowest`."""
-        return _ceil(self.lowest / self.lsb)
-
-    @property
-    def highest_raw(self) -> int:
-        """The greatest wire value whose meaning is not above `highest`."""
-        return _floor(self.highest / self.lsb)
+        object.__setattr__(self, "lowest_raw", _ceil(lowest / self.lsb))
+        object.__setattr__(self, "highest_raw", _floor(highest / self.lsb))
 
     def step_raw(self, dt_s: float) -> int:
         """The greatest change of the wire value within `dt_s`."""
         whole_range = self.highest_raw - self.lowest_raw
-        if math.isinf(self.rate_per_s):
+        if self.rate_per_s == math.inf:
             return whole_range
-        return _floor(min(self.rate_per_s * max(0.0, dt_s) / self.lsb, whole_range))
+        step = self.rate_per_s * dt_s / self.lsb if dt_s > 0.0 else 0.0
+        return whole_range if step >= whole_range else _floor(step)
 
 
 def limited_raw(channel: Channel, wanted: float, last_raw: int, dt_s: float) -> int:
@@ -61,11 +59,11 @@ def limited_raw(channel: Channel, wanted: float, last_raw: int, dt_s: float) -> 
     a step towards an interval that contains the clamped last value cannot leave it.
     """
     low, high = channel.lowest_raw, channel.highest_raw
-    last_raw = min(high, max(low, last_raw))
-    step = channel.step_raw(dt_s)
     target = wanted / channel.lsb if math.isfinite(wanted) else 0.0
-    target_raw = round(min(float(high), max(float(low), target)))
-    return min(last_raw + step, max(last_raw - step, target_raw))
+    raw = high if target >= high else low if target <= low else round(target)
+    last_raw = high if last_raw > high else low if last_raw < low else last_raw
+    step = channel.step_raw(dt_s)
+    return last_raw + step if raw > last_raw + step else last_raw - step if raw < last_raw - step else raw
 
 
 def _floor(ratio: float) -> int:
