@@ -159,7 +159,11 @@ def build_loop(
     )
     pilot = Pilot(
         controller,
-        Gate(gate_channels(profile.limits, lambda field: _lsb(database, field))),
+        Gate(
+            gate_channels(profile.limits, lambda field: _lsb(database, field)),
+            profile.limits,
+            wheelbase_m=profile.geometry.wheelbase_m,
+        ),
         engagement,
         gear_change_speed_mps=profile.limits.gear_change_speed_mps,
         status_stale_ns=ns_from_s(timing.status_stale_s),

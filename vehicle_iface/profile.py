@@ -7,6 +7,7 @@ $.limits.speed_max_mps: Expected float`. Units are in the keys. Whether the prof
 checked by `codec.database`.
 """
 
+import itertools
 import math
 import re
 import tomllib
@@ -43,16 +44,37 @@ class Geometry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     wheel_radius_m: Positive
 
 
+SpeedTable = Annotated[tuple[tuple[NonNegative, Positive], ...], msgspec.Meta(min_length=1)]
+"""Rows of speed in m/s (rising, of either direction) and value; linear between rows, constant beyond them."""
+
+
+class EngagingLimits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What may be commanded besides, until the vehicle says that it is autonomous."""
+
+    front_wheel_rate_radps: Positive
+    accel_max_mps2: Positive
+
+
 class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What may be commanded."""
 
     front_wheel_angle_rad: Positive
     """To either side."""
+    front_wheel_angle_by_speed: SpeedTable
+    """The same in rad, by the measured speed."""
     front_wheel_rate_radps: Positive
+    front_wheel_deviation_rad: Positive
+    """How far the command may be from the measured angle, to either side."""
+    lateral_accel_mps2: Positive
+    """At the measured speed, to either side."""
+    lateral_jerk_mps3: Positive
+    """The change of that per second."""
     rear_wheel_angle_rad: NonNegative
     """To either side; 0 where the rear wheels do not steer."""
     rear_wheel_rate_radps: NonNegative
     accel_max_mps2: Positive
+    accel_max_by_speed: SpeedTable
+    """The same in m/s², by the measured speed."""
     accel_min_mps2: Negative
     accel_rate_mps3: Positive
     speed_max_mps: Positive
@@ -61,6 +83,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Above it the vehicle refuses another gear."""
     driver_steer_torque_nm: Positive
     """From here on the driver steers."""
+    engaging: EngagingLimits
 
 
 class Timing(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -419,6 +442,11 @@ def _order_faults(profile: Profile) -> Iterator[str]:
     if geometry.length_m < shortest_m:
         text = f"{geometry.length_m}: must be at least wheelbase_m + rear_overhang_m = {shortest_m}"
         yield f"$.geometry.length_m: {text}"
+    for key in ("front_wheel_angle_by_speed", "accel_max_by_speed"):
+        speeds = [speed_mps for speed_mps, _ in getattr(profile.limits, key)]
+        for row, (slower, faster) in enumerate(itertools.pairwise(speeds), start=1):
+            if not slower < faster:
+                yield f"$.limits.{key}[{row}][0]: {faster}: must be above the row before it, {slower}"
     safe_mps2, most_mps2 = profile.behavior.safe_deceleration_mps2, -profile.limits.accel_min_mps2
     if safe_mps2 > most_mps2:
         text = f"{safe_mps2}: must be at most {most_mps2}, what $.limits.accel_min_mps2 allows"

@@ -3,6 +3,7 @@
 import math
 import re
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -245,4 +246,6 @@ def test_a_message_outside_the_sample_that_comes_too_seldom_to_be_fresh_is_refus
 
 def test_the_limits_are_finite_and_within_what_the_wire_can_say(database):
     limits = database.profile.limits
-    assert all(math.isfinite(getattr(limits, name)) for name in limits.__struct_fields__)
+    numbers = [number for number in msgspec.structs.astuple(limits) if isinstance(number, float)]
+    assert len(numbers) >= 13
+    assert all(map(math.isfinite, numbers))

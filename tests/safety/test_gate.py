@@ -1,8 +1,11 @@
 """The gate: whatever is wished, what leaves is finite, within limits, within rates, and what the wire will say."""
 
 import math
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
+import msgspec
 import pytest
 from harness import reference, taken_apart
 from hypothesis import given
@@ -11,7 +14,7 @@ from hypothesis import strategies as st
 from vehicle_iface import Command, Reason, VehicleState
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.command import SafeCommand
-from vehicle_iface.safety.gate import LONGEST_STEP_S, Gate, GateChannels, gate_channels
+from vehicle_iface.safety.gate import LONGEST_STEP_S, Gate, gate_channels
 from vehicle_iface.status import Gear
 from vehicle_iface.units import s_from_ns
 
@@ -24,17 +27,27 @@ ANY_STEP_NS = st.one_of(
     st.sampled_from([0, 1, 10_000_000, 100_000_000, 100_000_001, -1, -10_000_000]),
     st.integers(-(10**12), 10**12),
 )
+WHEELBASE_M = 2.7
 NUMBERS = ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps")
 LSB = {"accel_mps2": 0.001, "front_wheel_angle_rad": 1e-4, "rear_wheel_angle_rad": 1e-4, "speed_mps": 0.005}
 
 
-def channels() -> GateChannels:
-    return gate_channels(reference().profile.limits, lambda field: reference().resolutions[field])
+def new_gate(**limits: Any) -> Gate:
+    """The reference vehicle's, or one with other limits."""
+    profile = reference().profile
+    changed = msgspec.structs.replace(profile.limits, **limits)
+    of_channels = gate_channels(changed, lambda field: reference().resolutions[field])
+    return Gate(of_channels, changed, wheelbase_m=WHEELBASE_M)
 
 
-def state(front_wheel_angle_rad: float = 0.0) -> VehicleState:
+def state(front_wheel_angle_rad: float = 0.0, speed_mps: float = 0.0) -> VehicleState:
     return VehicleState(
-        stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0, front_wheel_angle_rad=front_wheel_angle_rad
+        stamp_ns=0,
+        x_m=0.0,
+        y_m=0.0,
+        heading_rad=0.0,
+        speed_mps=speed_mps,
+        front_wheel_angle_rad=front_wheel_angle_rad,
     )
 
 
@@ -65,10 +78,10 @@ def in_range(command: SafeCommand, *, reversing: bool) -> bool:
 
 @given(st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans()), max_size=20))
 def test_any_wish_at_any_time_is_answered_finite_and_within_limits(steps: list[tuple[Command, int, bool]]) -> None:
-    gate, now_ns = Gate(channels()), 0
+    gate, now_ns = new_gate(), 0
     for command, step_ns, reversing in steps:
         now_ns += step_ns
-        safe = gate.permit(command, now_ns=now_ns, reversing=reversing)
+        safe = gate.permit(command, state(), now_ns=now_ns, reversing=reversing)
         assert all(type(getattr(safe, name)) is float and math.isfinite(getattr(safe, name)) for name in NUMBERS)
         assert in_range(safe, reversing=reversing)
         assert safe.enable
@@ -78,13 +91,13 @@ def test_any_wish_at_any_time_is_answered_finite_and_within_limits(steps: list[t
 def test_no_step_is_greater_than_the_rate_grants_from_the_last_one_sent(
     steps: list[tuple[Command, int]], reversing: bool, angle_rad: float
 ) -> None:
-    gate, now_ns = Gate(channels()), 10**9
+    gate, now_ns = new_gate(), 10**9
     gate.start_from(state(front_wheel_angle_rad=angle_rad), now_ns)
     accel_mps2, front_rad = 0.0, round(angle_rad / 1e-4) * 1e-4
     for command, step_ns in steps:
         now_ns += step_ns
         dt_s = min(LONGEST_STEP_S, max(0.0, s_from_ns(step_ns)))
-        safe = gate.permit(command, now_ns=now_ns, reversing=reversing)
+        safe = gate.permit(command, state(), now_ns=now_ns, reversing=reversing)
         if safe.safe_stop and (accel_mps2 < 0.0 if reversing else accel_mps2 > 0.0):
             accel_mps2 = 0.0  # a stop drops the drive at once
         assert abs(safe.front_wheel_angle_rad - front_rad) <= 0.8 * dt_s + 1e-9
@@ -94,23 +107,23 @@ def test_no_step_is_greater_than_the_rate_grants_from_the_last_one_sent(
 
 @given(st.lists(wishes(), max_size=10), st.floats(-50.0, 50.0), st.booleans())
 def test_a_stop_never_goes_on_driving(before: list[Command], wanted_mps2: float, reversing: bool) -> None:
-    gate, now_ns = Gate(channels()), 10**9
+    gate, now_ns = new_gate(), 10**9
     gate.start_from(state(), now_ns)
     for command in before:
         now_ns += 10_000_000
-        gate.permit(command, now_ns=now_ns, reversing=reversing)
+        gate.permit(command, state(), now_ns=now_ns, reversing=reversing)
     opposing = abs(wanted_mps2) if reversing else -abs(wanted_mps2)
     stop = Command(stamp_ns=0, accel_mps2=opposing, front_wheel_angle_rad=0.0, reason=Reason.STATE_STALE)
-    safe = gate.permit(stop, now_ns=now_ns + 1, reversing=reversing)
+    safe = gate.permit(stop, state(), now_ns=now_ns + 1, reversing=reversing)
     assert safe.accel_mps2 >= 0.0 if reversing else safe.accel_mps2 <= 0.0
 
 
 @given(st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans()), min_size=1, max_size=10))
 def test_what_is_read_back_from_the_frames_is_what_was_permitted(steps: list[tuple[Command, int, bool]]) -> None:
-    gate, encoder, now_ns = Gate(channels()), Encoder(reference().sent), 0
+    gate, encoder, now_ns = new_gate(), Encoder(reference().sent), 0
     for command, step_ns, reversing in steps:
         now_ns += step_ns
-        safe = gate.permit(command, now_ns=now_ns, reversing=reversing)
+        safe = gate.permit(command, state(), now_ns=now_ns, reversing=reversing)
         drive, steer = (taken_apart(frame) for frame in encoder.encode_command(safe))
         assert drive["ACCEL_REQUEST"] == pytest.approx(safe.accel_mps2, abs=1e-9)
         assert drive["SPEED_REQUEST"] == pytest.approx(safe.speed_mps, abs=1e-9)
@@ -125,51 +138,54 @@ def test_what_is_read_back_from_the_frames_is_what_was_permitted(steps: list[tup
 
 @given(st.floats(-0.6, 0.6))
 def test_the_first_command_starts_from_the_measured_wheel_angle(angle_rad: float) -> None:
-    gate = Gate(channels())
+    gate = new_gate()
     gate.start_from(state(front_wheel_angle_rad=angle_rad), 10**12)
-    first = gate.permit(wish(front_wheel_angle_rad=0.6), now_ns=10**12, reversing=False)
+    measured = state(front_wheel_angle_rad=angle_rad)
+    first = gate.permit(wish(front_wheel_angle_rad=0.6), measured, now_ns=10**12, reversing=False)
     assert first.front_wheel_angle_rad == pytest.approx(angle_rad, abs=0.5001e-4)
-    second = gate.permit(wish(front_wheel_angle_rad=0.6), now_ns=10**12 + 10_000_000, reversing=False)
+    second = gate.permit(wish(front_wheel_angle_rad=0.6), measured, now_ns=10**12 + 10_000_000, reversing=False)
     assert second.front_wheel_angle_rad == pytest.approx(min(0.6, first.front_wheel_angle_rad + 0.008), abs=1.0001e-4)
 
 
 @pytest.mark.parametrize(("measured", "taken"), [(0.9, 0.6), (-0.9, -0.6), (0.60006, 0.6)])
 def test_a_measured_angle_beyond_the_limit_starts_at_the_limit(measured: float, taken: float) -> None:
-    gate = Gate(channels())
+    gate = new_gate()
     gate.start_from(state(front_wheel_angle_rad=measured), 0)
-    assert gate.permit(wish(), now_ns=0, reversing=False).front_wheel_angle_rad == pytest.approx(taken)
+    assert gate.permit(wish(), state(), now_ns=0, reversing=False).front_wheel_angle_rad == pytest.approx(taken)
 
 
 def test_after_a_long_silence_a_tenth_of_a_second_of_change_is_granted_and_no_more() -> None:
-    gate = Gate(channels())
+    gate = new_gate()
     gate.start_from(state(), 0)
-    safe = gate.permit(wish(front_wheel_angle_rad=0.6), now_ns=3600 * 10**9, reversing=False)
+    safe = gate.permit(wish(front_wheel_angle_rad=0.6), state(), now_ns=3600 * 10**9, reversing=False)
     assert safe.front_wheel_angle_rad == pytest.approx(0.08)
 
 
 @pytest.mark.parametrize(("reversing", "low", "high"), [(False, -6.0, 3.0), (True, -3.0, 6.0)])
 def test_drive_and_brake_change_sides_when_reversing(reversing: bool, low: float, high: float) -> None:
     for wanted, reached in ((-9.0, low), (9.0, high)):
-        gate = Gate(channels())
+        gate = new_gate()
         for step in range(40):
-            safe = gate.permit(wish(accel_mps2=wanted), now_ns=step * 10_000_000, reversing=reversing)
+            safe = gate.permit(wish(accel_mps2=wanted), state(), now_ns=step * 10_000_000, reversing=reversing)
         assert safe.accel_mps2 == pytest.approx(reached)
 
 
 def test_a_change_of_direction_cuts_to_the_range_of_the_new_one_at_once() -> None:
-    gate = Gate(channels())
+    gate = new_gate()
     for step in range(40):
-        braking = gate.permit(wish(accel_mps2=-6.0), now_ns=step * 10_000_000, reversing=False)
+        braking = gate.permit(wish(accel_mps2=-6.0), state(), now_ns=step * 10_000_000, reversing=False)
     assert braking.accel_mps2 == pytest.approx(-6.0)
-    assert gate.permit(wish(accel_mps2=-6.0), now_ns=39 * 10_000_000, reversing=True).accel_mps2 == pytest.approx(-3.0)
+    assert gate.permit(
+        wish(accel_mps2=-6.0), state(), now_ns=39 * 10_000_000, reversing=True
+    ).accel_mps2 == pytest.approx(-3.0)
 
 
 @pytest.mark.parametrize("name", NUMBERS)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_one_number_that_is_not_finite_makes_the_whole_wish_a_controller_error(name: str, value: float) -> None:
-    gate = Gate(channels())
+    gate = new_gate()
     good: dict[str, Any] = {"accel_mps2": 1.0, "front_wheel_angle_rad": 0.3, "speed_mps": 5.0}
-    safe = gate.permit(wish(**good | {name: value}), now_ns=10**9, reversing=False)
+    safe = gate.permit(wish(**good | {name: value}), state(), now_ns=10**9, reversing=False)
     assert (safe.reason, safe.safe_stop) == (Reason.CONTROLLER_ERROR, True)
     assert (safe.accel_mps2, safe.front_wheel_angle_rad, safe.speed_mps) == (0.0, 0.0, 0.0)
     assert gate.limited["not_finite"] == 1
@@ -177,16 +193,18 @@ def test_one_number_that_is_not_finite_makes_the_whole_wish_a_controller_error(n
 
 @pytest.mark.parametrize("reason", list(Reason))
 def test_every_reason_but_nominal_is_a_safe_stop(reason: Reason) -> None:
-    safe = Gate(channels()).permit(wish(reason=reason), now_ns=0, reversing=False)
+    safe = new_gate().permit(wish(reason=reason), state(), now_ns=0, reversing=False)
     assert (safe.reason, safe.safe_stop) == (reason, reason is not Reason.NOMINAL)
 
 
 def test_what_was_cut_is_counted_by_name_and_what_was_only_rounded_is_not() -> None:
-    gate = Gate(channels())
+    gate = new_gate()
     gate.start_from(state(), 0)
-    gate.permit(wish(speed_mps=19.9987, front_wheel_angle_rad=0.00004), now_ns=10_000_000, reversing=False)
+    gate.permit(wish(speed_mps=19.9987, front_wheel_angle_rad=0.00004), state(), now_ns=10_000_000, reversing=False)
     assert not any(gate.limited.values())
-    gate.permit(wish(speed_mps=25.0, accel_mps2=9.0, front_wheel_angle_rad=0.5), now_ns=20_000_000, reversing=False)
+    gate.permit(
+        wish(speed_mps=25.0, accel_mps2=9.0, front_wheel_angle_rad=0.5), state(), now_ns=20_000_000, reversing=False
+    )
     assert {name for name, count in gate.limited.items() if count} == {
         "speed_mps",
         "accel_mps2",
@@ -196,7 +214,7 @@ def test_what_was_cut_is_counted_by_name_and_what_was_only_rounded_is_not() -> N
 
 @pytest.mark.parametrize("reason", list(Reason))
 def test_letting_go_asks_for_nothing(reason: Reason) -> None:
-    safe = Gate(channels()).release(stamp_ns=7, reason=reason)
+    safe = new_gate().release(stamp_ns=7, reason=reason)
     assert (safe.enable, safe.safe_stop, safe.reason, safe.stamp_ns) == (False, False, reason, 7)
     assert [getattr(safe, name) for name in NUMBERS] == [0.0] * 4
     assert safe.gear_request is Gear.NO_REQUEST
@@ -204,4 +222,122 @@ def test_letting_go_asks_for_nothing(reason: Reason) -> None:
 
 @pytest.mark.parametrize("gear", list(Gear))
 def test_the_gear_request_passes_as_it_is(gear: Gear) -> None:
-    assert Gate(channels()).permit(wish(), now_ns=0, reversing=False, gear_request=gear).gear_request is gear
+    assert new_gate().permit(wish(), state(), now_ns=0, reversing=False, gear_request=gear).gear_request is gear
+
+
+# What the front wheels may do at speed
+
+
+def driven(gate: Gate, wanted: Command, speed_mps: float, count: int, **more: Any) -> list[SafeCommand]:
+    """The same wish at 100 Hz, with wheels that follow at once."""
+    answers: list[SafeCommand] = []
+    for step in range(1, count + 1):
+        measured = state(answers[-1].front_wheel_angle_rad if answers else 0.0, speed_mps)
+        answers.append(gate.permit(wanted, measured, now_ns=step * 10_000_000, reversing=speed_mps < 0.0, **more))
+    return answers
+
+
+def lateral_mps2(command: SafeCommand, speed_mps: float) -> float:
+    return speed_mps * speed_mps * math.tan(command.front_wheel_angle_rad) / WHEELBASE_M
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("speed_mps", [-15.0, -4.0, 4.9, 5.1, 7.0, 10.0, 14.0, 20.0, 25.0])
+def test_full_lock_is_held_back_to_the_lateral_limits_at_every_speed(speed_mps: float, sign: int) -> None:
+    gate = new_gate(front_wheel_angle_by_speed=((0.0, 0.6),))
+    answers = driven(gate, wish(front_wheel_angle_rad=sign * 0.6), speed_mps, 300)
+    felt = [lateral_mps2(answer, speed_mps) for answer in answers]
+    slack = speed_mps**2 * LSB["front_wheel_angle_rad"] / WHEELBASE_M * 1.5
+    assert max(map(abs, felt)) <= 3.0 + 1e-6
+    assert all(abs(after - before) <= 5.0 * 0.01 + 1e-6 for before, after in pairwise(felt))
+    reachable_mps2 = min(3.0, speed_mps**2 * math.tan(0.6) / WHEELBASE_M)
+    assert abs(felt[-1]) == pytest.approx(reachable_mps2, abs=slack + 1e-3)
+
+
+@pytest.mark.parametrize(("speed_mps", "most_rad"), [(0.0, 0.6), (5.0, 0.6), (7.5, 0.4), (10.0, 0.2), (30.0, 0.05)])
+def test_the_table_over_speed_is_linear_between_its_rows_and_constant_beyond_them(
+    speed_mps: float, most_rad: float
+) -> None:
+    gate = new_gate(lateral_accel_mps2=1e6, lateral_jerk_mps3=1e6)
+    answers = driven(gate, wish(front_wheel_angle_rad=0.6), speed_mps, 200)
+    assert answers[-1].front_wheel_angle_rad == pytest.approx(most_rad, abs=1.0001e-4)
+
+
+def test_a_command_never_leads_far_away_from_a_steering_that_hangs() -> None:
+    gate, answer = new_gate(), None
+    for step in range(200):
+        answer = gate.permit(wish(front_wheel_angle_rad=0.6), state(0.1), now_ns=step * 10_000_000, reversing=False)
+    assert answer is not None
+    assert answer.front_wheel_angle_rad == pytest.approx(0.4)
+
+
+def test_where_the_speed_has_risen_the_wheels_are_led_back_as_fast_as_they_may_turn() -> None:
+    gate = new_gate()
+    turned = driven(gate, wish(front_wheel_angle_rad=0.6), 1.0, 100)[-1]
+    assert turned.front_wheel_angle_rad == pytest.approx(0.6)
+    now_ns, last_rad = 101 * 10_000_000, 0.6
+    for _ in range(10):
+        measured = state(last_rad, speed_mps=12.0)
+        answer = gate.permit(wish(front_wheel_angle_rad=0.6), measured, now_ns=now_ns, reversing=False)
+        assert answer.front_wheel_angle_rad == pytest.approx(last_rad - 0.008, abs=1e-9)
+        now_ns, last_rad = now_ns + 10_000_000, answer.front_wheel_angle_rad
+
+
+def test_until_the_vehicle_is_autonomous_drive_and_steering_are_held_back_more() -> None:
+    answers = driven(new_gate(), wish(front_wheel_angle_rad=0.6, accel_mps2=3.0), 1.0, 100, engaging=True)
+    steps = [after.front_wheel_angle_rad - before.front_wheel_angle_rad for before, after in pairwise(answers)]
+    assert max(steps) == pytest.approx(0.003)
+    assert answers[-1].accel_mps2 == pytest.approx(1.0)
+    braking = driven(new_gate(), wish(accel_mps2=-6.0), 1.0, 100, engaging=True)
+    assert braking[-1].accel_mps2 == pytest.approx(-6.0)
+
+
+@pytest.mark.parametrize(("speed_mps", "most_mps2"), [(0.0, 3.0), (10.0, 3.0), (15.0, 2.25), (-15.0, -2.25)])
+def test_the_drive_is_gentler_where_it_is_fast_and_the_brake_is_not(speed_mps: float, most_mps2: float) -> None:
+    sign = math.copysign(1.0, most_mps2)
+    assert driven(new_gate(), wish(accel_mps2=sign * 9.0), speed_mps, 60)[-1].accel_mps2 == pytest.approx(most_mps2)
+    braking = driven(new_gate(), wish(accel_mps2=-sign * 9.0), speed_mps, 60)
+    assert braking[-1].accel_mps2 == pytest.approx(-sign * 6.0)
+
+
+@given(
+    st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans(), st.booleans()), max_size=20),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.floats(-1.5, 1.5),
+)
+def test_whatever_is_measured_the_answer_is_finite_and_in_range(
+    steps: list[tuple[Command, int, bool, bool]], speed_mps: float, front_rad: float, rear_rad: float
+) -> None:
+    gate, now_ns = new_gate(), 0
+    measured = replace(state(front_rad, speed_mps), rear_wheel_angle_rad=rear_rad)
+    gate.start_from(measured, now_ns)
+    for command, step_ns, reversing, engaging in steps:
+        now_ns += step_ns
+        safe = gate.permit(command, measured, now_ns=now_ns, reversing=reversing, engaging=engaging)
+        assert all(math.isfinite(getattr(safe, name)) for name in NUMBERS)
+        assert in_range(safe, reversing=reversing)
+
+
+@given(st.lists(st.tuples(wishes(), st.floats(-30.0, 30.0)), min_size=1, max_size=30))
+def test_at_a_steady_speed_no_sequence_of_wishes_breaks_a_lateral_limit(
+    steps: list[tuple[Command, float]],
+) -> None:
+    speed_mps = steps[0][1]
+    gate, last_rad, felt = new_gate(), 0.0, [0.0]
+    gate.start_from(state(0.0, speed_mps), 0)
+    for number, (command, _) in enumerate(steps, start=1):
+        safe = gate.permit(command, state(last_rad, speed_mps), now_ns=number * 10_000_000, reversing=speed_mps < 0.0)
+        last_rad = safe.front_wheel_angle_rad
+        felt.append(lateral_mps2(safe, speed_mps))
+        assert abs(felt[-1]) <= 3.0 + 1e-6
+        assert abs(felt[-1] - felt[-2]) <= 5.0 * 0.01 + 1e-6
+
+
+def test_a_permission_that_was_not_sent_does_not_move_the_rates() -> None:
+    gate = new_gate()
+    gate.start_from(state(), 0)
+    lost = gate.permit(wish(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
+    gate.take_back()
+    again = gate.permit(wish(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
+    assert again.front_wheel_angle_rad == lost.front_wheel_angle_rad == pytest.approx(0.008)

@@ -201,12 +201,14 @@ class Loop:
         than one pass sends are under way.
         """
         self._commanded_ns = now_ns
-        if not self._engagement.sends or not self._has_room():
+        if not self._engagement.sends:
             return False
-        left = self._hand_over(self._encoder.encode_command(answer.safe))
+        left = self._has_room() and self._hand_over(self._encoder.encode_command(answer.safe))
         if left:
             self._counts.commands += 1
             self._send_reports(now_ns)
+        elif answer.safe.enable:
+            self._pilot.gate.take_back()
         return left
 
     def _has_room(self) -> bool:

@@ -98,9 +98,10 @@ class Pilot:
         request = wanted if may_change and wanted is not gear else Gear.NO_REQUEST
         safe = self.gate.permit(
             wish,
+            state,
             now_ns=now_ns,
             reversing=_is_reversing(state, wanted, gear),
-            measured_mps=state.speed_mps,
+            engaging=engagement.mode is Mode.ENGAGING,
             gear_request=request,
         )
         return Answer(wish=wish, safe=safe)

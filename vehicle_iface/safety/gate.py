@@ -3,11 +3,13 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from vehicle_iface.command import Command, SafeCommand
 from vehicle_iface.profile import Limits
 from vehicle_iface.reason import Reason
-from vehicle_iface.safety.limits import Channel, limited_raw
+from vehicle_iface.safety.lateral import curvature_per_m, front_angle_rad, greatest_curvature_per_m
+from vehicle_iface.safety.limits import Channel, by_speed, limited_raw
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_S
@@ -26,20 +28,31 @@ class GateChannels:
     speed_mps: Channel
 
 
+class _Sent(NamedTuple):
+    """What left last, in wire counts: rates are counted from it."""
+
+    at_ns: int = 0
+    accel_raw: int = 0
+    front_raw: int = 0
+    rear_raw: int = 0
+
+
 class Gate:
     """Limits each command in range and rate, on the value as encoded. It always answers and never raises.
 
     Rates are taken from the last value that was sent; before the first one, from what was measured. Only the drive
-    is dropped at once by a stop; from there the brake is ramped up like everything else.
+    is dropped at once by a stop; from there the brake is ramped up like everything else. The front wheels are held
+    back besides by the lateral acceleration and jerk at the measured speed, by a table over speed, and by how far
+    they may be from where they are measured: where speed has risen or the measured angle has gone away, they are
+    led back as fast as they may turn. `limits.limited_raw` has the proof that none of these breaks another.
     """
 
-    def __init__(self, channels: GateChannels) -> None:
+    def __init__(self, channels: GateChannels, limits: Limits, *, wheelbase_m: float) -> None:
         self._channels = channels
+        self._limits = limits
+        self._wheelbase_m = wheelbase_m
         self._backwards = _mirrored(channels.accel_mps2)
-        self._last_ns = 0
-        self._accel_raw = 0
-        self._front_raw = 0
-        self._rear_raw = 0
+        self._last = self._before = _Sent()
         self.limited: dict[str, int] = dict.fromkeys(
             ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps", "overspeed", "not_finite"), 0
         )
@@ -47,54 +60,57 @@ class Gate:
 
     def start_from(self, state: VehicleState, now_ns: int) -> None:
         """Take the vehicle over as it is: the first step is counted from the measured wheel angles."""
-        self._last_ns = now_ns
-        self._accel_raw = 0
-        self._front_raw = _nearest_raw(self._channels.front_wheel_angle_rad, state.front_wheel_angle_rad)
-        self._rear_raw = _nearest_raw(self._channels.rear_wheel_angle_rad, state.rear_wheel_angle_rad)
+        front, rear = self._channels.front_wheel_angle_rad, self._channels.rear_wheel_angle_rad
+        front_raw, rear_raw = (
+            _nearest_raw(front, state.front_wheel_angle_rad),
+            _nearest_raw(rear, state.rear_wheel_angle_rad),
+        )
+        self._last = self._before = _Sent(now_ns, 0, front_raw, rear_raw)
 
     def permit(
         self,
         wish: Command,
+        state: VehicleState,
         *,
         now_ns: int,
         reversing: bool,
-        measured_mps: float = 0.0,
+        engaging: bool = False,
         gear_request: Gear = Gear.NO_REQUEST,
     ) -> SafeCommand:
         """The nearest command that may be sent, enabled.
 
-        `now_ns` is the monotonic time of sending; `reversing` tells which way drive and brake point; at a measured
-        speed of the limit or above nothing is added to it.
+        `state` is what is measured; `now_ns` is the monotonic time of sending; `reversing` tells which way drive and
+        brake point. At a measured speed of the limit or above nothing is added to it. While `engaging`, drive and
+        steering are held back more.
         """
         numbers = (wish.accel_mps2, wish.front_wheel_angle_rad, wish.rear_wheel_angle_rad, wish.speed_mps)
         finite = all(map(math.isfinite, numbers))
         reason = wish.reason if finite else Reason.CONTROLLER_ERROR
         accel, front, rear, speed = numbers if finite else (0.0, 0.0, 0.0, 0.0)
         self.limited["not_finite"] += not finite
-        dt_s = min(LONGEST_STEP_S, max(0.0, (now_ns - self._last_ns) / NS_PER_S))
-        self._last_ns = now_ns
-        channels = self._channels
-        accel_channel = self._backwards if reversing else channels.accel_mps2
-        if abs(measured_mps) >= channels.speed_mps.highest and accel * measured_mps > 0.0:
-            self.limited["overspeed"] += 1
-            accel = 0.0
-        if reason is not Reason.NOMINAL and (self._accel_raw < 0 if reversing else self._accel_raw > 0):
-            self._accel_raw = 0  # a stop does not go on driving while the rate limit ramps it down
-        self._accel_raw = self._limit(accel_channel, accel, self._accel_raw, dt_s)
-        self._front_raw = self._limit(channels.front_wheel_angle_rad, front, self._front_raw, dt_s)
-        self._rear_raw = self._limit(channels.rear_wheel_angle_rad, rear, self._rear_raw, dt_s)
+        channels, last = self._channels, self._last
+        dt_s = min(LONGEST_STEP_S, max(0.0, (now_ns - last.at_ns) / NS_PER_S))
+        is_stop = reason is not Reason.NOMINAL
+        accel_raw = self._accel_raw(accel, state.speed_mps, dt_s, reversing, engaging=engaging, is_stop=is_stop)
+        rear_raw = self._limit(channels.rear_wheel_angle_rad, rear, last.rear_raw, dt_s)
+        front_raw = self._front_raw(front, rear_raw, state, dt_s, engaging=engaging)
         speed_raw = self._limit(channels.speed_mps, speed, 0, dt_s)
+        self._before, self._last = last, _Sent(now_ns, accel_raw, front_raw, rear_raw)
         return SafeCommand(
             stamp_ns=wish.stamp_ns,
             enable=True,
-            safe_stop=reason is not Reason.NOMINAL,
-            accel_mps2=self._accel_raw * channels.accel_mps2.lsb,
-            front_wheel_angle_rad=self._front_raw * channels.front_wheel_angle_rad.lsb,
-            rear_wheel_angle_rad=self._rear_raw * channels.rear_wheel_angle_rad.lsb,
+            safe_stop=is_stop,
+            accel_mps2=accel_raw * channels.accel_mps2.lsb,
+            front_wheel_angle_rad=front_raw * channels.front_wheel_angle_rad.lsb,
+            rear_wheel_angle_rad=rear_raw * channels.rear_wheel_angle_rad.lsb,
             speed_mps=speed_raw * channels.speed_mps.lsb,
             reason=reason,
             gear_request=gear_request,
         )
+
+    def take_back(self) -> None:
+        """The last permission was not sent: rates are counted from the one before it."""
+        self._last = self._before
 
     def release(self, *, stamp_ns: int, reason: Reason) -> SafeCommand:
         """Let the vehicle go: nothing is asked of it."""
@@ -110,8 +126,59 @@ class Gate:
             gear_request=Gear.NO_REQUEST,
         )
 
-    def _limit(self, channel: Channel, wanted: float, last_raw: int, dt_s: float) -> int:
-        raw = limited_raw(channel, wanted, last_raw, dt_s)
+    def _accel_raw(
+        self, accel: float, speed_mps: float, dt_s: float, reversing: bool, *, engaging: bool, is_stop: bool
+    ) -> int:
+        channels, limits, last_raw = self._channels, self._limits, self._last.accel_raw
+        if abs(speed_mps) >= channels.speed_mps.highest and accel * speed_mps > 0.0:
+            self.limited["overspeed"] += 1
+            accel = 0.0
+        if is_stop and (last_raw < 0 if reversing else last_raw > 0):
+            last_raw = 0  # a stop does not go on driving while the rate limit ramps it down
+        drive = by_speed(limits.accel_max_by_speed, speed_mps)
+        if engaging:
+            drive = min(drive, limits.engaging.accel_max_mps2)
+        within = (-drive, math.inf) if reversing else (-math.inf, drive)
+        channel = self._backwards if reversing else channels.accel_mps2
+        return self._limit(channel, accel, last_raw, dt_s, within=(within,))
+
+    def _front_raw(self, wanted: float, rear_raw: int, state: VehicleState, dt_s: float, *, engaging: bool) -> int:
+        channels, limits, last = self._channels, self._limits, self._last
+        channel, speed_mps, wheelbase_m = channels.front_wheel_angle_rad, state.speed_mps, self._wheelbase_m
+        rear_lsb = channels.rear_wheel_angle_rad.lsb
+        rear_rad = rear_raw * rear_lsb
+        most = greatest_curvature_per_m(limits.lateral_accel_mps2, speed_mps)
+        now = curvature_per_m(last.front_raw * channel.lsb, last.rear_raw * rear_lsb, wheelbase_m)
+        change = greatest_curvature_per_m(limits.lateral_jerk_mps3, speed_mps) * dt_s if dt_s > 0.0 else 0.0
+        at_speed = by_speed(limits.front_wheel_angle_by_speed, speed_mps)
+        measured, apart = state.front_wheel_angle_rad, limits.front_wheel_deviation_rad
+        low, high = max(-most, now - change), min(most, now + change)
+        if abs(now) > most:  # the speed has risen: back into the range, as fast as the wheels may turn
+            low, high = -most, most
+        return self._limit(
+            channel,
+            wanted,
+            last.front_raw,
+            dt_s,
+            rate_per_s=limits.engaging.front_wheel_rate_radps if engaging else math.inf,
+            within=(
+                (measured - apart, measured + apart),
+                (-at_speed, at_speed),
+                (front_angle_rad(low, rear_rad, wheelbase_m), front_angle_rad(high, rear_rad, wheelbase_m)),
+            ),
+        )
+
+    def _limit(
+        self,
+        channel: Channel,
+        wanted: float,
+        last_raw: int,
+        dt_s: float,
+        *,
+        rate_per_s: float = math.inf,
+        within: tuple[tuple[float, float], ...] = (),
+    ) -> int:
+        raw = limited_raw(channel, wanted, last_raw, dt_s, rate_per_s=rate_per_s, within=within)
         self.limited[channel.name] += abs(raw * channel.lsb - wanted) > channel.lsb
         return raw
 
@@ -151,4 +218,4 @@ def _mirrored(channel: Channel) -> Channel:
 
 
 def _nearest_raw(channel: Channel, value: float) -> int:
-    return min(channel.highest_raw, max(channel.lowest_raw, round(value / channel.lsb)))
+    return round(min(float(channel.highest_raw), max(float(channel.lowest_raw), value / channel.lsb)))

@@ -1,0 +1,29 @@
+"""How far the front wheels may turn at a speed: lateral acceleration and jerk of the bicycle without slip.
+
+Curvature κ = (tan δ_front − tan δ_rear) / L, lateral acceleration v²·κ, lateral jerk v²·dκ/dt
+(R. Rajamani, Vehicle Dynamics and Control, 2nd ed., 2.2; bounds: ISO 11270).
+"""
+
+import math
+
+SLOW_MPS = 0.1
+"""Slower than this nothing that the wheels do can be felt, and v² must not be divided by."""
+
+
+def curvature_per_m(front_rad: float, rear_rad: float, wheelbase_m: float) -> float:
+    """Of the path of the rear axle's centre, positive to the left."""
+    return (math.tan(front_rad) - math.tan(rear_rad)) / wheelbase_m
+
+
+def front_angle_rad(curvature: float, rear_rad: float, wheelbase_m: float) -> float:
+    """The front wheels that make this curvature (1/m) with the rear wheels where they are."""
+    return math.atan(math.tan(rear_rad) + curvature * wheelbase_m)
+
+
+def greatest_curvature_per_m(lateral_mps2: float, speed_mps: float) -> float:
+    """At which the lateral acceleration is this much; infinite for a vehicle that hardly moves.
+
+    The same with a lateral jerk (m/s³) gives the greatest change of curvature per second.
+    """
+    speed_mps = abs(speed_mps)
+    return math.inf if speed_mps < SLOW_MPS else lateral_mps2 / (speed_mps * speed_mps)
