@@ -110,6 +110,15 @@ def test_calls_are_counted_once_and_within_their_time(tmp_path: Path) -> None:
     assert _reaction_vcan._called(trace, 10.0, 11.0) == {"recvmmsg": 1, "futex": 1}
 
 
+def test_asking_the_bus_for_room_counts_beyond_the_frames_and_a_write_as_publishing() -> None:
+    frames = {"recvmmsg": 3.5, "sendto": 2.2}
+    quiet, asking, writing = (
+        [target.is_reached for target in reaction._call_targets({reaction.OURS: frames | more})]
+        for more in ({}, {"getsockopt": 1.1}, {"pwrite64": 0.9})
+    )
+    assert (quiet, asking, writing) == ([True, True], [False, True], [True, False])
+
+
 def test_without_strace_the_table_says_so() -> None:
     assert reaction._call_tables(None) == []
     assert "strace is not installed" in reaction._notes(None)[-1]

@@ -28,7 +28,7 @@ FLAGS = (
 )
 PATIENCE_MS = 60_000
 PLACE = "() => document.getElementById('n-x')?.textContent ?? ''"
-SETTLING_S = 1.5
+SETTLING_S = 1.0
 """A page that was just loaded, or woken up, is busy for so long."""
 
 

@@ -6,7 +6,7 @@ against the instant on the absolute grids (the loop's and the vehicle's) that it
 processes of their own; "alone" means that both are stopped (SIGSTOP), "hung" that only the browser is. Always on this
 machine's own kernel: a user-mode kernel's timing is nothing to judge by.
 
-Takes 6 min; --quick 1 min.
+Takes 4 min; --quick 1 min.
 
 Target: p99 at 100 Hz with SCHED_FIFO and a browser at most 1.3 times that of alone; passes later than 1 ms at most
 0.5 % while a page reloads; as many ticks as periods, give or take one; no full garbage collection in a pass; no viser.
@@ -91,7 +91,7 @@ class Found:
 
 def run(options: argparse.Namespace) -> Report:
     """All cases in turns, pooled."""
-    rounds, seconds = (1, {SLOW: 2.0, FAST: 1.0}) if options.quick else (4, {SLOW: 5.0, FAST: 2.0})
+    rounds, seconds = (1, {SLOW: 2.0, FAST: 1.0}) if options.quick else (4, {SLOW: 3.0, FAST: 1.5})
     watched = {SLOW: ONLOOKERS, FAST: (ALONE, WATCHED)}
     cases = [Case(rate, policy, how) for rate in watched for policy in (FIFO, ORDINARY) for how in watched[rate]]
     found = {case: Found() for case in cases}
