@@ -262,7 +262,10 @@ def _targets(found: Mapping[Case, Found]) -> list[Target]:
     def p99_ns(how: str) -> float:
         return quantile(found[Case(SLOW, FIFO, how)].late_ns, 0.99)
 
-    off = max(abs(off) for case, one in found.items() for off in one.ticks_off if case.rate == SLOW)
+    def worst_off(policy: str) -> float:
+        of_policy = [one for case, one in found.items() if (case.rate, case.policy) == (SLOW, policy)]
+        return max((abs(off) for one in of_policy for off in one.ticks_off))
+
     return [
         Target(
             what="p99 with viewer and browser to alone, 100 Hz, SCHED_FIFO",
@@ -276,7 +279,8 @@ def _targets(found: Mapping[Case, Found]) -> list[Target]:
             at_most=0.5,
             unit="%",
         ),
-        Target(what="ticks less periods, worst run at 100 Hz", value=off, at_most=1.0),
+        Target(what="ticks off the periods, worst run, 100 Hz, SCHED_FIFO", value=worst_off(FIFO), at_most=1.0),
+        Target(what="ticks off the periods, worst run, 100 Hz, ordinary", value=worst_off(ORDINARY), at_most=1.0),
         Target(
             what="full garbage collections in a pass, all runs",
             value=float(sum(one.in_a_pass for one in found.values())),
