@@ -264,7 +264,7 @@ def _targets(found: Mapping[Case, Found]) -> list[Target]:
 
     def worst_off(policy: str) -> float:
         of_policy = [one for case, one in found.items() if (case.rate, case.policy) == (SLOW, policy)]
-        return max((abs(off) for one in of_policy for off in one.ticks_off))
+        return max(abs(off) for one in of_policy for off in one.ticks_off)
 
     return [
         Target(
