@@ -27,6 +27,7 @@ from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.summary import check_writable, save_summary, table
 from vehicle_iface.runtime.telemetry import SessionInfo, TelemetryWriter
+from vehicle_iface.runtime.watchdog import Watchdog
 from vehicle_iface.sim.embedded import EmbeddedBus
 from vehicle_iface.sim.model import BicycleState
 from vehicle_iface.sim.node import run_vehicle
@@ -81,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
     database = load_database(load_profile(options.profile))
     source = _source(options, database)
     controller = compose.build_controller(options.controller, database.profile)
-    with _telemetry(options, database) as telemetry:
+    with _telemetry(options, database) as telemetry, Watchdog() as watchdog:
         loop = compose.build_loop(
             database=database,
             open_bus=_bus_opener(options, database),
@@ -89,6 +90,7 @@ def run(options: argparse.Namespace) -> int:
             source=source,
             telemetry=telemetry,
             armed=options.arm,
+            live=watchdog.live,
         )
         signal.signal(signal.SIGUSR1, lambda *_: loop.request_arming())
         _on_end_signals(loop.request_end)

@@ -5,7 +5,7 @@ import importlib.util
 import inspect
 import sys
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 from vehicle_iface import clock
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.bus.socketcan import SocketCanBus
-from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
+from vehicle_iface.codec.database import BoundMessage, Role, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase
@@ -26,8 +26,10 @@ from vehicle_iface.runtime.loop import Loop, Parts
 from vehicle_iface.runtime.pilot import Pilot
 from vehicle_iface.runtime.telemetry import TelemetryWriter, VehicleShape
 from vehicle_iface.runtime.teller import Teller
+from vehicle_iface.safety.deviation import DeviationMonitor
 from vehicle_iface.safety.engagement import Engagement, EngagementTiming
 from vehicle_iface.safety.gate import Gate, gate_channels
+from vehicle_iface.safety.outlet import Outgoing, Outlet
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.tracker import Tracker
 from vehicle_iface.trajectories.route import Route, RouteConfig
@@ -142,8 +144,9 @@ def build_loop(
     armed: bool,
     now_ns: Callable[[], int] = clock.monotonic_ns,
     sleep_until: Callable[[int], None] = clock.sleep_until,
+    live: Callable[[], None] = lambda: None,
 ) -> Loop:
-    """A loop on an open bus; `BusError` when that cannot be opened."""
+    """A loop on an open bus; `BusError` when that cannot be opened. It calls `live` on its time grid."""
     profile, counts = database.profile, Counts()
     timing = profile.timing
     engagement = Engagement(
@@ -165,9 +168,12 @@ def build_loop(
             wheelbase_m=profile.geometry.wheelbase_m,
         ),
         engagement,
+        deviation=DeviationMonitor(profile.deviation, speed_max_mps=profile.limits.speed_max_mps),
         gear_change_speed_mps=profile.limits.gear_change_speed_mps,
         status_stale_ns=ns_from_s(timing.status_stale_s),
+        budget_ns=ns_from_s(timing.controller_budget_s),
         counts=counts,
+        now_ns=now_ns,
     )
     return Loop(
         Parts(
@@ -177,6 +183,7 @@ def build_loop(
             pilot=pilot,
             engagement=engagement,
             encoder=Encoder(database.sent),
+            outlet=Outlet(_outgoing(database)),
             intake=TrajectoryIntake(source, controller, counts),
             teller=Teller(telemetry, controller, counts),
             counts=counts,
@@ -187,8 +194,22 @@ def build_loop(
             report_message=database.report.name if database.report else None,
             now_ns=now_ns,
             sleep_until=sleep_until,
+            live=live,
         )
     )
+
+
+def _outgoing(database: VehicleDatabase) -> Iterator[Outgoing]:
+    """All that may ever leave, and how often."""
+    timing = database.profile.timing
+    periods_s = {
+        Role.COMMAND: timing.command_period_s,
+        Role.BODY: timing.body_period_s,
+        Role.REPORT: timing.report_period_s,
+    }
+    for message in database.sent:
+        period_ns = ns_from_s(periods_s[message.role])
+        yield Outgoing(message.can_id, message.is_extended, message.is_fd, message.length, period_ns)
 
 
 def build_tracker(database: VehicleDatabase) -> Tracker:

@@ -86,6 +86,21 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     engaging: EngagingLimits
 
 
+class Deviation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How far the vehicle may be from what it is told."""
+
+    lateral_warn_m: Positive
+    """To either side of the path: counted and shown."""
+    lateral_stop_m: Positive
+    """To either side of the path: stop."""
+    heading_stop_rad: Positive
+    """Against the path's heading: stop."""
+    overspeed_mps: NonNegative
+    """Above the greatest speed of the limits: stop."""
+    rollback_mps: Positive
+    """Against the direction of travel that is wanted: stop."""
+
+
 class Timing(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Periods of the messages and what counts as late."""
 
@@ -107,6 +122,8 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     engage_give_up_s: Positive
     shutdown_s: Positive
     """Longest time to brake to standstill at the end of a run."""
+    controller_budget_s: Positive
+    """A controller that takes longer for a command: stop."""
 
 
 class Behavior(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -262,6 +279,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     limits: Limits
     timing: Timing
     behavior: Behavior
+    deviation: Deviation
     bus: Bus
     e2e: EndToEnd | None = None
     state: State
@@ -442,6 +460,9 @@ def _order_faults(profile: Profile) -> Iterator[str]:
     if geometry.length_m < shortest_m:
         text = f"{geometry.length_m}: must be at least wheelbase_m + rear_overhang_m = {shortest_m}"
         yield f"$.geometry.length_m: {text}"
+    warn_m, stop_m = profile.deviation.lateral_warn_m, profile.deviation.lateral_stop_m
+    if not warn_m < stop_m:
+        yield f"$.deviation.lateral_stop_m: {stop_m}: must be above lateral_warn_m = {warn_m}"
     for key in ("front_wheel_angle_by_speed", "accel_max_by_speed"):
         speeds = [speed_mps for speed_mps, _ in getattr(profile.limits, key)]
         for row, (slower, faster) in enumerate(itertools.pairwise(speeds), start=1):

@@ -9,6 +9,7 @@ from harness import ms, pure_pursuit, reference, straight
 from vehicle_iface import Command, ControllerBase, Reason, VehicleState
 from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.runtime.pilot import Pilot
+from vehicle_iface.safety.deviation import DeviationMonitor
 from vehicle_iface.safety.engagement import Engagement, EngagementTiming, Mode
 from vehicle_iface.safety.gate import Gate, gate_channels
 from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
@@ -50,13 +51,21 @@ class Cabin:
         self.engagement = Engagement(TIMING, armed=True)
         self.engagement.mode = mode
         self.counts = Counts()
+        self.now_ns = NOW_NS
         self.pilot = Pilot(
             controller,
-            Gate(gate_channels(reference().profile.limits, lambda field: reference().resolutions[field])),
+            Gate(
+                gate_channels(reference().profile.limits, lambda field: reference().resolutions[field]),
+                reference().profile.limits,
+                wheelbase_m=2.7,
+            ),
             self.engagement,
+            deviation=DeviationMonitor(reference().profile.deviation, speed_max_mps=20.0),
             gear_change_speed_mps=0.5,
             status_stale_ns=ms(200),
+            budget_ns=ms(50),
             counts=self.counts,
+            now_ns=lambda: self.now_ns,
         )
 
     def answer(
@@ -181,3 +190,23 @@ def test_when_driving_begins_the_first_angle_is_the_measured_one() -> None:
     cabin.answer()
     cabin.engagement.mode = Mode.ENGAGING
     assert cabin.answer().safe.front_wheel_angle_rad == 0.0
+
+
+class Slow(Always):
+    """Takes its time."""
+
+    cabin: "Cabin"
+    takes_ns = 0
+
+    def compute_command_impl(self, state: VehicleState) -> Command:
+        self.cabin.now_ns += self.takes_ns
+        return super().compute_command_impl(state)
+
+
+@pytest.mark.parametrize(("takes_ms", "reason"), [(50, Reason.NOMINAL), (50.001, Reason.DEADLINE_MISSED)])
+def test_a_controller_that_takes_longer_than_its_budget_stops_the_vehicle(takes_ms: float, reason: Reason) -> None:
+    controller = Slow()
+    controller.cabin = cabin = Cabin(controller)
+    controller.takes_ns = ms(takes_ms)
+    assert cabin.answer().safe.reason is reason
+    assert cabin.counts.controller_too_slow == (reason is not Reason.NOMINAL)

@@ -9,8 +9,9 @@ from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.reason import Reason
 from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.runtime.link import Link
+from vehicle_iface.runtime.pilot import Pilot
 from vehicle_iface.safety.engagement import Engagement, Mode
-from vehicle_iface.safety.gate import Gate
+from vehicle_iface.safety.outlet import Outlet
 from vehicle_iface.tracker import Tracker
 from vehicle_iface.units import s_from_ns
 
@@ -27,14 +28,16 @@ class Account:
         decoder: Decoder,
         encoder: Encoder,
         tracker: Tracker,
-        gate: Gate,
+        pilot: Pilot,
+        outlet: Outlet,
         counts: Counts,
         link: Link,
         names: Mapping[tuple[int, bool], str],
         started_ns: int,
     ) -> None:
         """`names` are those of the identifiers that the profile knows, each with whether it is extended."""
-        self._decoder, self._encoder, self._tracker, self._gate = decoder, encoder, tracker, gate
+        self._decoder, self._encoder, self._tracker = decoder, encoder, tracker
+        self._pilot, self._outlet = pilot, outlet
         self._counts, self._link, self._names = counts, link, names
         self._started_ns = started_ns
         self._reason = Reason.NOT_ENGAGED
@@ -68,7 +71,9 @@ class Account:
             },
             "drops": self._drops(),
             "lost": dict(self._decoder.lost),
-            "limited": dict(self._gate.limited),
+            "limited": dict(self._pilot.gate.limited),
+            "deviations": dict(self._pilot.deviation.found),
+            "not_let_out": dict(self._outlet.refused),
             "bus": self._link.counters(),
             "link_events": dict(self._link.events),
         }
@@ -86,7 +91,9 @@ class Account:
             "latency": self._counts.latency.summary(),
             "drops": self._drops(),
             "lost": dict(self._decoder.lost),
-            "limited": dict(self._gate.limited),
+            "limited": dict(self._pilot.gate.limited),
+            "deviations": dict(self._pilot.deviation.found),
+            "not_let_out": dict(self._outlet.refused),
             "counts": self._counts.as_dict() | {"grid_overruns": grid_overruns},
             "bus_counters": self._link.counters(),
             "link_events": dict(self._link.events),

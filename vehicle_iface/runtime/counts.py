@@ -27,6 +27,8 @@ class Counts:
     foreign_commands: int = 0
     """Frames of other nodes that carried an identifier of ours."""
     controller_errors: int = 0
+    controller_too_slow: int = 0
+    """Commands that took the controller longer than its budget; the vehicle was stopped instead."""
     trajectories: int = 0
     trajectories_rejected: int = 0
     link_losses: int = 0

@@ -19,6 +19,7 @@ from vehicle_iface.runtime.pilot import Answer, Pilot
 from vehicle_iface.runtime.rate import Grid
 from vehicle_iface.runtime.teller import Teller
 from vehicle_iface.safety.engagement import Engagement, Event, Mode
+from vehicle_iface.safety.outlet import Outlet
 from vehicle_iface.status import BodyRequest, ControllerReport, VehicleMode
 from vehicle_iface.tracker import Sample, Tracker
 from vehicle_iface.units import NS_PER_MS, ns_from_s
@@ -41,6 +42,7 @@ class Parts:
     pilot: Pilot
     engagement: Engagement
     encoder: Encoder
+    outlet: Outlet
     intake: TrajectoryIntake
     teller: Teller
     counts: Counts
@@ -55,6 +57,8 @@ class Parts:
     """The message that carries a `ControllerReport`; None where the vehicle has none."""
     now_ns: Callable[[], int]
     sleep_until: Callable[[int], None]
+    live: Callable[[], None]
+    """Called on the time grid: a sign of life."""
 
 
 class Loop:
@@ -93,7 +97,8 @@ class Loop:
             parts.decoder,
             parts.encoder,
             parts.tracker,
-            parts.pilot.gate,
+            parts.pilot,
+            parts.outlet,
             parts.counts,
             self.link,
             parts.names,
@@ -219,8 +224,9 @@ class Loop:
 
     def _hand_over(self, frames: tuple[CanFrame, ...]) -> bool:
         """Up to the first that is refused; what did not leave has stepped no counter."""
+        now_ns, outlet = self._now_ns(), self._parts.outlet
         for place, frame in enumerate(frames):
-            if not self.link.send(frame):
+            if not outlet.lets_out(frame, now_ns) or not self.link.send(frame):
                 for unsent in frames[place:]:
                     self._encoder.take_back(unsent)
                 return False
@@ -248,6 +254,7 @@ class Loop:
 
     def _keep_time(self, now_ns: int) -> None:
         """What happens on the grid and not on arrival: noticing what did not come, reports, the end."""
+        self._parts.live()
         self._hear_requests(now_ns)
         self.link.watch(now_ns)
         self._engagement.see_time(now_ns)

@@ -1,6 +1,7 @@
 """What to answer: from a sample, through the controller and the gate, to a permission."""
 
 import logging
+from collections.abc import Callable
 from typing import NamedTuple
 
 from vehicle_iface.command import Command, SafeCommand
@@ -8,6 +9,7 @@ from vehicle_iface.control.base import ControllerBase
 from vehicle_iface.errors import FrameMismatchError
 from vehicle_iface.reason import Reason
 from vehicle_iface.runtime.counts import Counts
+from vehicle_iface.safety.deviation import DeviationMonitor
 from vehicle_iface.safety.engagement import Engagement, Mode
 from vehicle_iface.safety.gate import Gate
 from vehicle_iface.state import VehicleState
@@ -36,12 +38,18 @@ class Pilot:
         gate: Gate,
         engagement: Engagement,
         *,
+        deviation: DeviationMonitor,
         gear_change_speed_mps: float,
         status_stale_ns: int,
+        budget_ns: int,
         counts: Counts,
+        now_ns: Callable[[], int],
     ) -> None:
+        """`budget_ns` is what the controller may take for a command, by the clock `now_ns`."""
         self.controller = controller
         self.gate = gate
+        self.deviation = deviation
+        self._budget_ns, self._now_ns = budget_ns, now_ns
         self._engagement = engagement
         self._gear_change_speed_mps = gear_change_speed_mps
         self._status_stale_ns = status_stale_ns
@@ -75,7 +83,7 @@ class Pilot:
         if status is not None and now_ns - status.stamp_ns > self._status_stale_ns:
             return stop(state, Reason.STATE_STALE)
         try:
-            return self.controller.compute_command(state)
+            wish = self.controller.compute_command(state)
         except FrameMismatchError:
             return stop(state, Reason.FRAME_MISMATCH)
         except Exception:  # a controller is the user's code: whatever it raises stops the vehicle
@@ -83,6 +91,16 @@ class Pilot:
             if self._counts.controller_errors == 1:
                 log.exception("the controller raised; the vehicle is stopped (further ones are counted)")
             return stop(state, Reason.CONTROLLER_ERROR)
+        if self._now_ns() - now_ns > self._budget_ns:
+            self._counts.controller_too_slow += 1
+            return stop(state, Reason.DEADLINE_MISSED)
+        return stop(state, Reason.DEVIATION) if self._deviates(state, wish) else wish
+
+    def _deviates(self, state: VehicleState, wish: Command) -> bool:
+        trajectory = self.controller.trajectory
+        if wish.is_stop or trajectory is None:
+            return False
+        return self.deviation.stops(state, trajectory, self.controller.spatial_index, wish.speed_mps)
 
     def _permitted(self, wish: Command, state: VehicleState, status: VehicleStatus | None, now_ns: int) -> Answer:
         engagement = self._engagement

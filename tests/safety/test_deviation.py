@@ -1,0 +1,101 @@
+"""When the vehicle is not where or how it is told to be."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import reference, straight
+
+from vehicle_iface import Trajectory, VehicleState
+from vehicle_iface.safety.deviation import DeviationMonitor, Finding
+
+PATH = straight(length_m=100.0)
+"""Along +x, a point each metre."""
+
+
+def monitor() -> DeviationMonitor:
+    return DeviationMonitor(reference().profile.deviation, speed_max_mps=20.0)
+
+
+def state(**numbers: float) -> VehicleState:
+    given: dict[str, Any] = {"x_m": 10.4, "y_m": 0.0, "heading_rad": 0.0, "speed_mps": 5.0}
+    return VehicleState(stamp_ns=0, **given | numbers)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize(
+    ("name", "value", "finding", "stops"),
+    [
+        ("y_m", 1.0, None, False),
+        ("y_m", 1.001, Finding.BESIDE, False),
+        ("y_m", 3.0, Finding.BESIDE, False),
+        ("y_m", 3.001, Finding.OFF_PATH, True),
+        ("heading_rad", 0.8, None, False),
+        ("heading_rad", 0.801, Finding.HEADING, True),
+        ("heading_rad", math.pi, Finding.HEADING, True),
+        ("heading_rad", 2.0 * math.pi, None, False),
+    ],
+)
+def test_round_each_limit(name: str, value: float, finding: Finding | None, stops: bool, sign: int) -> None:
+    watching = monitor()
+    assert watching.stops(state(**{name: sign * value}), PATH, 10, 5.0) is stops
+    assert {what for what, count in watching.found.items() if count} == ({finding.value} if finding else set())
+
+
+@pytest.mark.parametrize(("speed_mps", "stops"), [(21.0, False), (21.01, True)])
+def test_faster_than_the_vehicle_may_go(speed_mps: float, stops: bool) -> None:
+    assert monitor().stops(state(speed_mps=speed_mps), PATH, 10, 5.0) is stops
+    assert monitor().stops(state(speed_mps=-speed_mps), PATH, 10, -5.0) is stops
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "direction_mps", "stops"),
+    [(-0.5, 5.0, False), (-0.51, 5.0, True), (0.5, -1.0, False), (0.51, -1.0, True), (-3.0, 0.0, False)],
+)
+def test_rolling_against_the_direction_of_travel(speed_mps: float, direction_mps: float, stops: bool) -> None:
+    assert monitor().stops(state(speed_mps=speed_mps), PATH, 10, direction_mps) is stops
+
+
+def test_a_deviation_holds_until_there_is_a_new_trajectory() -> None:
+    watching = monitor()
+    assert watching.stops(state(y_m=4.0), PATH, 10, 5.0)
+    assert watching.stops(state(), PATH, 11, 5.0)
+    assert not watching.stops(state(), straight(length_m=100.0), 11, 5.0)
+
+
+def test_far_before_the_first_point_and_far_behind_the_last_one_only_what_is_beside_counts() -> None:
+    assert not monitor().stops(state(x_m=-50.0), PATH, 0, 5.0)
+    assert not monitor().stops(state(x_m=150.0), PATH, 100, 5.0)
+    assert monitor().stops(state(x_m=150.0, y_m=3.1), PATH, 100, 5.0)
+
+
+def test_on_a_coarse_path_the_way_between_two_points_is_the_line_between_them() -> None:
+    """A quarter circle of 20 m in two pieces: its points' own tangents are metres away from the line."""
+    angle_rad = np.array([0.0, math.pi / 4, math.pi / 2])
+    coarse = Trajectory(
+        stamp_ns=0,
+        time_from_start_ns=np.array([0, 1, 2]),
+        x_m=20.0 * np.sin(angle_rad),
+        y_m=20.0 - 20.0 * np.cos(angle_rad),
+        heading_rad=angle_rad,
+        speed_mps=np.full(3, 5.0),
+    )
+    for part in np.linspace(0.0, math.pi / 2, 50):
+        here = state(x_m=20.0 * math.sin(part), y_m=20.0 - 20.0 * math.cos(part), heading_rad=float(part))
+        index = 0 if part < math.pi / 4 else 1
+        watching = monitor()
+        assert not watching.stops(here, coarse, index, 5.0)
+
+
+def test_points_at_one_place_are_no_way_at_all() -> None:
+    dwell = Trajectory(
+        stamp_ns=0,
+        time_from_start_ns=np.array([0, 1]),
+        x_m=np.zeros(2),
+        y_m=np.zeros(2),
+        heading_rad=np.zeros(2),
+        speed_mps=np.zeros(2),
+    )
+    assert not monitor().stops(state(x_m=5.0), dwell, 0, 0.0)
+    assert monitor().stops(state(x_m=5.0, y_m=3.1), dwell, 0, 0.0)

@@ -1,0 +1,87 @@
+"""Whether the vehicle does what it is told: on the path, along it, and not faster than it may go."""
+
+import math
+from collections.abc import Sequence
+from enum import Enum
+from typing import NamedTuple
+
+from vehicle_iface.profile import Deviation
+from vehicle_iface.state import VehicleState
+from vehicle_iface.trajectory import Trajectory
+from vehicle_iface.units import wrapped_rad
+
+
+class Finding(Enum):
+    """What is wrong; each but the first stops the vehicle."""
+
+    BESIDE = "beside the path"
+    """Further than the warning; it may still come back."""
+    OFF_PATH = "off the path"
+    HEADING = "heading away from the path"
+    OVERSPEED = "faster than the vehicle may go"
+    ROLLING_BACK = "rolling against the direction of travel"
+
+
+class _Path(NamedTuple):
+    trajectory: Trajectory
+    xs_m: Sequence[float]
+    ys_m: Sequence[float]
+    headings_rad: Sequence[float]
+
+
+class DeviationMonitor:
+    """Compares each state with the trajectory; a deviation that stops holds until there is a new trajectory."""
+
+    def __init__(self, limits: Deviation, *, speed_max_mps: float) -> None:
+        self._limits = limits
+        self._greatest_mps = speed_max_mps + limits.overspeed_mps
+        self._path: _Path | None = None
+        self._stops = False
+        self.found = dict.fromkeys((finding.value for finding in Finding), 0)
+        """How often each was seen."""
+
+    def stops(self, state: VehicleState, trajectory: Trajectory, index: int, direction_mps: float) -> bool:
+        """Whether the vehicle has to be stopped.
+
+        `trajectory` is in the state's frame and has points, the vehicle is past point `index` of it; the sign of
+        `direction_mps` is the direction of travel that is wanted, 0 for none.
+        """
+        if self._path is None or self._path.trajectory is not trajectory:
+            views = (memoryview(array) for array in (trajectory.x_m, trajectory.y_m, trajectory.heading_rad))  # type: ignore[arg-type]
+            self._path = _Path(trajectory, *views)
+            self._stops = False
+        for finding in self._findings(state, self._path, index, direction_mps):
+            self.found[finding.value] += 1
+            self._stops = self._stops or finding is not Finding.BESIDE
+        return self._stops
+
+    def _findings(self, state: VehicleState, path: _Path, index: int, direction_mps: float) -> list[Finding]:
+        limits, found = self._limits, []
+        following = min(index + 1, len(path.xs_m) - 1)
+        lateral_m = _distance_m(state, path, index, following)
+        if lateral_m > limits.lateral_stop_m:
+            found.append(Finding.OFF_PATH)
+        elif lateral_m > limits.lateral_warn_m:
+            found.append(Finding.BESIDE)
+        # Between two points the heading is that of either: a path that is drawn coarsely turns in its points.
+        off_rad = min(abs(wrapped_rad(state.heading_rad - path.headings_rad[i])) for i in (index, following))
+        if off_rad > limits.heading_stop_rad:
+            found.append(Finding.HEADING)
+        if abs(state.speed_mps) > self._greatest_mps:
+            found.append(Finding.OVERSPEED)
+        if state.speed_mps * math.copysign(1.0, direction_mps) < -limits.rollback_mps and direction_mps != 0.0:
+            found.append(Finding.ROLLING_BACK)
+        return found
+
+
+def _distance_m(state: VehicleState, path: _Path, index: int, following: int) -> float:
+    """From the line through a point and the next one, across it; at the last point, across its heading.
+
+    Beyond the ends of the line, as on the way to the first point, what is along it does not count.
+    """
+    dx_m, dy_m = state.x_m - path.xs_m[index], state.y_m - path.ys_m[index]
+    ex_m, ey_m = path.xs_m[following] - path.xs_m[index], path.ys_m[following] - path.ys_m[index]
+    length_m = math.hypot(ex_m, ey_m)
+    if length_m < 1e-6:  # the last point, or two at one place
+        ex_m, ey_m, length_m = math.cos(path.headings_rad[index]), math.sin(path.headings_rad[index]), 1.0
+    return abs(ex_m * dy_m - ey_m * dx_m) / length_m
