@@ -15,9 +15,10 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,8 @@ NAMES = ("echo", "bare", OURS, "python-can", "notifier")
 DRIVE_COMMAND, STEER_COMMAND, CHASSIS = 0x080, 0x081, 0x112
 FRAME_S = 0.00025
 """One frame of eight bytes on a bus of 500 kbit/s: samples come in three pieces, not in one."""
+TRACED_FRAME_S = 0.002
+"""Under strace: so slow a contestant must not find two frames where it would have found one."""
 PRIORITY = 40
 """Below the contestants' 50: on one processor each frame is seen when it comes."""
 SETTLING = 30
@@ -115,11 +118,19 @@ class Runner:
         subprocess.run(["ip", "link", "del", self.channel], check=True)
 
 
+def spin() -> None:
+    """For as long as a frame takes on its bus."""
+    free_s = time.monotonic() + FRAME_S
+    while time.monotonic() < free_s:
+        pass
+
+
 class Driver:
     """The vehicle's process: sends at 100 Hz and watches with a socket of its own."""
 
-    def __init__(self, channel: str, vehicle: RailVehicle) -> None:
-        self._vehicle = vehicle
+    def __init__(self, channel: str, vehicle: RailVehicle, *, pause: Callable[[], None] = spin) -> None:
+        """`pause` is what it does after each frame."""
+        self._vehicle, self._pause = vehicle, pause
         self._out = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         self._out.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"")
         self._watch = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
@@ -153,9 +164,7 @@ class Driver:
     def _send(self, frames: list[bytes]) -> None:
         for frame in frames:
             self._out.send(frame)
-            free_s = time.monotonic() + FRAME_S
-            while time.monotonic() < free_s:
-                pass
+            self._pause()
 
     def _seen(self) -> list[Frame]:
         found: list[Frame] = []
@@ -251,7 +260,8 @@ def count_calls(samples: int) -> dict[str, dict[str, float]] | None:
 
 def _traced_turn(runner: Runner, samples: int) -> tuple[float, float, int]:
     """Begin and end on the wall clock, and the samples between them."""
-    driver = Driver(runner.channel, RailVehicle(figure_of_eight()))
+    pause = partial(time.sleep, TRACED_FRAME_S)
+    driver = Driver(runner.channel, RailVehicle(figure_of_eight()), pause=pause)
     try:
         if runner.name != "echo":
             driver.drive(500, until_engaged=True)
