@@ -11,19 +11,6 @@ import cantools
 import pytest
 from cantools.database import Message
 from cantools.database.can import Database
-from fd_contract import (
-    AUTONOMOUS,
-    COUNTERS,
-    LAYOUT,
-    NOMINAL,
-    NOT_ENGAGED,
-    STATE_STALE,
-    Told,
-    checksum,
-    crc16,
-    pack,
-    unpack,
-)
 from harness import START_NS, Clock, pure_pursuit
 
 from vehicle_iface import compose
@@ -45,7 +32,9 @@ from vehicle_iface.units import ns_from_s
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tools"))
 
-from bus_contract import Sample, lateral_errors_m  # noqa: E402  (only after its folder is known)
+from bus_contract import AUTONOMOUS, Frame, Told  # noqa: E402  (only after its folder is known)
+from bus_contract_fd import COUNTERS, LAYOUT, checksum, crc16, intact, pack  # noqa: E402
+from bus_contract_judge import Sample, lateral_errors_m  # noqa: E402
 
 LATERAL_LIMIT_M = 0.3
 SENDERS = {
@@ -96,7 +85,9 @@ class Line(EmbeddedBus):
     def _taken_apart(self, frame: CanFrame) -> Told:
         assert frame.is_fd
         assert not any((frame.is_extended, frame.is_remote, frame.is_error))
-        return unpack(self.clock.t_ns, frame.can_id, frame.data)
+        told = intact(Frame(self.clock.t_ns, frame.can_id, frame.data, is_fd=True))
+        assert told is not None
+        return told
 
 
 class Drive:
@@ -171,8 +162,7 @@ def test_each_signal_lies_where_the_contract_says(name: str) -> None:
         for signal in FD[name].signals
         if signal.byte_order == "little_endian" and signal.offset == 0
     }
-    header = {"CRC": (0, 16, False, 1.0), "COUNTER": (16, 8, False, 1.0)}
-    assert found == header | dict(LAYOUT[name][2])
+    assert found == {"CRC": (0, 16, False, 1.0)} | dict(LAYOUT[name][2])
 
 
 @pytest.mark.parametrize("name", LAYOUT)
@@ -275,7 +265,7 @@ def test_another_messages_data_id_is_a_wrong_checksum() -> None:
 
 def test_the_figure_of_eight_is_driven_within_30_cm(minute: Drive) -> None:
     samples = [
-        Sample(told.at_ns, told["POS_X"], told["POS_Y"], told["HEADING"], told["SPEED"])
+        Sample(told.stamp_ns, told["POS_X"], told["POS_Y"], told["HEADING"], told["SPEED"])
         for told in minute.heard("STATE")
     ]
     errors_m = lateral_errors_m(samples, minute.route.x_m.tolist(), minute.route.y_m.tolist())
@@ -286,9 +276,11 @@ def test_the_figure_of_eight_is_driven_within_30_cm(minute: Drive) -> None:
 
 def test_each_sample_is_answered_by_one_command(minute: Drive) -> None:
     commands = minute.sent("COMMAND")
-    begun_ns = commands[0].at_ns
-    assert [told.at_ns for told in commands] == [told.at_ns for told in minute.heard("STATE") if told.at_ns >= begun_ns]
-    assert {(told["ENABLE"], told["REASON"]) for told in commands} == {(0, NOT_ENGAGED), (1, NOMINAL)}
+    begun_ns = commands[0].stamp_ns
+    assert [told.stamp_ns for told in commands] == [
+        told.stamp_ns for told in minute.heard("STATE") if told.stamp_ns >= begun_ns
+    ]
+    assert {(told["ENABLE"], told.reason) for told in commands} == {(0, "NOT_ENGAGED"), (1, "NOMINAL")}
     assert sum(told["ENABLE"] for told in commands) > 0.98 * len(commands)
 
 
@@ -306,10 +298,10 @@ def test_lost_samples_stop_the_vehicle_and_what_comes_later_is_driven_by_again()
     since = len(drive.line.sent)
     drive.run_s(0.2)
     stop = drive.sent("COMMAND", since)[-1]
-    assert (stop["ENABLE"], stop["SAFE_STOP"], stop["REASON"]) == (1, 1, STATE_STALE)
+    assert (stop["ENABLE"], stop["SAFE_STOP"], stop.reason) == (1, 1, "STATE_STALE")
     drive.line.cut.clear()
     drive.run_s(0.5)
-    assert drive.sent("COMMAND")[-1]["REASON"] == NOMINAL
+    assert drive.sent("COMMAND")[-1].reason == "NOMINAL"
     assert drive.vehicle.mode.value == AUTONOMOUS
 
 

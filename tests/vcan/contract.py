@@ -1,6 +1,6 @@
 """An observer on vcan0 that shares nothing with the program: its own raw socket, the kernel's stamps, its own decoding.
 
-What it knows of the bus is in `tools/bus_contract.py`, written from the contract's page alone.
+What it knows of the bus is in `tools/bus_contract*.py`, written from the contract's page alone.
 """
 
 import select
@@ -22,11 +22,8 @@ from bus_contract import (
     COUNTERS,
     DRIVE,
     FAULT,
-    GEAR_CHANGE_MPS,
     GREATEST_STEP,
-    JITTER_NS,
     LAYOUT,
-    LEAST_LOSS_NS,
     MANUAL,
     MAP,
     MS,
@@ -38,15 +35,20 @@ from bus_contract import (
     REVERSE,
     SAMPLE,
     Frame,
+    S,
+    Told,
+    intact,
+    pack,
+)
+from bus_contract_judge import (
+    GEAR_CHANGE_MPS,
+    JITTER_NS,
+    LEAST_LOSS_NS,
     Pair,
     Record,
-    S,
     Sample,
-    Told,
     examine,
-    intact,
     lateral_errors_m,
-    pack,
 )
 
 __all__ = [

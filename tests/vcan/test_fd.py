@@ -13,23 +13,24 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from fd_contract import (
-    AUTONOMOUS,
-    COUNTERS,
-    LAYOUT,
-    NAMES,
-    NOMINAL,
-    SHUTDOWN,
-    STATE_STALE,
-    Told,
-    pack,
-    unpack,
-)
+from bus_contract_fd import COUNTERS, LAYOUT, NAMES, intact, pack
 
 from vehicle_iface.trajectories.shapes import make_route
 
 from .conftest import Programs, set_link
-from .contract import CHANNEL, PATIENCE_S, Frame, S, Sample, lateral_errors_m, raw_socket, receive, send
+from .contract import (
+    AUTONOMOUS,
+    CHANNEL,
+    PATIENCE_S,
+    Frame,
+    S,
+    Sample,
+    Told,
+    lateral_errors_m,
+    raw_socket,
+    receive,
+    send,
+)
 
 FD_MTU = 72
 LATERAL_LIMIT_M = 0.3
@@ -82,12 +83,11 @@ class Record:
         while not self._over.is_set():
             select.select([self._raw], [], [], 0.2)
             for frame in iter(lambda: receive(self._raw), None):
-                try:
-                    assert frame.is_fd, "is no FD frame"
-                    assert not any((frame.is_extended, frame.is_remote, frame.is_error)), "is no data frame"
-                    self.told.append(unpack(frame.stamp_ns, frame.can_id, frame.data))
-                except (AssertionError, KeyError) as error:
-                    self.wrong.append(f"{frame.can_id:#x}: {error}")
+                told = intact(frame)
+                if told is not None:
+                    self.told.append(told)
+                else:
+                    self.wrong.append(str(frame))
 
 
 @pytest.fixture(scope="module")
@@ -139,13 +139,13 @@ def steps(told: list[Told]) -> set[int]:
 
 def unreasonable(record: Record, since: int) -> list[Told]:
     """Commands that neither drive nor stop for a sample that was late on the wire."""
-    samples = [told.at_ns for told in record.of("STATE")]
+    samples = [told.stamp_ns for told in record.of("STATE")]
     late = [after for before, after in pairwise(samples) if after - before > TIMELY_NS]
-    found = [told for told in record.of("COMMAND", since) if told["REASON"] != NOMINAL]
+    found = [told for told in record.of("COMMAND", since) if told.reason != "NOMINAL"]
     return [
         told
         for told in found
-        if told["REASON"] != STATE_STALE or not any(abs(told.at_ns - at_ns) < S // 2 for at_ns in late)
+        if told.reason != "STATE_STALE" or not any(abs(told.stamp_ns - stamp_ns) < S // 2 for stamp_ns in late)
     ]
 
 
@@ -159,7 +159,7 @@ def test_two_processes_drive_the_figure_of_eight_on_can_fd(fd_programs: Programs
     assert loop.ends() == 0
     route = make_route("figure8")
     samples = [
-        Sample(told.at_ns, told["POS_X"], told["POS_Y"], told["HEADING"], told["SPEED"])
+        Sample(told.stamp_ns, told["POS_X"], told["POS_Y"], told["HEADING"], told["SPEED"])
         for told in record.told[begin:end]
         if told.name == "STATE"
     ]
@@ -172,9 +172,9 @@ def test_two_processes_drive_the_figure_of_eight_on_can_fd(fd_programs: Programs
     driven = [told for told in record.told[begin:end] if told.name == "COMMAND"]
     assert abs(len(driven) - len(samples)) <= 0.05 * len(samples)
     assert all(told["ENABLE"] == 1 for told in driven)
-    assert [told for told in unreasonable(record, begin) if told["REASON"] != SHUTDOWN] == []
+    assert [told for told in unreasonable(record, begin) if told.reason != "SHUTDOWN"] == []
     last = record.of("COMMAND")[-1]
-    assert (last["ENABLE"], last["REASON"]) == (0, SHUTDOWN)
+    assert (last["ENABLE"], last.reason) == (0, "SHUTDOWN")
     assert abs(record.of("STATE")[-1]["SPEED"]) < 0.06
     assert re.search(r"samples +\d+ complete, 0 incomplete", loop.text)
 
@@ -199,7 +199,7 @@ def test_frames_of_another_kind_or_a_wrong_checksum_change_nothing(fd_programs: 
     loop.tell(signal.SIGTERM)
     assert loop.ends() == 0
     assert len(record.wrong) == 150
-    assert [told for told in unreasonable(record, begin) if told["REASON"] != SHUTDOWN] == []
+    assert [told for told in unreasonable(record, begin) if told.reason != "SHUTDOWN"] == []
     assert steps(record.of("COMMAND")) == {1}
     assert re.search(r"STATE.*bad CRC|bad CRC.*STATE", loop.text)
 

@@ -1,16 +1,14 @@
 """The reference vehicle's bus on CAN FD, from the table in `dbc/README.md`: shares no code with the program."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from bus_contract import Contract, Messages
 
-Layout = Mapping[str, tuple[int, int, bool, float]]
-"""Signal → start bit, length, whether it is signed, factor."""
-
-LAYOUT: Mapping[str, tuple[int, int, Layout]] = {
+_COUNTER = {"COUNTER": (16, 8, False, 1.0)}
+LAYOUT: Messages = {
     "COMMAND": (
         0x080,
         16,
-        {
+        _COUNTER
+        | {
             "ENABLE": (24, 1, False, 1.0),
             "SAFE_STOP": (25, 1, False, 1.0),
             "GEAR_REQUEST": (26, 3, False, 1.0),
@@ -24,7 +22,8 @@ LAYOUT: Mapping[str, tuple[int, int, Layout]] = {
     "BODY_COMMAND": (
         0x082,
         8,
-        {
+        _COUNTER
+        | {
             "HAZARD_LIGHTS": (24, 1, False, 1.0),
             "HEADLIGHTS": (32, 2, False, 1.0),
             "TURN_INDICATOR": (34, 2, False, 1.0),
@@ -34,7 +33,8 @@ LAYOUT: Mapping[str, tuple[int, int, Layout]] = {
     "VEHICLE_STATUS": (
         0x100,
         12,
-        {
+        _COUNTER
+        | {
             "GEAR": (24, 3, False, 1.0),
             "DRIVER_BRAKE": (27, 1, False, 1.0),
             "DRIVER_THROTTLE": (28, 1, False, 1.0),
@@ -46,7 +46,8 @@ LAYOUT: Mapping[str, tuple[int, int, Layout]] = {
     "STATE": (
         0x110,
         32,
-        {
+        _COUNTER
+        | {
             "POSE_FRAME": (24, 2, False, 1.0),
             "POSE_VALID": (26, 1, False, 1.0),
             "POS_X": (32, 32, True, 0.005),
@@ -63,7 +64,8 @@ LAYOUT: Mapping[str, tuple[int, int, Layout]] = {
     "CONTROLLER_STATUS": (
         0x180,
         12,
-        {
+        _COUNTER
+        | {
             "STATE": (24, 4, False, 1.0),
             "REASON": (32, 8, False, 1.0),
             "DEADLINE_MISSES": (40, 8, False, 1.0),
@@ -72,23 +74,6 @@ LAYOUT: Mapping[str, tuple[int, int, Layout]] = {
         },
     ),
 }
-NAMES = {can_id: name for name, (can_id, _, _) in LAYOUT.items()}
-COUNTERS = 256
-MANUAL, READY, AUTONOMOUS, FAULT = range(4)
-NOMINAL, STATE_STALE, SHUTDOWN, NOT_ENGAGED = 0, 6, 15, 17
-
-
-@dataclass(frozen=True)
-class Told:
-    """One intact frame, taken apart."""
-
-    at_ns: int
-    name: str
-    counter: int
-    signals: Mapping[str, float]
-
-    def __getitem__(self, signal: str) -> float:
-        return self.signals[signal]
 
 
 def _shifted_out(register: int) -> int:
@@ -114,28 +99,14 @@ def checksum(can_id: int, data: bytes) -> int:
     return crc16(data[2:] + bytes((can_id & 0xFF, can_id >> 8)))
 
 
-def pack(name: str, counter: int, **signals: float) -> tuple[int, bytes]:
-    """Identifier and payload of a message; signals that are not named are 0."""
-    can_id, size, layout = LAYOUT[name]
-    bits = counter << 16
-    for signal, value in signals.items():
-        start, length, _, factor = layout[signal]
-        bits |= (round(value / factor) & ((1 << length) - 1)) << start
-    data = bits.to_bytes(size, "little")
-    return can_id, checksum(can_id, data).to_bytes(2, "little") + data[2:]
-
-
-def unpack(at_ns: int, can_id: int, data: bytes) -> Told:
-    """A payload, taken apart; fails when it is not of the contract, or not intact."""
-    name = NAMES[can_id]
-    _, size, layout = LAYOUT[name]
-    assert len(data) == size, f"{name}: {len(data)} bytes"
-    assert int.from_bytes(data[:2], "little") == checksum(can_id, data), f"{name}: wrong CRC"
-    bits = int.from_bytes(data, "little")
-    signals: dict[str, float] = {}
-    for signal, (start, length, is_signed, factor) in layout.items():
-        raw = bits >> start & (1 << length) - 1
-        if is_signed and raw >> length - 1:
-            raw -= 1 << length
-        signals[signal] = raw * factor
-    return Told(at_ns, name, data[2], signals)
+REFERENCE_FD = Contract(
+    messages=LAYOUT,
+    is_fd=True,
+    crc_bytes=2,
+    checksum=checksum,
+    counters=256,
+    sample=("STATE",),
+    command=("COMMAND",),
+)
+NAMES, COUNTERS = REFERENCE_FD.names, REFERENCE_FD.counters
+pack, intact = REFERENCE_FD.pack, REFERENCE_FD.intact
