@@ -58,6 +58,12 @@ def test_an_echo_is_faster_than_whoever_computes(passes: Any) -> None:
     assert min(best, key=lambda name: best[name]) == reaction.ECHO
 
 
+def test_a_contestant_that_hardly_answers_is_not_compared(passes: Any) -> None:
+    mute = {"passes_us": {reaction.HOT: [1.0] * 33}, "unanswered": 366}
+    with pytest.raises(reaction.BenchmarkError, match="mute has not answered 366"):
+        reaction._require_answers(passes | {"mute": mute})
+
+
 def test_the_pass_becomes_a_table_with_its_targets(passes: Any) -> None:
     table = reaction._pass_table(passes)
     assert {len(row) for row in table.rows} == {len(table.columns)}

@@ -40,7 +40,7 @@ BLOCK = 10
 """Hot passes of one contestant in a row; the first one of them is not counted, for it is not hot."""
 HOT_SAMPLE_PERIOD_S = 0.0002
 """What the profile says instead of 10 ms: the tracker keeps rounds of the counter apart by it, and hot passes
-come faster than the vehicle's 100 Hz."""
+come faster than the vehicle's 100 Hz. The outlet that limits the rate of what is sent is told the same."""
 SO_TIMESTAMPNS = 35
 STATUS_S = 0.05
 PROOFS, PROOF_S = 100, 0.01
@@ -146,7 +146,12 @@ def build_ours(wires: Wires, course: Course, telemetry: TelemetryWriter) -> Loop
     timing = msgspec.structs.replace(profile.timing, sample_period_s=HOT_SAMPLE_PERIOD_S)
     database = replace(load_database(profile), profile=msgspec.structs.replace(profile, timing=timing))
     near = mock.Mock(side_effect=lambda *_, **__: wires.near())
-    with mock.patch.object(socketcan, "opened", near), mock.patch.object(survey, "opened", near):
+    outgoing = [m._replace(period_ns=ns_from_s(HOT_SAMPLE_PERIOD_S)) for m in compose._outgoing(database)]
+    with (
+        mock.patch.object(socketcan, "opened", near),
+        mock.patch.object(survey, "opened", near),
+        mock.patch.object(compose, "_outgoing", return_value=outgoing),
+    ):
         return compose.build_loop(
             database=database,
             open_bus=lambda: compose.open_bus(

@@ -43,6 +43,7 @@ def run(options: argparse.Namespace) -> Report:
     hot, idle, rounds, samples = (20, 40, 2, 50) if options.quick else (300, 600, 8, 200)
     progress("one whole pass, in one process …")
     passes = _child("_reaction_pass", hot, idle)
+    _require_answers(passes)
     progress("whole processes on vcan …")
     on_vcan = _child("_reaction_vcan", rounds, samples, prefix=_vcan())
     progress("")
@@ -83,6 +84,14 @@ def quantile(values: Sequence[float], share: float) -> float:
 
 
 # ── one whole pass ──
+
+
+def _require_answers(passes: Mapping[str, Any]) -> None:
+    """Figures of the few passes that were answered would say nothing of the others."""
+    for name, found in passes.items():
+        answered = sum(len(took) for took in found["passes_us"].values())
+        if found["unanswered"] > 0.02 * answered:
+            raise BenchmarkError(f"{name} has not answered {found['unanswered']} samples rightly, but {answered}")
 
 
 def _pass_table(passes: Mapping[str, Any]) -> Table:
