@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from .cable import LOOP_END, VEHICLE_END, Cable
 from .contract import CHANNEL, PATIENCE_S, Observer
 from .peer import Vehicle
 
@@ -99,8 +100,9 @@ class Program:
 class Programs:
     """Everything that a test has started."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, channel: str = CHANNEL) -> None:
         self.folder = folder
+        self.channel = channel
         self.started: list[Program] = []
 
     def start(self, *arguments: str) -> Program:
@@ -117,7 +119,7 @@ class Programs:
     def run(self, *arguments: str) -> Program:
         """The loop, with its telemetry and its summary in the test's folder."""
         telemetry, summary = str(self.folder / "telemetry"), str(self.folder / "summary.json")
-        return self.start("run", "--channel", CHANNEL, "--telemetry", telemetry, "--summary", summary, *arguments)
+        return self.start("run", "--channel", self.channel, "--telemetry", telemetry, "--summary", summary, *arguments)
 
     def kill_all(self) -> None:
         """Nothing of ours runs on."""
@@ -178,6 +180,49 @@ def vehicle(bus: Observer) -> Iterator[Vehicle]:
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     yield peer
     peer.close()
+
+
+@pytest.fixture
+def cable(vcan0: None) -> Iterator[Cable]:  # noqa: ARG001
+    """A cable of its own, without a fault yet; vcan0 stays idle."""
+    made = Cable()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def loop_end(cable: Cable) -> Iterator[Observer]:  # noqa: ARG001
+    """Sees what the loop sends, and what arrives at the loop."""
+    observer = Observer(LOOP_END)
+    yield observer
+    observer.close()
+
+
+@pytest.fixture
+def vehicle_end(cable: Cable) -> Iterator[Observer]:  # noqa: ARG001
+    """Sees what the vehicle sends, and what arrives at the vehicle."""
+    observer = Observer(VEHICLE_END)
+    yield observer
+    observer.close()
+
+
+@pytest.fixture
+def far_vehicle(vehicle_end: Observer) -> Iterator[Vehicle]:
+    """The independent vehicle at its end of the cable."""
+    peer = Vehicle(channel=VEHICLE_END)
+    peer.start()
+    vehicle_end.wait_for("the vehicle's first sample", "CHASSIS")
+    yield peer
+    peer.close()
+
+
+@pytest.fixture
+def cable_programs(request: pytest.FixtureRequest, cable: Cable, tmp_path: Path) -> Iterator[Programs]:  # noqa: ARG001
+    """Starts programs at the loop's end of the cable, and ends them all."""
+    started = Programs(tmp_path, LOOP_END)
+    request.node.stash[_PROGRAMS] = started
+    yield started
+    started.kill_all()
 
 
 _PROGRAMS = pytest.StashKey[Programs]()

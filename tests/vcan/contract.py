@@ -1,4 +1,4 @@
-"""An observer on vcan0 that shares nothing with the program: its own raw socket, the kernel's stamps, its own decoding.
+"""An observer on a CAN interface, sharing nothing with the program: own raw socket, the kernel's stamps, own decoding.
 
 What it knows of the bus is in `tools/bus_contract*.py`, written from the contract's page alone.
 """
@@ -101,9 +101,12 @@ _EXTENDED, _REMOTE, _ERROR = 0x80000000, 0x40000000, 0x20000000
 CONTROLLER_IDS = frozenset(LAYOUT[name][0] for name in CONTROLLER_SENDS)
 
 
-def raw_socket() -> socket.socket:
-    """A socket on vcan0 that hears and sends everything, FD frames too."""
+def raw_socket(channel: str = CHANNEL, can_ids: Iterable[int] | None = None) -> socket.socket:
+    """A socket that hears and sends everything, or hears only the identifiers that are named; FD frames too."""
     raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    if can_ids is not None:
+        filters = b"".join(struct.pack("=II", can_id, 0x7FF) for can_id in can_ids)
+        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
     raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
     raw.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
     try:
@@ -111,7 +114,7 @@ def raw_socket() -> socket.socket:
     except PermissionError:
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _ROOM_BYTES)
     raw.setblocking(False)
-    raw.bind((CHANNEL,))
+    raw.bind((channel,))
     return raw
 
 
@@ -149,13 +152,15 @@ def send(raw: socket.socket, frame: Frame) -> bool:
 
 
 class Observer:
-    """Keeps every frame on vcan0 in the order of arrival, from a thread of its own."""
+    """Keeps every frame on an interface in the order of arrival, from a thread of its own."""
 
-    def __init__(self) -> None:
+    def __init__(self, channel: str = CHANNEL, can_ids: Iterable[int] | None = None) -> None:
+        """With `can_ids`, only these: so that a flood of others takes no time from the programs under test."""
         self.frames: list[Frame] = []
         self.on_failure: Callable[[], str] = lambda: ""
         """More to say when something does not come."""
-        self._raw = raw_socket()
+        self._channel, self._can_ids = channel, can_ids
+        self._raws = [raw_socket(channel, can_ids)]
         self._news = threading.Condition()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="observer")
@@ -165,7 +170,12 @@ class Observer:
         """Stop watching; the record stays."""
         self._over.set()
         self._thread.join()
-        self._raw.close()
+        for raw in self._raws:
+            raw.close()
+
+    def reconnect(self) -> None:
+        """Watch the interface that has the name now: the one before it was deleted."""
+        self._raws.append(raw_socket(self._channel, self._can_ids))
 
     def now(self) -> int:
         """Index of the next frame: the present, as a place in the record."""
@@ -232,8 +242,9 @@ class Observer:
 
     def _watch(self) -> None:
         while not self._over.is_set():
-            select.select([self._raw], [], [], 0.2)
-            fresh = list(iter(lambda: receive(self._raw), None))
+            raw = self._raws[-1]
+            select.select([raw], [], [], 0.2)
+            fresh = drained(raw)
             if fresh:
                 with self._news:
                     self.frames += fresh

@@ -14,11 +14,13 @@ from dataclasses import dataclass
 
 from .contract import (
     AUTONOMOUS,
+    CHANNEL,
     COUNTERS,
     DRIVE,
     FAULT,
     GEAR_CHANGE_MPS,
     GREATEST_STEP,
+    LAYOUT,
     MANUAL,
     MAP,
     MS,
@@ -44,6 +46,7 @@ WHEELBASE_M = 2.7
 FAULT_BRAKE_MPS2 = 3.0
 DRIVER_BRAKE_MPS2 = 4.0
 ALWAYS = 1 << 30
+PAIR_IDS = [LAYOUT[name][0] for name in PAIR]
 
 
 @dataclass
@@ -63,14 +66,14 @@ class Faults:
 class Vehicle:
     """Drives from its own thread between `start` and `close`."""
 
-    def __init__(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> None:
+    def __init__(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0, *, channel: str = CHANNEL) -> None:
         self.x_m, self.y_m, self.heading_rad = x_m, y_m, heading_rad
         self.speed_mps = self.accel_mps2 = self.wheel_rad = 0.0
         self.mode, self.gear, self.fault_code = READY, PARK, 0
         self.pose_frame, self.pose_valid = MAP, True
         self.driver_brake = self.driver_throttle = False
         self.driver_torque_nm = 0.0
-        self.engages = True
+        self.engages = self.watches = True
         self.faults = Faults(crc=Counter(), muted=Counter())
         self._wish: dict[str, Told] = {}
         self._last: dict[str, int] = {}
@@ -78,7 +81,8 @@ class Vehicle:
         self._half = ""
         self._row = 0
         self._counters = Counter(dict.fromkeys(NAMES.values(), 0))
-        self._raw = raw_socket()
+        self._channel = channel
+        self._raws = [raw_socket(channel, PAIR_IDS)]
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._live, name="vehicle")
 
@@ -91,7 +95,12 @@ class Vehicle:
         self._over.set()
         if self._thread.is_alive():
             self._thread.join()
-        self._raw.close()
+        for raw in self._raws:
+            raw.close()
+
+    def reconnect(self) -> None:
+        """Use the interface that has the name now: the one before it was deleted."""
+        self._raws.append(raw_socket(self._channel, PAIR_IDS))
 
     def mute(self, samples: int) -> None:
         """Lose the next samples on their way."""
@@ -114,7 +123,7 @@ class Vehicle:
             if late_ns < 0:
                 time.sleep(-late_ns / S)
             now_ns = time.monotonic_ns()
-            for frame in drained(self._raw):
+            for frame in drained(self._raws[-1]):
                 self._hear(frame, now_ns)
             self._judge(now_ns)
             self._move(PERIOD_NS / S)
@@ -161,7 +170,7 @@ class Vehicle:
         if self.fault_code:
             self.mode = FAULT
         oldest_ns = min((self._seen_ns.get(name, 0) for name in PAIR), default=0)
-        if self.mode == AUTONOMOUS and now_ns - oldest_ns > WATCHDOG_NS:
+        if self.watches and self.mode == AUTONOMOUS and now_ns - oldest_ns > WATCHDOG_NS:
             self.mode, self._row = FAULT, 0
 
     def _move(self, dt_s: float) -> None:
@@ -233,4 +242,4 @@ class Vehicle:
         if faults.crc[name] > 0:
             faults.crc[name] -= 1
             data = bytes((data[0] ^ 0x5A,)) + data[1:]
-        send(self._raw, Frame(0, can_id, data))
+        send(self._raws[-1], Frame(0, can_id, data))
