@@ -1,0 +1,135 @@
+"""A loop that stands still for seconds, and a wall clock that is set while it drives."""
+
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from .conftest import Programs
+from .contract import FAULT, MS, Frame, Observer, Record, S, decided, pack, raw_socket, send
+from .driving import driven, own_faults, summary, wait_until_driven
+from .peer import Vehicle
+
+PERIOD_NS = 10 * MS
+STEPS_S = (3600, -3600, 10, -10)
+A_STEP_NS = 5 * S
+FLOOD = 4000
+"""More than the kernel keeps, even where it allows the megabyte that is asked for."""
+
+
+def rightly_sent(record: Record) -> bool:
+    """Whether no more commands left than one in each command period: the samples of a pause are not caught up."""
+    return len(record.pairs) <= (record.end_ns - record.begin_ns) // PERIOD_NS + 2
+
+
+@pytest.fixture
+def wall_clock() -> Iterator[None]:
+    """A wall clock that may be set, because it is only the user-mode kernel's own; right again afterwards."""
+    if "User Mode Linux" not in Path("/proc/cpuinfo").read_text():
+        pytest.fail(
+            "this machine's own clock must not be set; run it where tools/vcan boots a kernel of its own: "
+            "tools/vcan python -m pytest tests/vcan on a machine without SocketCAN",
+            pytrace=False,
+        )
+    wall_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
+    yield
+    time.clock_settime_ns(time.CLOCK_REALTIME, wall_ns + time.monotonic_ns() - monotonic_ns)
+
+
+def test_after_a_pause_of_two_seconds_no_command_is_enabled_until_armed_again_and_there_is_no_burst(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    loop, moving = driven(programs, bus)
+    loop.tell(signal.SIGSTOP)
+    fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
+    paused = bus.wait_samples(200, since=moving)
+    assert bus.sent_by_controller(fault, paused) == []
+    resumed = bus.now()
+    loop.tell(signal.SIGCONT)
+    end = bus.wait_samples(60, since=resumed)
+    record = bus.record(resumed, end)
+    assert not any(pair.is_enabled for pair in record.pairs)
+    assert rightly_sent(record)
+    vehicle.make_ready()
+    loop.tell(signal.SIGUSR1)
+    driving = wait_until_driven(bus, since=end)
+    assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    assert summary(programs)["counts"]["too_old_to_answer"] > 100
+
+
+def test_after_a_pause_of_five_seconds_without_a_watchdog_the_old_state_is_not_answered_but_by_stops(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    vehicle.watches = False
+    loop, moving = driven(programs, bus)
+    loop.tell(signal.SIGSTOP)
+    bus.wait_samples(470, since=moving)
+    vehicle.mute(40)  # from 0.3 s before the pause ends until 0.1 s after it
+    time.sleep(0.3)
+    resumed = bus.now()
+    loop.tell(signal.SIGCONT)
+    back, _ = bus.wait_for("the vehicle's next sample", "CHASSIS", since=resumed)
+    end = bus.wait_samples(60, since=back)
+    record = bus.record(resumed, back)
+    assert all(pair.is_stop or not pair.is_enabled for pair in record.pairs)
+    assert rightly_sent(record)
+    loop.tell(signal.SIGUSR1)
+    driving = wait_until_driven(bus, since=end)
+    assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
+
+
+def test_a_receive_queue_that_overflows_during_a_pause_is_counted_and_what_is_left_in_it_is_not_answered(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    loop, moving = driven(programs, bus)
+    loop.tell(signal.SIGSTOP)
+    bus.wait_samples(30)
+    can_id, data = pack("MOTION", 0)
+    with raw_socket(can_ids=()) as raw:
+        for _ in range(FLOOD):
+            assert send(raw, Frame(0, can_id, data))
+    fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
+    resumed = bus.wait_samples(50, since=fault)
+    loop.tell(signal.SIGCONT)
+    end = bus.wait_samples(60, since=resumed)
+    record = bus.record(resumed, end)
+    assert not any(pair.is_enabled and not pair.is_stop for pair in record.pairs)
+    assert rightly_sent(record)
+    vehicle.make_ready()
+    loop.tell(signal.SIGUSR1)
+    driving = wait_until_driven(bus, since=end)
+    assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    found = summary(programs)
+    assert found["bus_counters"]["receive_overflow"] > FLOOD // 4
+
+
+@pytest.mark.usefixtures("vehicle", "wall_clock")
+def test_a_wall_clock_that_is_set_by_an_hour_and_by_ten_seconds_changes_nothing_and_each_step_is_counted(
+    programs: Programs, bus: Observer
+) -> None:
+    loop, moving = driven(programs, bus)
+    for step_s in STEPS_S:
+        bus.wait_samples(30)
+        time.clock_settime_ns(time.CLOCK_REALTIME, time.time_ns() + step_s * S)
+    end = bus.wait_samples(30)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    frames = bus.frames[moving:end]
+    jumps = [i for i in range(1, len(frames)) if abs(frames[i].stamp_ns - frames[i - 1].stamp_ns) > A_STEP_NS]
+    assert len(jumps) == len(STEPS_S)
+    for begin, until in zip([0, *jumps], [*jumps, len(frames)], strict=True):
+        record = bus.record(moving + begin, moving + until)
+        assert decided(record) == ["NOMINAL"]
+        assert not own_faults(record)
+        assert len(record.pairs) > 10
+    found = summary(programs)
+    assert found["bus_counters"]["wall_clock_steps"] == len(STEPS_S)
+    assert found["drops"] == {}
+    assert found["counts"]["stale_stops"] == found["counts"]["too_old_to_answer"] == 0
+    assert sum(found["lost"].values()) == found["incomplete_samples"] == 0
