@@ -1,0 +1,97 @@
+"""Another program that floods the bus: with strangers' identifiers, with the vehicle's, and with ours."""
+
+import signal
+from collections.abc import Iterator
+from statistics import median
+
+import pytest
+
+from .conftest import ROOT, Programs
+from .contract import CONTROLLER_IDS, FAULT, NAMES, PAIR, Observer, Record, decided
+from .driving import driven, own_faults, summary, wait_until_driven
+from .peer import Vehicle
+
+FLOODER = str(ROOT / "tests" / "vcan" / "flooder.py")
+STRANGERS = tuple(f"{can_id:X}" for can_id in (0x000, 0x07F, 0x101, 0x113, 0x200, 0x7FF))
+WORSE = 3.0
+"""How many times as late as before an answer may be, in the middle, while somebody else uses the one processor too."""
+
+
+@pytest.fixture
+def listener(vcan0: None) -> Iterator[Observer]:  # noqa: ARG001
+    """Sees only what is of the contract: to look at a flood, too, would take time from those under test."""
+    observer = Observer(can_ids=NAMES)
+    yield observer
+    observer.close()
+
+
+def latency_ns(record: Record) -> float:
+    """The middle one of the times from a sample to its answer."""
+    return median(pair.stamp_ns - sample_ns for sample_ns, pair in record.answers)
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_a_flood_of_strangers_frames_loses_no_sample_and_every_one_is_answered_in_time(
+    programs: Programs, bus: Observer, listener: Observer
+) -> None:
+    loop, moving = driven(programs, listener)
+    bus.close()
+    calm = listener.wait_samples(100)
+    flooder = programs.start_python(FLOODER, "6000", "2000", *STRANGERS, name="flooder")
+    flooder.says("frames/s")
+    flooded = listener.now()
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    before, during = listener.record(moving, calm), listener.record(calm, flooded)
+    found = summary(programs)
+    assert decided(during) == ["NOMINAL"]
+    assert during.faults() == []
+    assert latency_ns(during) < WORSE * latency_ns(before)
+    assert found["drops"] == {}
+    assert not any(found["lost"].values())
+    assert found["incomplete_samples"] == found["counts"]["too_old_to_answer"] == 0
+    assert found["bus_counters"]["receive_overflow"] == 0
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_a_flood_of_damaged_frames_with_the_vehicles_identifiers_is_dropped_and_its_own_are_still_believed(
+    programs: Programs, bus: Observer
+) -> None:
+    loop, moving = driven(programs, bus)
+    flooder = programs.start_python(FLOODER, "2000", "1000", "110", "111", name="flooder")
+    flooder.says("frames/s")
+    flooded = bus.wait_samples(10)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    record = bus.record(moving, flooded)
+    assert len(record.crc_errors) == 2000
+    assert decided(record) == ["NOMINAL"]
+    assert not own_faults(record)
+    found = summary(programs)
+    assert found["drops"] == {"bad CRC POSE": 1000, "bad CRC MOTION": 1000}
+    assert not any(found["lost"].values())
+
+
+def test_a_flood_of_our_own_identifiers_silences_the_loop_until_it_is_over_and_armed_again(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    loop, moving = driven(programs, bus)
+    own = [f"{can_id:X}" for can_id in sorted(CONTROLLER_IDS)]
+    flooder = programs.start_python(FLOODER, "1000", "500", *own, name="flooder")
+    loop.says("SILENT .DUPLICATE_COMMANDER")
+    loop.tell(signal.SIGUSR1)  # in vain while it lasts
+    flooder.says("frames/s")
+    bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
+    over = bus.wait_samples(5)
+    record = bus.record(moving, over)
+    first_ns = min(stamp_ns for _, stamp_ns in record.damaged)
+    assert len([told for told in record.told if told.name in PAIR and told.stamp_ns >= first_ns]) <= len(PAIR)
+    vehicle.make_ready()
+    quiet = bus.wait_samples(80, since=over)
+    assert bus.sent_by_controller(over, quiet) == []
+    loop.tell(signal.SIGUSR1)
+    driving = wait_until_driven(bus, since=quiet)
+    assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    assert summary(programs)["counts"]["foreign_commands"] == 1000
