@@ -1,0 +1,23 @@
+"""Another process that plays a log back on vcan0: `player.py FILE [TIMES]`; a line is `seconds identifier data`."""
+
+import sys
+import time
+from pathlib import Path
+
+from contract import Frame, raw_socket, send
+
+
+def main(file: str, times: str = "1") -> None:
+    """Each frame at its time, from the first on, and end."""
+    lines = [line.split() for line in Path(file).read_text().splitlines()]
+    log = [(float(at_s), Frame(0, int(can_id, 16), bytes.fromhex(data))) for at_s, can_id, data in lines]
+    with raw_socket(can_ids=()) as raw:
+        for _ in range(int(times)):
+            begin_s = time.monotonic() - log[0][0]
+            for at_s, frame in log:
+                time.sleep(max(0.0, begin_s + at_s - time.monotonic()))
+                send(raw, frame)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
