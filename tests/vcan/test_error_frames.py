@@ -6,12 +6,27 @@ import struct
 import pytest
 
 from .conftest import Programs
-from .contract import Observer, raw_socket
-from .driving import driven, summary
+from .contract import FAULT, Observer, raw_socket
+from .driving import driven, own_faults, summary, wait_until_driven
+from .peer import Vehicle
 
 pytestmark = pytest.mark.usefixtures("vehicle")
 
 ERROR = 0x20000000
+CLASSES = {
+    "transmit timeout": (0x1, 0),
+    "arbitration lost": (0x2, 0),
+    "controller overflow": (0x4, 0x01),
+    "error warning": (0x4, 0x04),
+    "error passive": (0x4, 0x10),
+    "error active": (0x4, 0x40),
+    "protocol error": (0x8, 0),
+    "transceiver": (0x10, 0),
+    "no acknowledgement": (0x20, 0),
+    "bus error": (0x80, 0),
+    "restarted": (0x100, 0),
+}
+"""All that <linux/can/error.h> knows but bus off: class and data byte 1."""
 
 
 def report(error_class: int, controller: int = 0) -> None:
@@ -48,3 +63,41 @@ def test_warnings_of_the_controller_are_counted_and_the_vehicle_drives_on(progra
     counters = summary(programs)["bus_counters"]
     assert counters["send_confirmed"] > 0
     assert 0 <= counters["sent"] - counters["send_confirmed"] < 40  # the last ones come after the last look
+
+
+def test_every_class_of_error_frame_is_counted_under_its_own_name_and_none_of_them_is_taken_for_state(
+    programs: Programs, bus: Observer
+) -> None:
+    loop, moving = driven(programs, bus)
+    for name, (error_class, controller) in CLASSES.items():
+        report(error_class, controller)
+        loop.says(name)
+    end = bus.wait_samples(20)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    assert not own_faults(bus.record(moving, end))
+    found = summary(programs)
+    assert found["link_events"] == dict.fromkeys(CLASSES, 1)
+    assert found["bus_counters"]["error_frames"] == len(CLASSES)
+    assert found["counts"]["link_losses"] == 0
+    assert found["drops"] == {}
+
+
+def test_after_bus_off_and_a_restart_the_vehicle_is_driven_again_only_when_armed(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    loop, moving = driven(programs, bus)
+    report(0x40)
+    loop.says("link RECOVERING")
+    report(0x100)
+    loop.says("restarted")
+    fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
+    vehicle.make_ready()
+    quiet = bus.wait_samples(80, since=fault)
+    assert bus.sent_by_controller(fault, quiet) == []
+    loop.tell(signal.SIGUSR1)
+    driving = wait_until_driven(bus, since=quiet)
+    assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    assert summary(programs)["link_events"] == {"bus off": 1, "restarted": 1}
