@@ -1,0 +1,74 @@
+"""A transmit queue that does not empty, and one that empties slowly."""
+
+import signal
+
+import pytest
+
+from .cable import CLOSED, LOOP_END, OPEN, Cable
+from .conftest import Programs
+from .contract import AUTONOMOUS, FAULT, PAIR, Observer, decided
+from .driving import driven, is_standing, own_faults, summary, wait_until_driven
+from .peer import Vehicle
+
+SLOW = ("tbf", "rate", "8kbit", "burst", "32", "limit", "4000")
+"""62 frames of 16 bytes in a second; the loop would send 220."""
+
+
+@pytest.mark.parametrize("mend", ["changed", "deleted"])
+def test_a_queue_that_does_not_empty_silences_the_loop_and_hands_over_at_most_one_old_pair_when_it_does(
+    cable_programs: Programs, cable: Cable, vehicle_end: Observer, far_vehicle: Vehicle, mend: str
+) -> None:
+    loop, moving = driven(cable_programs, vehicle_end)
+    cable.queue(LOOP_END, *CLOSED)
+    loop.says("SILENT .LINK_DOWN")
+    fault, _ = vehicle_end.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
+    assert not own_faults(vehicle_end.record(moving, fault))
+    far_vehicle.make_ready()
+    loop.tell(signal.SIGUSR1)  # in vain: after another 100 ms of refusals it is silent again
+    vehicle_end.wait_samples(100)
+    before = vehicle_end.now()
+    if mend == "changed":
+        cable.queue(LOOP_END, *OPEN)
+    else:
+        cable.mend(LOOP_END)
+    after = vehicle_end.wait_samples(50, since=before)
+    late = vehicle_end.record(before, after)
+    assert sum(pair.is_enabled for pair in late.pairs) <= 1
+    assert len(late.pairs) <= (2 if mend == "changed" else 0)  # one of each arming
+    assert not {AUTONOMOUS} & {told["MODE"] for told in late.of("VEHICLE_STATUS")}
+    loop.tell(signal.SIGUSR1)
+    driving = wait_until_driven(vehicle_end, since=after)
+    end = vehicle_end.wait_samples(30, since=driving)
+    assert not vehicle_end.record(driving, end).faults()
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    found = summary(cable_programs)
+    assert found["bus_counters"]["send_no_room"] > 0
+    assert found["counts"]["link_losses"] >= 1
+    assert "DOWN" in [change["state"] for change in found["link"]["transitions"]]
+    assert found["link"]["state"] == "UP"
+
+
+@pytest.mark.usefixtures("far_vehicle")
+def test_a_queue_that_empties_slowly_gets_stops_with_unbroken_counters_and_driving_goes_on_when_it_is_fast(
+    cable_programs: Programs, cable: Cable, vehicle_end: Observer
+) -> None:
+    loop, moving = driven(cable_programs, vehicle_end)
+    cable.queue(LOOP_END, *SLOW)
+    slow, _ = vehicle_end.wait_for("a stop", "DRIVE_COMMAND", REASON="LINK_DOWN", SAFE_STOP=1, ENABLE=1, since=moving)
+    standing, _ = vehicle_end.wait_until("the vehicle stands", is_standing, since=slow)
+    record = vehicle_end.record(slow, standing)
+    assert {pair.reason for pair in record.pairs} == {"LINK_DOWN"}
+    assert all(told["MODE"] == AUTONOMOUS for told in record.of("VEHICLE_STATUS"))
+    assert [gap for gap in record.counter_gaps if gap.startswith(PAIR)] == []
+    assert record.violations == []
+    cable.queue(LOOP_END, *OPEN)
+    driving = wait_until_driven(vehicle_end, since=vehicle_end.now())
+    end = vehicle_end.wait_samples(30, since=driving)
+    assert decided(vehicle_end.record(driving, end)) == ["NOMINAL"]
+    assert not vehicle_end.record(driving, end).faults()
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    found = summary(cable_programs)
+    assert found["bus_counters"]["send_no_room"] > 10
+    assert found["counts"]["link_losses"] == 0
