@@ -219,7 +219,7 @@ class Drive:
     @property
     def state(self) -> VehicleState:
         """Of the newest complete sample."""
-        newest = self.loop._tracker.newest
+        newest = self.loop._newest
         assert newest is not None
         return newest.state
 

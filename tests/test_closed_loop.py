@@ -508,7 +508,7 @@ def test_asked_to_end_it_stops_the_vehicle_then_lets_go_and_is_done() -> None:
 
 def test_a_vehicle_that_does_not_come_to_rest_is_let_go_after_ten_seconds() -> None:
     drive = cruising()
-    drive.say("freeze on")
+    drive.vehicle._car._goal_mps2 = lambda *_: 0.1  # type: ignore[method-assign]  # brakes that do nothing
     drive.loop.request_end()
     took_s = drive.run_until(lambda: drive.loop.done, 12.0)
     assert 10.0 <= took_s <= 10.3
@@ -631,6 +631,66 @@ def refuse(drive: Drive, count: int) -> None:
     drive.line.waiting = True
     drive.run_until(lambda: drive.loop.details()["loop"]["commands_refused"] == before + count, 1.0)
     drive.line.waiting = False
+
+
+# Samples that cannot be true
+
+
+def test_one_sample_that_jumps_is_dropped_and_nothing_else_happens() -> None:
+    drive = cruising()
+    drive.say("jump 4.0 0.0")
+    drive.run_s(0.009)
+    drive.say("jump -4.0 0.0")
+    assert {pair["SAFE_STOP"] for pair in after(drive, 1.0)} == {0}
+    assert drive.loop.details()["implausible"]["jumped"] == 1
+
+
+def test_a_position_that_stays_where_it_jumped_to_stops_the_vehicle_and_ends_in_silence() -> None:
+    drive = cruising()
+    drive.say("jump 4.0 0.0")
+    drive.run_s(0.06)
+    assert says(drive.last(), enable=1, stop=1, reason=Reason.STATE_INVALID)
+    drive.run_s(0.6)
+    assert (drive.mode(), drive.loop.reason) == (Mode.SILENT, Reason.STATE_STALE)
+    drive.run_s(1.0)
+    assert drive.loop.details()["implausible"]["jumped"] == pytest.approx(100, abs=2)  # then it is believed
+
+
+def test_frozen_values_with_live_counters_stop_a_vehicle_that_moves() -> None:
+    drive = cruising()
+    drive.say("freeze on")
+    took_s = drive.run_until(lambda: drive.last()["SAFE_STOP"], 1.0)
+    assert took_s < 0.25
+    assert says(drive.last(), enable=1, stop=1, reason=Reason.STATE_INVALID)
+    drive.run_s(0.6)
+    assert drive.mode() is Mode.SILENT
+
+
+def test_a_vehicle_that_stands_is_not_frozen() -> None:
+    drive = Drive(FixedTrajectory(straight(speed_mps=5.0, time_s=1e6)))
+    drive.vehicle._car._goal_mps2 = lambda *_: 0.0  # type: ignore[method-assign]  # an engine that does nothing
+    drive.run_s(20.0)
+    assert not any(drive.loop.details()["implausible"].values())
+
+
+# Deviation
+
+
+def test_a_vehicle_that_was_set_beside_its_path_is_stopped_until_there_is_a_new_trajectory() -> None:
+    drive = Drive(start=BicycleState(y_m=3.2)).engage()
+    drive.run_s(0.5)
+    assert says(drive.last(), enable=1, stop=1, reason=Reason.DEVIATION)
+    drive.controller.set_trajectory(straight())
+    drive.run_s(0.1)
+    assert says(drive.last(), enable=1, stop=1, reason=Reason.DEVIATION)
+    assert drive.loop.details()["deviations"]["off the path"] > 10
+
+
+def test_a_little_beside_its_path_is_counted_and_driven_back() -> None:
+    drive = Drive(start=BicycleState(y_m=1.2)).engage()
+    assert {pair["SAFE_STOP"] for pair in after(drive, 8.0)} == {0}
+    assert drive.loop.details()["deviations"]["beside the path"] > 10
+    assert abs(drive.state.y_m) < 0.1
 
 
 # Trajectories

@@ -30,6 +30,7 @@ from vehicle_iface.safety.deviation import DeviationMonitor
 from vehicle_iface.safety.engagement import Engagement, EngagementTiming
 from vehicle_iface.safety.gate import Gate, gate_channels
 from vehicle_iface.safety.outlet import Outgoing, Outlet
+from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.tracker import Tracker
 from vehicle_iface.trajectories.route import Route, RouteConfig
@@ -183,6 +184,7 @@ def build_loop(
             pilot=pilot,
             engagement=engagement,
             encoder=Encoder(database.sent),
+            plausibility=PlausibilityCheck(profile.plausibility, wheelbase_m=profile.geometry.wheelbase_m),
             outlet=Outlet(_outgoing(database)),
             intake=TrajectoryIntake(source, controller, counts),
             teller=Teller(telemetry, controller, counts),

@@ -101,6 +101,25 @@ class Deviation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Against the direction of travel that is wanted: stop."""
 
 
+class Plausibility(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What can be true of this vehicle; a sample that cannot is dropped, and several in a row are a stop."""
+
+    speed_mps: Positive
+    accel_mps2: Positive
+    """Either way; between two samples the speed changes by no more than this times the time between them …"""
+    speed_apart_mps: NonNegative
+    """… and this much."""
+    position_apart_m: Positive
+    """Between two samples the vehicle moves by speed times time and this much."""
+    yaw_rate_radps: Positive
+    heading_apart_rad: Positive
+    """Between two samples it turns by yaw rate times time and this much."""
+    yaw_rate_apart_radps: Positive
+    """Between the measured yaw rate and the one that speed and front wheels make."""
+    frozen_m: Positive
+    """A position that stands still while the speed makes this way is frozen."""
+
+
 class Timing(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Periods of the messages and what counts as late."""
 
@@ -280,6 +299,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     timing: Timing
     behavior: Behavior
     deviation: Deviation
+    plausibility: Plausibility
     bus: Bus
     e2e: EndToEnd | None = None
     state: State

@@ -12,6 +12,7 @@ from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.pilot import Pilot
 from vehicle_iface.safety.engagement import Engagement, Mode
 from vehicle_iface.safety.outlet import Outlet
+from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.tracker import Tracker
 from vehicle_iface.units import s_from_ns
 
@@ -30,6 +31,7 @@ class Account:
         tracker: Tracker,
         pilot: Pilot,
         outlet: Outlet,
+        plausibility: PlausibilityCheck,
         counts: Counts,
         link: Link,
         names: Mapping[tuple[int, bool], str],
@@ -37,7 +39,7 @@ class Account:
     ) -> None:
         """`names` are those of the identifiers that the profile knows, each with whether it is extended."""
         self._decoder, self._encoder, self._tracker = decoder, encoder, tracker
-        self._pilot, self._outlet = pilot, outlet
+        self._pilot, self._outlet, self._plausibility = pilot, outlet, plausibility
         self._counts, self._link, self._names = counts, link, names
         self._started_ns = started_ns
         self._reason = Reason.NOT_ENGAGED
@@ -72,6 +74,7 @@ class Account:
             "drops": self._drops(),
             "lost": dict(self._decoder.lost),
             "limited": dict(self._pilot.gate.limited),
+            "implausible": dict(self._plausibility.found),
             "deviations": dict(self._pilot.deviation.found),
             "not_let_out": dict(self._outlet.refused),
             "bus": self._link.counters(),
@@ -92,6 +95,7 @@ class Account:
             "drops": self._drops(),
             "lost": dict(self._decoder.lost),
             "limited": dict(self._pilot.gate.limited),
+            "implausible": dict(self._plausibility.found),
             "deviations": dict(self._pilot.deviation.found),
             "not_let_out": dict(self._outlet.refused),
             "counts": self._counts.as_dict() | {"grid_overruns": grid_overruns},

@@ -20,6 +20,7 @@ from vehicle_iface.runtime.rate import Grid
 from vehicle_iface.runtime.teller import Teller
 from vehicle_iface.safety.engagement import Engagement, Event, Mode
 from vehicle_iface.safety.outlet import Outlet
+from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.status import BodyRequest, ControllerReport, VehicleMode
 from vehicle_iface.tracker import Sample, Tracker
 from vehicle_iface.units import NS_PER_MS, ns_from_s
@@ -43,6 +44,7 @@ class Parts:
     engagement: Engagement
     encoder: Encoder
     outlet: Outlet
+    plausibility: PlausibilityCheck
     intake: TrajectoryIntake
     teller: Teller
     counts: Counts
@@ -87,6 +89,7 @@ class Loop:
         self._late_ns = ns_from_s(timing.command_period_s)
         self._commanded_ns = now_ns
         self._room: bool | None = None
+        self._newest: Sample | None = None
         self._answer: Answer | None = None
         self._end_requests = 0
         self._ends_heard = 0
@@ -99,6 +102,7 @@ class Loop:
             parts.tracker,
             parts.pilot,
             parts.outlet,
+            parts.plausibility,
             parts.counts,
             self.link,
             parts.names,
@@ -153,7 +157,7 @@ class Loop:
         return ended | self.account.summary(self.grid.overruns, self._now_ns())
 
     def _samples_in(self, frames: list[CanFrame]) -> list[Sample]:
-        """The samples that these frames complete; what the other frames say is taken note of."""
+        """The samples that these frames complete and that can be true; what else they say is taken note of."""
         samples: list[Sample] = []
         for frame in frames:
             received = self._decoder.decode(frame)
@@ -161,10 +165,12 @@ class Loop:
                 self._look_at_foreign(frame)
                 continue
             sample = self._tracker.take(received)
-            if sample is not None:
-                samples.append(sample)
-            else:
+            if sample is None:
                 self._look_at_status(received.stamp_ns)
+            elif self._parts.plausibility.believes(sample.state, pose_valid=sample.pose_valid):
+                samples.append(sample)
+        if samples:
+            self._newest = samples[-1]
         return samples
 
     def _answer_samples(self, samples: list[Sample]) -> None:
@@ -246,7 +252,7 @@ class Loop:
         before = engagement.mode
         engagement.see_status(status, self._now_ns())
         if engagement.mode is not before and engagement.mode in (Mode.ENGAGING, Mode.ENGAGED):
-            self._take_trajectory(self._tracker.newest, restart=True)  # its time 0 is the instant of engagement
+            self._take_trajectory(self._newest, restart=True)  # its time 0 is the instant of engagement
 
     def _take_trajectory(self, sample: Sample | None, *, restart: bool = False) -> None:
         if sample is not None and self._parts.intake.take(self._now_ns(), sample.state, restart=restart):
@@ -259,9 +265,10 @@ class Loop:
         self.link.watch(now_ns)
         self._engagement.see_time(now_ns)
         self.account.note(self._engagement, self.reason)
-        newest = self._tracker.newest
-        if newest is not None and now_ns - newest.state.stamp_ns > self._stale_ns:
-            self._answer_silence(newest, now_ns)
+        newest = self._newest
+        implausible = self._parts.plausibility.persists
+        if newest is not None and (implausible or now_ns - newest.state.stamp_ns > self._stale_ns):
+            self._answer_silence(newest, now_ns, Reason.STATE_INVALID if implausible else Reason.STATE_STALE)
         if self._engagement.sends and now_ns - self._commanded_ns > 2 * self._late_ns and self._has_room():
             self._send_reports(now_ns)
         if self._parts.teller.is_quiet(now_ns):
@@ -270,11 +277,11 @@ class Loop:
         if self._ends_heard:
             self._end_when_let_go(now_ns)
 
-    def _answer_silence(self, newest: Sample, now_ns: int) -> None:
-        """No sample: an engaged vehicle is stopped from its last state, at the command period."""
+    def _answer_silence(self, newest: Sample, now_ns: int, reason: Reason) -> None:
+        """No sample, or none to believe: an engaged vehicle is stopped from its last state, at the command period."""
         if not self._engagement.enables:
             return
-        self._answer = self._pilot.answer_without_sample(newest.state, self._tracker.status, now_ns)
+        self._answer = self._pilot.answer_without_sample(newest.state, self._tracker.status, now_ns, reason)
         sent = self._send_command(self._answer, now_ns)
         self._counts.stale_stops += sent
         self._tell(now_ns, sent=sent)
@@ -316,9 +323,11 @@ class Loop:
         """Asked to end twice: one ENABLE = 0, and out."""
         self.done = True
         self._engagement.happened(Event.STANDSTILL, now_ns)
-        if self._engagement.mode is Mode.RELEASED and self._tracker.newest is not None:
-            state = self._tracker.newest.state
-            self._send_command(self._pilot.answer_without_sample(state, self._tracker.status, now_ns), now_ns)
+        if self._engagement.mode is Mode.RELEASED and self._newest is not None:
+            state = self._newest.state
+            self._send_command(
+                self._pilot.answer_without_sample(state, self._tracker.status, now_ns, Reason.SHUTDOWN), now_ns
+            )
 
     def _end_when_let_go(self, now_ns: int) -> None:
         """Done when the vehicle says that it has let go, was told so long enough, or hears nothing from us."""
@@ -336,7 +345,7 @@ class Loop:
             self.done = self.done or let_go or now_ns - self._released_ns >= LETTING_GO_NS
 
     def _tell(self, now_ns: int, *, sent: bool = False, latency_ns: int = 0) -> None:
-        newest = self._tracker.newest
+        newest = self._newest
         self._parts.teller.tell(
             now_ns,
             controller_state=self._engagement.wire_state(stopping=self._is_stopping),
@@ -353,3 +362,5 @@ class Loop:
         self._engagement.happened(Event.LINK_DOWN, self._now_ns())
         self._decoder.reset()
         self._tracker.forget()
+        self._parts.plausibility.forget()
+        self._newest = None

@@ -66,10 +66,12 @@ class Pilot:
             wish = self._wish(sample, status, now_ns)
         return self._permitted(wish, sample.state, status, now_ns)
 
-    def answer_without_sample(self, last: VehicleState, status: VehicleStatus | None, now_ns: int) -> Answer:
-        """A stop from the last known state, because no sample came."""
-        shutting_down = self._engagement.mode is Mode.ENDING
-        reason = Reason.SHUTDOWN if shutting_down else Reason.STATE_STALE
+    def answer_without_sample(
+        self, last: VehicleState, status: VehicleStatus | None, now_ns: int, reason: Reason
+    ) -> Answer:
+        """A stop from the last known state, because no sample came that can be believed."""
+        if self._engagement.mode is Mode.ENDING:
+            reason = Reason.SHUTDOWN
         return self._permitted(self.controller.compute_stop_command(last, reason), last, status, now_ns)
 
     def _wish(self, sample: Sample, status: VehicleStatus | None, now_ns: int) -> Command:

@@ -38,7 +38,7 @@ def table(summary: dict[str, Any]) -> str:
     ]
     if latency["count"]:
         rows.append(("latency state→command", "  ".join(_quantiles(latency))))
-    for name in ("drops", "lost", "limited", "deviations", "not_let_out"):
+    for name in ("drops", "lost", "implausible", "limited", "deviations", "not_let_out"):
         rows += [(f"{name}: {cause}", str(count)) for cause, count in summary[name].items() if count]
     for name in (
         "stale_stops",

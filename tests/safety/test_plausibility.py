@@ -1,0 +1,164 @@
+"""What can be true of a vehicle, and what cannot."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from harness import ms, reference
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle_iface import VehicleState
+from vehicle_iface.safety.plausibility import BELIEVED_AGAIN, Doubt, PlausibilityCheck
+
+WHEELBASE_M = 2.7
+PERIOD_NS = ms(10)
+
+
+def check() -> PlausibilityCheck:
+    return PlausibilityCheck(reference().profile.plausibility, wheelbase_m=WHEELBASE_M)
+
+
+def drive(count: int, speed_mps: float = 5.0, front_rad: float = 0.0) -> list[VehicleState]:
+    """A vehicle on a circle, sampled at 100 Hz."""
+    yaw_radps = speed_mps * math.tan(front_rad) / WHEELBASE_M
+    states, x_m, y_m = [], 0.0, 0.0
+    for tick in range(count):
+        heading_rad = math.remainder(yaw_radps * tick * 0.01, 2.0 * math.pi)
+        states.append(
+            VehicleState(
+                stamp_ns=tick * PERIOD_NS,
+                x_m=x_m,
+                y_m=y_m,
+                heading_rad=heading_rad,
+                speed_mps=speed_mps,
+                yaw_rate_radps=yaw_radps,
+                front_wheel_angle_rad=front_rad,
+            )
+        )
+        x_m += speed_mps * 0.01 * math.cos(heading_rad)
+        y_m += speed_mps * 0.01 * math.sin(heading_rad)
+    return states
+
+
+def doubts(checked: PlausibilityCheck) -> dict[str, int]:
+    return {name: count for name, count in checked.found.items() if count}
+
+
+@given(st.floats(-20.0, 20.0), st.floats(-0.6, 0.6), st.lists(st.integers(0, ms(40)), max_size=60))
+def test_a_vehicle_that_drives_as_vehicles_do_is_believed_however_its_samples_come(
+    speed_mps: float, front_rad: float, delays_ns: list[int]
+) -> None:
+    if abs(speed_mps * math.tan(front_rad) / WHEELBASE_M) > 3.0:
+        front_rad = 0.0
+    checked, came_ns = check(), 0
+    for state, delay_ns in zip(drive(60, speed_mps, front_rad), delays_ns, strict=False):
+        came_ns = max(came_ns, state.stamp_ns + delay_ns)
+        assert checked.believes(replace(state, stamp_ns=came_ns), pose_valid=True)
+    assert doubts(checked) == {}
+
+
+@pytest.mark.parametrize(
+    ("change", "doubt"),
+    [
+        ({"speed_mps": 40.1}, Doubt.RANGE),
+        ({"accel_mps2": -20.1}, Doubt.RANGE),
+        ({"yaw_rate_radps": 3.1}, Doubt.RANGE),
+        ({"yaw_rate_radps": 0.81}, Doubt.DISAGREEMENT),
+        ({"yaw_rate_radps": -0.81}, Doubt.DISAGREEMENT),
+        ({"front_wheel_angle_rad": 0.5}, Doubt.DISAGREEMENT),
+        ({"speed_mps": 5.71}, Doubt.JUMP),
+        ({"speed_mps": 4.29}, Doubt.JUMP),
+        ({"x_m": 1.06}, Doubt.JUMP),
+        ({"y_m": -0.6}, Doubt.JUMP),
+        ({"heading_rad": 0.21}, Doubt.JUMP),
+        ({"heading_rad": math.pi}, Doubt.JUMP),
+        ({"stamp_ns": ms(89)}, Doubt.ORDER),
+    ],
+)
+def test_what_no_vehicle_does_is_dropped_and_counted_by_its_kind(change: dict[str, float], doubt: Doubt) -> None:
+    checked, states = check(), drive(12)
+    assert all(checked.believes(state, pose_valid=True) for state in states[:10])
+    assert not checked.believes(replace(states[10], **change), pose_valid=True)
+    assert doubts(checked) == {doubt.value: 1}
+    assert checked.believes(states[11], pose_valid=True)
+    assert not checked.persists
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"speed_mps": 5.69}, {"x_m": 0.99}, {"heading_rad": 0.19}, {"yaw_rate_radps": 0.79}, {"accel_mps2": 19.9}],
+)
+def test_what_a_vehicle_may_do_is_believed(change: dict[str, float]) -> None:
+    checked, states = check(), drive(12)
+    assert all(checked.believes(state, pose_valid=True) for state in states[:10])
+    assert checked.believes(replace(states[10], **change), pose_valid=True)
+
+
+def test_the_third_in_a_row_persists_and_a_good_one_ends_it() -> None:
+    checked, states = check(), drive(10)
+    checked.believes(states[0], pose_valid=True)
+    seen = []
+    for state in states[1:4]:
+        assert not checked.believes(replace(state, x_m=50.0), pose_valid=True)
+        seen.append(checked.persists)
+    assert seen == [False, False, True]
+    assert checked.believes(states[4], pose_valid=True)
+    assert not checked.persists
+
+
+def test_after_a_jump_that_stays_the_new_place_is_believed_in_the_end() -> None:
+    checked, states = check(), drive(2 * BELIEVED_AGAIN)
+    checked.believes(states[0], pose_valid=True)
+    there = [replace(state, x_m=state.x_m + 50.0) for state in states[1:]]
+    believed = [checked.believes(state, pose_valid=True) for state in there]
+    assert believed == [False] * BELIEVED_AGAIN + [True] * (len(there) - BELIEVED_AGAIN)
+
+
+def test_positions_that_jump_about_are_never_believed() -> None:
+    checked, states = check(), drive(300)
+    checked.believes(states[0], pose_valid=True)
+    for number, state in enumerate(states[1:]):
+        assert not checked.believes(replace(state, x_m=100.0 * (number % 2 + 1)), pose_valid=True)
+
+
+def test_a_position_that_stands_while_the_speed_says_otherwise_is_frozen() -> None:
+    checked, states = check(), drive(40)
+    frozen = [replace(state, x_m=0.0) for state in states]
+    believed = [checked.believes(state, pose_valid=True) for state in frozen]
+    assert believed == [True] * 12 + [False] * 28
+    assert doubts(checked) == {Doubt.FROZEN.value: 28}
+
+
+def test_a_vehicle_that_stands_may_send_the_same_for_ever() -> None:
+    checked = check()
+    for tick in range(10_000):
+        still = VehicleState(stamp_ns=tick * PERIOD_NS, x_m=1.0, y_m=2.0, heading_rad=0.0, speed_mps=0.005)
+        assert checked.believes(still, pose_valid=True)
+
+
+def test_without_a_valid_pose_only_the_rest_is_looked_at() -> None:
+    checked, states = check(), drive(3)
+    checked.believes(states[0], pose_valid=True)
+    assert checked.believes(replace(states[1], x_m=500.0), pose_valid=False)
+    assert not checked.believes(replace(states[2], speed_mps=9.0), pose_valid=False)
+
+
+def test_another_frame_of_reference_and_a_long_gap_begin_anew() -> None:
+    checked, states = check(), drive(3)
+    checked.believes(states[0], pose_valid=True)
+    assert checked.believes(replace(states[1], x_m=500.0, frame_id="odom"), pose_valid=True)
+    later = replace(states[2], stamp_ns=states[1].stamp_ns + ms(501), x_m=-500.0, frame_id="odom")
+    assert checked.believes(later, pose_valid=True)
+    checked.forget()
+    assert checked.believes(replace(later, stamp_ns=later.stamp_ns + PERIOD_NS, x_m=0.0), pose_valid=True)
+
+
+@given(st.lists(st.tuples(st.floats(-50, 50), st.floats(-1e6, 1e6), st.floats(-4, 4), st.integers(-(10**9), 10**10))))
+def test_every_sample_is_believed_or_counted_once(rows: list[tuple[float, float, float, int]]) -> None:
+    checked = check()
+    believed = 0
+    for speed_mps, x_m, heading_rad, stamp_ns in rows:
+        state = VehicleState(stamp_ns=stamp_ns, x_m=x_m, y_m=0.0, heading_rad=heading_rad, speed_mps=speed_mps)
+        believed += checked.believes(state, pose_valid=True)
+    assert believed + sum(checked.found.values()) == len(rows)
