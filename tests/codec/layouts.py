@@ -1,6 +1,7 @@
 """Messages of random layout for property tests, and random values for them."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 from cantools.database import Message, Signal
 from cantools.database.conversion import BaseConversion
@@ -52,7 +53,7 @@ def runs(draw, bits):
     """Widths and positions of signals without overlap in `bits` bits: [(position, width), …]."""
     found, position = [], 0
     while position < bits:
-        position += draw(st.integers(0, 3))
+        position += draw(st.sampled_from([0, -position % 8, 1, 3]))
         width = draw(st.sampled_from([1, 2, 3, 4, 7, 8, 8, 11, 12, 16, 16, 24, 32, 32, 47, 64]))
         if position + width <= bits:
             found.append((position, width))
@@ -66,13 +67,13 @@ def plain_messages(draw, **options):
 
     Every byte-aligned region has one byte order, so that the two numberings cannot collide."""
     length = draw(FD_LENGTHS)
-    split = draw(st.integers(0, length))
-    big_first = draw(st.booleans())
+    ends = [0, *sorted(draw(st.lists(st.integers(0, length), max_size=3))), length]
     found = []
-    for base, size, big in ((0, split, big_first), (split, length - split, draw(st.booleans()))):
-        for position, width in draw(runs(8 * size)):
+    for first, end in pairwise(ends):
+        big = draw(st.booleans())
+        for position, width in draw(runs(8 * (end - first))):
             name = f"S{len(found)}"
-            found.append(draw(signals(name, 8 * base + position, width, big, **options)))
+            found.append(draw(signals(name, 8 * first + position, width, big, **options)))
     return Message(0x100, "RANDOM", length, found, strict=True, is_fd=length > 8)
 
 

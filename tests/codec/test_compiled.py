@@ -12,7 +12,7 @@ from cantools.database.conversion import BaseConversion, LinearConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.layouts import as_tuple, messages
+from codec.layouts import as_tuple, messages, network_start
 from vehicle_iface.codec import MessageCodec
 from vehicle_iface.errors import ConfigError, SignalError
 
@@ -146,6 +146,61 @@ def test_nothing_but_our_own_error_comes_out(message, checked, data):
     for function, argument in ((codec.encode, values), (codec.decode, payload)):
         with contextlib.suppress(SignalError):
             function(argument)
+
+
+@pytest.mark.parametrize("signed", [False, True])
+@pytest.mark.parametrize("order", ["little_endian", "big_endian"])
+def test_every_width_at_every_bit_is_what_cantools_reads(order, signed):
+    payloads = (bytes(range(0x51, 0x51 + 9 * 17, 17)), bytes(range(0xAE, 0xAE - 9 * 17, -17)), bytes(9), b"\xff" * 9)
+    for width in range(1, 65):
+        for first in range(8):
+            start = network_start(first) if order == "big_endian" else first
+            message = message_of(signal("SIGNAL", start, width, order=order, signed=signed), length=9)
+            decode = MessageCodec(message).decode
+            for payload in payloads:
+                assert decode(payload) == (message.decode(payload)["SIGNAL"],), (width, first, payload)
+
+
+@pytest.mark.parametrize("order", ["little_endian", "big_endian"])
+@pytest.mark.parametrize(
+    ("signals", "length"),
+    [
+        ([(0, 16, True), (8, 8, False), (0, 8, False)], 2),
+        ([(0, 16, False), (8, 8, True), (4, 12, False), (4, 12, True)], 2),
+        ([(0, 24, True), (0, 24, False), (16, 8, False), (8, 8, True)], 3),
+        ([(3, 61, True), (32, 32, False), (0, 64, False), (60, 4, True)], 8),
+    ],
+)
+def test_signals_that_share_bits_are_each_what_they_are_alone(order, signals, length):
+    """A database that is read without strictness may have such; cantools decodes no message of them."""
+    ours = []
+    for first, width, signed in signals:
+        start = network_start(8 * length - first - width) if order == "big_endian" else first
+        ours.append(signal(f"S{first}_{width}_{signed}", start, width, order=order, signed=signed))
+    message = Message(0x100, "MESSAGE", length, ours, strict=False)
+    codec = MessageCodec(message)
+    for payload in (bytes(range(0x7B, 0x7B + length)), bytes(range(0x8A, 0x8A + length)), b"\xff" * length):
+        alone = {one.name: message_of(one, length=length).decode(payload)[one.name] for one in ours}
+        assert same(codec.decode(payload), as_tuple(codec.names, alone))
+
+
+@pytest.mark.parametrize("start", [0, 3, 8])
+@pytest.mark.parametrize("order", ["little_endian", "big_endian"])
+@pytest.mark.parametrize(
+    ("width", "bits"),
+    [
+        *((16, bits) for bits in (0x0001, 0x8000, 0x7D55, 0xFC00)),
+        *((32, bits) for bits in (0x80000000, 0x7FA00001, 0xFF800000)),
+        *((64, bits) for bits in (1, 1 << 63, 0x7FF0000000000001, 0xFFF8DEADBEEF0000)),
+    ],
+)
+def test_a_float_is_taken_out_bit_for_bit_wherever_it_lies(width, bits, order, start):
+    first = network_start(start) if order == "big_endian" else start
+    float_there = signal("SIGNAL", first, width, order=order, is_float=True)
+    message, plain = (message_of(one, length=9) for one in (float_there, signal("SIGNAL", first, width, order=order)))
+    payload = plain.encode({"SIGNAL": bits})
+    codec = MessageCodec(message, checked=False)
+    assert same(codec.decode(payload), as_tuple(codec.names, message.decode(payload)))
 
 
 @pytest.mark.parametrize("length", [0, 1, 7, 9, 64])

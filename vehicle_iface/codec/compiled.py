@@ -1,10 +1,10 @@
 """One CAN message compiled to two straight-line functions, so that no dictionary is built on the
 loop's path.
 
-The payload becomes one integer (two when both byte orders occur); a signal is a shift, a mask and a
-scaling of it. `MessageCodec` writes that out as Python source once, when it is built, and compiles
-it. The rules of scaling and rounding are those of cantools' conversions, so that both give the same
-bits.
+One `struct.unpack` takes the payload apart into words (one for each byte order, and for each branch of a multiplexer);
+a signal is such a word, or a shift and a mask of it, and a scaling. Encoding puts the raw numbers together as one
+integer. `MessageCodec` writes that out as Python source once, when it is built, and compiles it. The rules of scaling
+and rounding are those of cantools' conversions, so that both give the same bits.
 """
 
 import math
@@ -66,6 +66,7 @@ class MessageCodec:
 
 def _runtime_names(layout: Layout) -> dict[str, object]:
     names: dict[str, object] = {
+        "Struct": struct.Struct,
         "from_bytes": int.from_bytes,
         "isfinite": math.isfinite,
         "inf": math.inf,
@@ -108,7 +109,6 @@ class _Failures:
     def names(self) -> dict[str, object]:
         """What the generated source calls them."""
         return {
-            "cut": self.cut,
             "refuse": self.refuse,
             "unknown": self.unknown,
             "absent": self.absent,
@@ -116,13 +116,6 @@ class _Failures:
             "explain_decode": self.explain_decode,
             "explain_encode": self.explain_encode,
         }
-
-    def cut(self, data: bytes) -> bytes:
-        """A payload that is too long, cut to length where that is allowed."""
-        length = self._layout.length
-        if self._checked or len(data) < length:
-            raise SignalError(f"{self._layout.message_name}: {len(data)} bytes: must be {length}")
-        return data[:length]
 
     def refuse(self, index: int, value: object) -> NoReturn:
         field = self._layout.fields[index]
@@ -142,7 +135,10 @@ class _Failures:
         raise SignalError(f"{self._layout.message_name}: {len(values)} values: must be {count}")
 
     def explain_decode(self, data: object, error: Exception) -> NoReturn:
-        raise SignalError(f"{self._layout.message_name}: {data!r} cannot be decoded: {error}") from error
+        name, length = self._layout.message_name, self._layout.length
+        if isinstance(data, bytes) and len(data) != length:
+            raise SignalError(f"{name}: {len(data)} bytes: must be {length}") from error
+        raise SignalError(f"{name}: {data!r} cannot be decoded: {error}") from error
 
     def explain_encode(self, values: object, error: Exception) -> NoReturn:
         """Find the value that the arithmetic stumbled over."""

@@ -45,6 +45,11 @@ class Field:
     parent_ids: frozenset[int]
 
     @property
+    def end(self) -> int:
+        """The bit after its most significant one, counted as `shift` is."""
+        return self.shift + self.width
+
+    @property
     def raw_minimum(self) -> int:
         return -(1 << self.width - 1) if self.is_signed else 0
 

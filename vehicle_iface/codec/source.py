@@ -1,9 +1,8 @@
 """A message's layout written out as two straight-line Python functions, `decode(data)` and
 `encode(values)`.
 
-In the source n and b are the payload as one integer of either byte order; of the signal at position
-i ri is the raw integer, vi the value, wi the raw bits where they need work before they are placed;
-mi is a multiplexer's number.
+In the source nk and bk are the words from byte k on, of either byte order; of the signal at position i ri is the raw
+number, vi the value, wi the raw bits where they need work before they are placed; mi is a multiplexer's number.
 """
 
 import math
@@ -13,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from cantools.database.conversion import IdentityConversion, LinearIntegerConversion
 
 from vehicle_iface.codec.layout import Branch, Field, Layout
+from vehicle_iface.codec.words import Word, extracted, struct_format, words
 
 _INDENT = "    "
 _GREATEST_FLOAT = {16: 65504.0, 32: float.fromhex("0x1.fffffep+127"), 64: sys.float_info.max}
@@ -20,33 +20,42 @@ _GREATEST_FLOAT = {16: 65504.0, 32: float.fromhex("0x1.fffffep+127"), 64: sys.fl
 
 
 def decode_source(layout: Layout, checked: bool) -> str:
-    lines = [f"if len(data) != {layout.length}:", _INDENT + "data = cut(data)"]
-    orders = {field.is_big for field in layout.fields}
-    lines += ["n = from_bytes(data, 'little')"] if False in orders else []
-    lines += ["b = from_bytes(data, 'big')"] if True in orders else []
-    dependent = [field for field in layout.fields if field.parent is not None]
-    lines += [f"v{field.index} = None" for field in dependent]
-    lines += _decode_level(layout, layout.roots, checked)
+    formats: list[str] = []
+    lines = [] if checked else [f"if len(data) > {layout.length}:", f"{_INDENT}data = data[:{layout.length}]"]
+    lines += [f"v{field.index} = None" for field in layout.fields if field.parent is not None]
+    lines += _decode_level(layout, layout.roots, checked, formats)
     lines.append(f"return ({''.join(_result(field) + ', ' for field in layout.fields)})")
-    return _function("decode", "data", lines)
+    structs = [f"unpack{number} = Struct({text!r}).unpack" for number, text in enumerate(formats)]
+    return "\n".join([*structs, "", _function("decode", "data", lines)])
 
 
-def _decode_level(layout: Layout, fields: Sequence[Field], checked: bool) -> list[str]:
+def _decode_level(layout: Layout, fields: Sequence[Field], checked: bool, formats: list[str]) -> list[str]:
+    """The fields that are there together, and what depends on them; the structs' formats are added to `formats`."""
     lines = []
-    for field in fields:
-        lines += _decode_field(field, checked)
+    for is_big in sorted({field.is_big for field in fields}) or [False]:
+        ordered = [field for field in fields if field.is_big is is_big]
+        found = words(ordered, is_big, layout.length)
+        targets = "".join(f"{word.name}, " for word in found)
+        lines.append(f"{targets}{'= ' if found else ''}unpack{len(formats)}(data)")
+        formats.append(struct_format(found, is_big, layout.length))
+        for field in ordered:
+            lines += _decode_field(field, found, checked)
     for field in fields:
         if layout.branches.get(field.name):
-            number = _result(field) if field.kind is IdentityConversion else f"int({_result(field)})"
-            if field.is_float:
-                number = f"int({_result(field)})"
-            lines += _chain(layout, field, number, lambda branch: _decode_level(layout, branch.fields, checked))
+            is_whole = field.kind is IdentityConversion and not field.is_float
+            number = _result(field) if is_whole else f"int({_result(field)})"
+
+            def level(branch: Branch) -> list[str]:
+                return _decode_level(layout, branch.fields, checked, formats)
+
+            lines += _chain(layout, field, number, level)
     return lines
 
 
-def _decode_field(field: Field, checked: bool) -> list[str]:
+def _decode_field(field: Field, found: Sequence[Word], checked: bool) -> list[str]:
     raw, value = f"r{field.index}", f"v{field.index}"
-    lines = [f"{raw} = {_extract(field)}"]
+    bits = extracted(field, found)
+    lines = [f"{raw} = {bits}"] if bits != raw else []
     if checked and not field.is_float:
         lines += _raw_check(field, fail_with=_scaling(field, raw))
     if field.parent is not None or field.is_float:
@@ -54,18 +63,6 @@ def _decode_field(field: Field, checked: bool) -> list[str]:
     if checked and field.is_float:
         lines += _float_check(field, value)
     return lines
-
-
-def _extract(field: Field) -> str:
-    whole = "b" if field.is_big else "n"
-    shifted = f"{whole} >> {field.shift}" if field.shift else whole
-    bits = f"{shifted} & {hex((1 << field.width) - 1)}"
-    if field.is_float:
-        return f"float{field.width}({bits})"
-    if field.is_signed:
-        half = hex(1 << field.width - 1)
-        return f"({bits} ^ {half}) - {half}"
-    return bits
 
 
 def _result(field: Field) -> str:
@@ -78,8 +75,8 @@ def _scaling(field: Field, raw: str) -> str:
     if field.kind is IdentityConversion:
         return raw
     if field.offset == 0 and field.scale > 0 and not field.is_float:
-        return f"{raw} * {field.scale!r}"
-    return f"{raw} * {field.scale!r} + {field.offset!r}"
+        return f"{field.scale!r} * {raw}"
+    return f"{field.scale!r} * {raw} + {field.offset!r}"
 
 
 def _raw_check(field: Field, fail_with: str) -> list[str]:
@@ -87,13 +84,11 @@ def _raw_check(field: Field, fail_with: str) -> list[str]:
     low, high, named = field.allowed_raw()
     if named is not None:
         condition = f"{raw} not in {{{', '.join(map(str, sorted(named)))}}}"
-    elif (low, high) == (field.raw_minimum, field.raw_maximum):
-        return []
-    elif low == 0 and not field.is_signed:
-        condition = f"{raw} > {high}"
     else:
-        condition = f"not {low} <= {raw} <= {high}"
-    return [f"if {condition}:", f"{_INDENT}refuse({field.index}, {fail_with})"]
+        ends = [f"{raw} > {high}"] if high < field.raw_maximum else []
+        ends += [f"{raw} < {low}"] if low > field.raw_minimum else []
+        condition = " or ".join(ends)
+    return [f"if {condition}:", f"{_INDENT}refuse({field.index}, {fail_with})"] if condition else []
 
 
 def _float_check(field: Field, value: str) -> list[str]:
