@@ -143,3 +143,20 @@ def test_a_loop_whose_interface_never_comes_back_stays_and_ends_in_status_4_when
     found = summary(programs)
     assert found["latched_fault"] == "LINK_DOWN"
     assert found["link"]["state"] == "GONE"
+
+
+def test_an_arming_while_the_interface_is_gone_does_not_make_the_loop_drive_when_it_is_back(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    loop, _ = driven(programs, bus)
+    delete()
+    try:
+        loop.says("link GONE")
+        loop.tell(signal.SIGUSR1)
+        time.sleep(0.3)
+    finally:
+        create()
+    cut = bus.now()
+    bus.reconnect()
+    vehicle.reconnect()
+    recovers(bus, vehicle, loop, cut)
