@@ -633,6 +633,17 @@ def refuse(drive: Drive, count: int) -> None:
     drive.line.waiting = False
 
 
+def test_an_arming_while_the_link_is_gone_is_refused() -> None:
+    drive = cruising()
+    drive.line.down = True
+    drive.run_s(0.2)
+    drive.loop.request_arming()
+    drive.run_s(0.2)
+    drive.line.down = False
+    drive.run_s(3.0)
+    assert drive.mode() is Mode.SILENT
+
+
 # Samples that cannot be true
 
 

@@ -173,3 +173,40 @@ def test_after_a_reset_any_counter_is_the_first():
 def test_a_rule_that_could_not_tell_order_is_refused(step):
     with pytest.raises(ConfigError, match=r"max_counter_step = .*must be in \[1, 13\]"):
         CounterCheck(15, step)
+
+
+def damaged(check: CounterCheck, count: int) -> None:
+    for _ in range(count):
+        check.note_damaged()
+
+
+def test_while_most_frames_are_damaged_no_intact_one_is_trusted() -> None:
+    check = CounterCheck(15, 3)
+    assert [check.step(counter) for counter in range(3)] == [Sequence.INITIAL, Sequence.OK, Sequence.OK]
+    verdicts = []
+    for counter in range(3, 12):
+        damaged(check, 8)
+        verdicts.append(check.step(counter))
+    assert verdicts[0] is Sequence.OK  # a burst of eight among good ones
+    assert set(verdicts[1:]) == {Sequence.UNTRUSTED}
+    good = [check.step(counter % 15) for counter in range(12, 28)]
+    assert good == [Sequence.UNTRUSTED] * 5 + [Sequence.OK] * 11
+
+
+def test_noise_alone_never_begins_a_sequence() -> None:
+    check = CounterCheck(15, 3)
+    damaged(check, 20)
+    assert check.step(7) is Sequence.UNTRUSTED
+    check.reset()
+    assert check.step(7) is Sequence.INITIAL
+
+
+@pytest.mark.parametrize(
+    ("bad", "step", "verdict"), [(4, 7, Sequence.OK), (4, 8, Sequence.WRONG), (7, 8, Sequence.WRONG)]
+)
+def test_noise_does_not_widen_the_step_beyond_four(bad: int, step: int, verdict: Sequence) -> None:
+    check = CounterCheck(15, 3)
+    for counter in range(3):
+        check.step(counter)
+    damaged(check, bad)
+    assert check.step(2 + step) is verdict

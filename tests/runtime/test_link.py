@@ -302,3 +302,34 @@ def test_frames_that_the_kernel_had_no_room_for_degrade_the_link() -> None:
     assert states(cable) == ["DEGRADED"]
     cable.watch_for(ms(600))
     assert states(cable) == ["DEGRADED", "UP"]
+
+
+def test_a_bus_that_was_stuck_is_used_again_only_when_what_waits_in_it_has_left() -> None:
+    cable = Cable()
+    cable.frames = [FRAME]
+    cable.pass_for(ms(10))
+    cable.waiting = True
+    for _ in range(12):
+        cable.link.has_room()
+        cable.watch_for(ms(10))
+    cable.watch_for(ms(1000))
+    assert (states(cable), len(cable.sockets), cable.sockets[0].closed) == (["DEGRADED", "DOWN"], 1, 0)
+    cable.waiting = False
+    cable.frames = [FRAME] * 5
+    assert cable.pass_for(ms(200)) == []  # what came meanwhile is old
+    assert states(cable) == ["DEGRADED", "DOWN", "RECOVERING"]
+    assert (len(cable.sockets), cable.sockets[0].closed) == (1, 0)
+
+
+def test_a_stuck_bus_whose_interface_goes_down_is_given_back_and_opened_anew() -> None:
+    cable = Cable()
+    cable.waiting = True
+    for _ in range(12):
+        cable.link.has_room()
+        cable.watch_for(ms(10))
+    cable.down = True
+    cable.watch_for(ms(300))
+    assert (len(cable.sockets), cable.sockets[0].closed) == (1, 1)
+    cable.down = cable.waiting = False
+    cable.watch_for(ms(200))
+    assert len(cable.sockets) == 2

@@ -27,6 +27,8 @@ class DropCause(Enum):
     """A counter that does not exist."""
     REPEATED = "repeated"
     WRONG_SEQUENCE = "wrong sequence"
+    TOO_MANY_DAMAGED = "too many damaged"
+    """Intact, but most of the last frames of this message were not."""
     OUT_OF_RANGE = "out of range"
     """A value that the DBC does not allow. The frame was its sender's next one: the sequence advances."""
 
@@ -37,6 +39,7 @@ _SEQUENCE_DROPS = {
     Sequence.REPEATED: DropCause.REPEATED,
     Sequence.WRONG: DropCause.WRONG_SEQUENCE,
     Sequence.INVALID: DropCause.BAD_COUNTER,
+    Sequence.UNTRUSTED: DropCause.TOO_MANY_DAMAGED,
 }
 
 

@@ -129,6 +129,13 @@ def _functions_p02(
     )
 
 
+WINDOW = 16
+"""Frames of a message that are looked back at; less than half of them good is not good enough."""
+MOST_WIDENED = 4
+"""Damaged frames that widen the next step: more of them are not the sender's."""
+_ALL_GOOD = (1 << WINDOW) - 1
+
+
 class Sequence(Enum):
     """What a frame's counter says about the frame."""
 
@@ -142,6 +149,8 @@ class Sequence(Enum):
     """Too great a step; dropped, but the next one is counted from it."""
     INVALID = "invalid counter"
     """A counter that does not exist; dropped, and as if it had not been."""
+    UNTRUSTED = "too many damaged"
+    """Good by itself, but most frames of late were not; dropped."""
 
 
 class CounterCheck:
@@ -149,10 +158,11 @@ class CounterCheck:
     came in between, for it was sent (AUTOSAR E2E profile 1 widens its MaxDeltaCounter likewise).
 
     A wrong step is dropped but remembered, so that one jump costs one frame, or two, and not the
-    connection.
+    connection. While most of the last frames were damaged, none is trusted (AUTOSAR's E2E state machine, with a
+    window of `WINDOW` checks): among enough noise some of it has a right checksum.
     """
 
-    __slots__ = ("_damaged", "_last", "_max_step", "_states", "lost")
+    __slots__ = ("_damaged", "_history", "_last", "_max_step", "_states", "lost")
 
     def __init__(self, states: int, max_step: int) -> None:
         if not 1 <= max_step < states - 1:
@@ -161,20 +171,24 @@ class CounterCheck:
         self._max_step = max_step
         self._last = -1
         self._damaged = 0
+        self._history = _ALL_GOOD
+        self._history = _ALL_GOOD
         self.lost = 0
         """Frames that must have been sent between accepted ones."""
 
     def step(self, counter: int) -> Sequence:
         """Judge the next frame by its counter, and remember it."""
         last = self._last
-        if counter == last + 1 < self._states and last >= 0 and not self._damaged:  # the usual case
+        if self._history == _ALL_GOOD and counter == last + 1 < self._states and last >= 0:  # the usual case
             self._last = counter
             return Sequence.OK
         if not 0 <= counter < self._states:
             return Sequence.INVALID
         self._last = counter
+        self._history = (self._history << 1 | 1) & _ALL_GOOD
+        is_trusted = self._history.bit_count() >= WINDOW // 2
         if last < 0:
-            return Sequence.INITIAL
+            return Sequence.INITIAL if is_trusted else Sequence.UNTRUSTED
         step = (counter - last) % self._states
         if step == 0:
             return Sequence.REPEATED
@@ -183,13 +197,15 @@ class CounterCheck:
         if step > widest:
             return Sequence.WRONG
         self.lost += step - 1
-        return Sequence.OK
+        return Sequence.OK if is_trusted else Sequence.UNTRUSTED
 
     def note_damaged(self) -> None:
         """A frame came whose checksum was wrong, so that its counter cannot be known."""
-        self._damaged += 1
+        self._damaged = min(self._damaged + 1, MOST_WIDENED)
+        self._history = self._history << 1 & _ALL_GOOD
 
     def reset(self) -> None:
         """Forget the last frame: the next one is the first."""
         self._last = -1
         self._damaged = 0
+        self._history = _ALL_GOOD

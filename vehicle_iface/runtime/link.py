@@ -74,6 +74,8 @@ class Link:
         self._is_ill = False
         self._overflow = 0
         self._has_heard = False
+        self._stuck: Bus | None = None
+        """A bus that took nothing any more; it is used again when what waits in it has left."""
         self._closed_counters: dict[str, int] = {}
         self.state = LinkState.UP
         self.is_stalled = False
@@ -133,7 +135,8 @@ class Link:
     def watch(self, now_ns: int) -> None:
         """Ask how the link is: a bus that takes nothing, or whose controller took itself off, is lost."""
         if self._refused_since_ns is not None and now_ns - self._refused_since_ns > REFUSED_NS:
-            self._lose(BusError(f"{self.description}: takes no frames; is anybody else on the bus?"))
+            self._stuck, self._bus = self._bus, None
+            self._lost(BusError(f"{self.description}: takes no frames; is anybody else on the bus?"))
         if not self._watch_grid.due(now_ns):
             return
         self._look_at_hardware()
@@ -145,16 +148,18 @@ class Link:
 
     def counters(self) -> dict[str, int]:
         """The bus' own counters, over all times that it was open."""
-        now = self._bus.counters() if self._bus is not None else {}
+        bus = self._bus or self._stuck
+        now = bus.counters() if bus is not None else {}
         names = self._closed_counters.keys() | now.keys()
         return {name: self._closed_counters.get(name, 0) + now.get(name, 0) for name in sorted(names)}
 
     def close(self) -> None:
         """Give the bus back."""
-        if self._bus is not None:
+        bus = self._bus or self._stuck
+        if bus is not None:
             self._closed_counters = self.counters()
-            self._bus.close()
-            self._bus = None
+            bus.close()
+            self._bus = self._stuck = None
 
     def _look_at_hardware(self) -> None:
         bus: object = self._bus
@@ -220,24 +225,41 @@ class Link:
             self.changes.append(Change(self._now_ns(), state, why))
 
     def _lose(self, error: BusError) -> None:
+        self.close()
+        self._lost(error)
+
+    def _lost(self, error: BusError) -> None:
         self._refused_since_ns, self._refused_in_row = None, 0
         self.is_stalled = self._is_ill = False
         self._sign(_sign_of(error), str(error))
-        self.close()
         self._counts.link_losses += 1
         self._on_lost()
 
     def _reopen(self) -> None:
         if not self._reopen_grid.due(self._now_ns()):
             return
+        if self._is_stuck():
+            return
         try:
-            self._bus = self._open_bus()
+            self._bus, self._stuck = self._stuck or self._open_bus(), None
         except BusError as error:
             self._sign(_sign_of(error), str(error))
             return
         self._has_heard = False
         self._troubled_ns = self._now_ns()
         self._sign(LinkSign.OPENED, f"{self._bus.description} is open again")
+
+    def _is_stuck(self) -> bool:
+        """Whether frames still wait in a bus that took nothing any more; a new one beside it could not see them."""
+        if self._stuck is None:
+            return False
+        try:
+            if not self._stuck.has_room():
+                return True
+            self._stuck.drain()  # what came meanwhile is old
+        except BusError:  # the interface went down, and what waited in it is gone
+            self.close()
+        return False
 
 
 def _sign_of(error: BusError) -> LinkSign:

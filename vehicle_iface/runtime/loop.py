@@ -1,10 +1,12 @@
 """The corridor: frames in, a command computed from each complete sample and sent within the same pass."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from vehicle_iface.bus.base import Bus
+from vehicle_iface.bus.link_state import OPEN
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.frame import CanFrame
@@ -24,6 +26,8 @@ from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.status import BodyRequest, ControllerReport, VehicleMode
 from vehicle_iface.tracker import Sample, Tracker
 from vehicle_iface.units import NS_PER_MS, ns_from_s
+
+log = logging.getLogger(__name__)
 
 LETTING_GO_NS = 200 * NS_PER_MS
 """How long ENABLE = 0 is repeated at the end for a vehicle that does not say that it has let go."""
@@ -310,7 +314,10 @@ class Loop:
     def _hear_requests(self, now_ns: int) -> None:
         if self._arm_requested:
             self._arm_requested = False
-            self._engagement.happened(Event.ARMED, now_ns)
+            if self.link.state in OPEN:
+                self._engagement.happened(Event.ARMED, now_ns)
+            else:
+                log.warning("not armed: the link is %s", self.link.state.name)
         while self._ends_heard < self._end_requests:
             self._ends_heard += 1
             if self._ends_heard == 1:
