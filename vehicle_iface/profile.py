@@ -20,6 +20,8 @@ import msgspec
 
 from vehicle_iface.errors import ConfigError
 
+DEEPEST = 10
+"""Tables and lists in one another; a profile has four."""
 _SIGNAL_NAME = re.compile(r"[A-Za-z_]\w*\.[A-Za-z_]\w*")
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
@@ -371,6 +373,8 @@ def _table_type(kind: object) -> type[msgspec.Struct] | None:
 
 
 def _located(profile: Profile, path: Path) -> Profile:
+    if "\0" in profile.dbc:
+        raise ConfigError(f"{path.name}: $.dbc: {profile.dbc!r}: must be a file's name")
     dbc = (path.parent / profile.dbc).resolve()
     return msgspec.structs.replace(profile, dbc=str(dbc), file=str(path))
 
@@ -400,13 +404,23 @@ def _find(name_or_path: str | Path) -> Path:
 
 def _read(path: Path) -> dict[str, object]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path.name}: byte {error.start}: must be UTF-8 text") from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path.name}: not TOML: {error}") from None
+    except (ValueError, RecursionError) as error:  # numbers of thousands of digits, tables in tables in tables
+        raise ConfigError(f"{path.name}: not a profile: {error}") from None
+    if _is_deeper_than(document, DEEPEST):
+        raise ConfigError(f"{path.name}: not a profile: tables more than {DEEPEST} deep")
+    return document
+
+
+def _is_deeper_than(value: object, levels: int) -> bool:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return bool(inner) and (levels == 0 or any(_is_deeper_than(one, levels - 1) for one in inner))
 
 
 def _numbers(value: object, place: str) -> Iterator[tuple[str, float]]:

@@ -21,7 +21,7 @@ _FOREIGN = (
     RecursionError,
 )
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
-_MESSAGE = re.compile(r"^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:", re.MULTILINE)
+_MESSAGE = re.compile(r"^[ \t]*BO_[ \t]+(\d{1,10})[ \t]+(\w+)[ \t]*:", re.MULTILINE)
 _SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
 _MULTIPLEXED = re.compile(r"^[ \t]*SG_[ \t]+(\w+)[ \t]+m\d+M?[ \t]*:", re.MULTILINE)
 _MULTIPLEXER = re.compile(r"^[ \t]*SG_[ \t]+\w+[ \t]+(?:m\d+)?M[ \t]*:", re.MULTILINE)

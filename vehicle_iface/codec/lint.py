@@ -56,6 +56,10 @@ def check_file(path: Path) -> list[Finding]:
     return sorted(set(found))
 
 
+MOST_BITS = 512
+"""Of the longest FD frame."""
+
+
 def _of_dbc(path: Path) -> list[Finding]:
     errors: list[ConfigError] = []
     file = inspect_dbc(path, errors.append)
@@ -165,6 +169,8 @@ def _range_beyond_bits(signal: Signal) -> str:
     """A range that the bits cannot express: nobody can ever send its ends."""
     if signal.is_float or signal.minimum is None or signal.maximum is None or not signal.scale:
         return ""
+    if signal.length > MOST_BITS:
+        return f"{signal.length} bits: a frame has {MOST_BITS} at most"
     least = -(1 << signal.length - 1) if signal.is_signed else 0
     most = (1 << signal.length - bool(signal.is_signed)) - 1
     low, high = sorted(raw * signal.scale + signal.offset for raw in (least, most))
