@@ -140,12 +140,12 @@ class Line:
         self._check()
         return not self.waiting
 
-    def send(self, frame: CanFrame) -> bool:
+    def send(self, *frames: CanFrame) -> int:
         self._check()
         if self.full:
-            return False
-        self.sent.append(taken_apart(frame, self.clock.t_ns, self.step))
-        return self.inner.send(frame)
+            return 0
+        self.sent += [taken_apart(frame, self.clock.t_ns, self.step) for frame in frames]
+        return self.inner.send(*frames)
 
     def counters(self) -> dict[str, int]:
         return self.inner.counters()

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from vehicle_iface.bus.raw_socket import frame_of, packed
 from vehicle_iface.bus.receive import BATCH, CANFD_MTU, BatchReceiver
+from vehicle_iface.bus.transmit import BatchSender
 from vehicle_iface.frame import CanFrame
 
 
@@ -96,3 +97,29 @@ def test_an_error_frame_is_told_from_a_data_frame_of_the_same_number(wire: Wire,
 def test_bytes_beyond_the_length_are_not_part_of_the_frame(wire: Wire) -> None:
     raw = struct.pack("=IB3x8s", 0x123, 3, b"\x01\x02\x03\xff\xff\xff\xff\xff")
     assert wire.comes_as(raw) == CanFrame(0x123, b"\x01\x02\x03")
+
+
+def test_frames_handed_over_together_come_one_by_one_and_in_order(wire: Wire) -> None:
+    sender = BatchSender(wire.far.fileno())
+    sent = [CanFrame(1, b"\x01\x02"), CanFrame(2, bytes(64), is_fd=True), CanFrame(3, b"")]
+    assert sender.send([packed(frame) for frame in sent]) == 3
+    assert [frame_of(packet, 0) for packet in wire.receiver.receive(wait=False)] == sent
+
+
+def test_what_finds_no_room_is_not_taken_and_nothing_waits_for_it(wire: Wire) -> None:
+    sender = BatchSender(wire.far.fileno())
+    frame = packed(CanFrame(1, bytes(8)))
+    taken = [sender.send([frame] * 8) for _ in range(1000)]
+    assert taken[-1] == 0
+    came = 0
+    while batch := wire.receiver.receive(wait=False):
+        came += len(batch)
+    assert came == sum(taken)
+
+
+def test_a_socket_that_is_gone_is_an_error_and_not_a_refusal() -> None:
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    far.close()
+    with pytest.raises(ConnectionRefusedError):
+        BatchSender(near.fileno()).send([packed(CanFrame(1, b""))])
+    near.close()

@@ -37,9 +37,9 @@ class Socket:
         self._check()
         return not self.cable.waiting
 
-    def send(self, frame: CanFrame) -> bool:  # noqa: ARG002
+    def send(self, *frames: CanFrame) -> int:
         self._check()
-        return not self.cable.full
+        return 0 if self.cable.full else len(frames)
 
     def counters(self) -> dict[str, int]:
         overflow = {"receive_overflow": self.cable.overflow} if self.cable.overflow else {}

@@ -93,6 +93,7 @@ def main() -> None:
 
 def watch(witness: Witness) -> None:
     """Put the witness where commands leave, passes end, and garbage is collected."""
+    from vehicle_iface.frame import CanFrame
     from vehicle_iface.runtime import realtime
     from vehicle_iface.runtime.loop import Loop
     from vehicle_iface.sim.embedded import EmbeddedBus
@@ -114,9 +115,10 @@ def watch(witness: Witness) -> None:
         step(loop)
         witness.passed(loop.details)
 
-    def watched_send(bus: EmbeddedBus, frame: Any) -> bool:
-        witness.sent(frame.can_id)
-        return send(bus, frame)
+    def watched_send(bus: EmbeddedBus, *frames: CanFrame) -> int:
+        for frame in frames:
+            witness.sent(frame.can_id)
+        return send(bus, *frames)
 
     gc.callbacks.append(witness.collected)
     for place, name, watched in (

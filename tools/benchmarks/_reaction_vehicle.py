@@ -14,6 +14,7 @@ from vehicle_iface import Trajectory
 from vehicle_iface.trajectories import make_route
 
 SPEED_MPS = 4.0
+ACCEL_MPS2 = 3.0
 LAPS = 60
 """35 minutes: no run comes to the end."""
 PAIRS_TO_ENGAGE = 3
@@ -86,8 +87,8 @@ class RailVehicle:
     def sample(self, now_s: float) -> list[bytes]:
         """POSE, MOTION and CHASSIS of one sample, as struct can_frame."""
         course = self._course
-        way_m = (now_s - self.left_s) * SPEED_MPS % course.s_m[-1] if self.is_autonomous else 0.0
-        speed_mps = SPEED_MPS if self.is_autonomous else 0.0
+        way_m, speed_mps = driven(now_s - self.left_s) if self.is_autonomous else (0.0, 0.0)
+        way_m %= course.s_m[-1]
         x_m, y_m, heading_rad = (
             float(np.interp(way_m, course.s_m, column)) for column in (course.x_m, course.y_m, course.heading_rad)
         )
@@ -102,6 +103,13 @@ class RailVehicle:
         """VEHICLE_STATUS."""
         self._counters["VEHICLE_STATUS"] = counter = (self._counters["VEHICLE_STATUS"] + 1) % COUNTERS
         return can_frame(*pack("VEHICLE_STATUS", counter, GEAR=DRIVE, MODE=AUTONOMOUS if self.is_autonomous else READY))
+
+
+def driven(elapsed_s: float) -> tuple[float, float]:
+    """Way in m and speed in m/s of a vehicle that drove off so long ago, as a vehicle can."""
+    speed_mps = min(SPEED_MPS, ACCEL_MPS2 * elapsed_s)
+    ramp_s = min(elapsed_s, SPEED_MPS / ACCEL_MPS2)
+    return 0.5 * ACCEL_MPS2 * ramp_s**2 + (elapsed_s - ramp_s) * SPEED_MPS, speed_mps
 
 
 def can_frame(can_id: int, data: bytes) -> bytes:

@@ -6,6 +6,8 @@ from vehicle_iface.bus.error_frames import LinkEvent
 from vehicle_iface.bus.survey import Glimpse
 from vehicle_iface.frame import CanFrame
 
+MOST_AT_ONCE = 8
+
 
 class Bus(Protocol):
     """One end of a CAN bus, used from one thread.
@@ -29,8 +31,11 @@ class Bus(Protocol):
         """Whether everything that was handed over earlier has left; what is sent now would wait behind the rest."""
         ...
 
-    def send(self, frame: CanFrame) -> bool:
-        """Hand one frame to the bus, without waiting; false when it has no room: it is lost, not kept."""
+    def send(self, *frames: CanFrame) -> int:
+        """Hand frames to the bus, without waiting, up to the first that it has no room for; how many it has taken.
+
+        The others are lost, not kept. At most `MOST_AT_ONCE` frames.
+        """
         ...
 
     def counters(self) -> dict[str, int]:

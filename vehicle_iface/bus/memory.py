@@ -53,16 +53,15 @@ class MemoryBus:
         """Always: what is sent is at the other end at once."""
         return True
 
-    def send(self, frame: CanFrame) -> bool:
-        """Put the frame into the other end's inbox; `BusError` when either end is closed."""
+    def send(self, *frames: CanFrame) -> int:
+        """Put the frames into the other end's inbox; `BusError` when either end is closed."""
         if self._peer is None or self._peer._peer is None:
             raise BusError(f"{self.description}: the other end is closed")
-        if len(self._peer._inbox) >= ROOM_FRAMES:
-            self._counters["send_no_room"] += 1
-            return False
-        self._peer._inbox.append(frame._replace(stamp_ns=self._now_ns()))
-        self._counters["sent"] += 1
-        return True
+        taken = frames[: ROOM_FRAMES - len(self._peer._inbox)]
+        self._peer._inbox.extend(frame._replace(stamp_ns=self._now_ns()) for frame in taken)
+        self._counters["sent"] += len(taken)
+        self._counters["send_no_room"] += len(taken) < len(frames)
+        return len(taken)
 
     def counters(self) -> dict[str, int]:
         """Frames received, sent, and refused because the other end was full."""

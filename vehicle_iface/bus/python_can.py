@@ -59,8 +59,22 @@ class PythonCanBus:
         """Always: python-can does not tell what its adapters still hold."""
         return True
 
-    def send(self, frame: CanFrame) -> bool:
-        """Hand one frame to the adapter; false when it refuses it."""
+    def send(self, *frames: CanFrame) -> int:
+        """Hand frames to the adapter, up to the first that it refuses; how many it has taken."""
+        for place, frame in enumerate(frames):
+            if not self._send_one(frame):
+                return place
+        return len(frames)
+
+    def counters(self) -> dict[str, int]:
+        """Frames received, sent, refused by the adapter, and error frames."""
+        return dict(self._counters)
+
+    def close(self) -> None:
+        """Give the adapter back."""
+        self._bus.shutdown()
+
+    def _send_one(self, frame: CanFrame) -> bool:
         message = can.Message(
             arbitration_id=frame.can_id,
             data=frame.data,
@@ -78,14 +92,6 @@ class PythonCanBus:
             raise BusError(f"{self.description}: {error}") from error
         self._counters["sent"] += 1
         return True
-
-    def counters(self) -> dict[str, int]:
-        """Frames received, sent, refused by the adapter, and error frames."""
-        return dict(self._counters)
-
-    def close(self) -> None:
-        """Give the adapter back."""
-        self._bus.shutdown()
 
     def _read(self) -> CanFrame | None:
         """The next data or remote frame of ours that is waiting; error frames are counted and passed over."""

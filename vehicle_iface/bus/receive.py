@@ -46,14 +46,14 @@ class BatchReceiver:
         self._places = bytearray(_STRIDE * BATCH)
         self._vectors = bytearray(_IOVEC.size * BATCH)
         self._headers = bytearray(_MMSGHDR.size * BATCH)
-        places, vectors = _address(self._places), _address(self._vectors)
+        places, vectors = address_of(self._places), address_of(self._vectors)
         for i in range(BATCH):
             place, vector = places + i * _STRIDE, vectors + i * _IOVEC.size
             _IOVEC.pack_into(self._vectors, i * _IOVEC.size, place, CANFD_MTU)
             fields = (0, 0, vector, 1, place + CANFD_MTU, _CONTROL_BYTES, 0, 0)
             _MMSGHDR.pack_into(self._headers, i * _MMSGHDR.size, *fields)
         self._blank = bytes(self._headers)
-        self._address = _address(self._headers)
+        self._address = address_of(self._headers)
         self._recvmmsg = ctypes.CDLL(None, use_errno=True).recvmmsg
         self._recvmmsg.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
 
@@ -102,5 +102,6 @@ _ALIGN = struct.calcsize("@N")
 _NOTHING = (errno.EAGAIN, errno.EINTR)
 
 
-def _address(buffer: bytearray) -> int:
+def address_of(buffer: bytearray) -> int:
+    """Where the kernel finds it; the buffer must not change its length."""
     return ctypes.addressof((ctypes.c_char * len(buffer)).from_buffer(buffer))

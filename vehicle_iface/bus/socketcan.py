@@ -4,7 +4,6 @@ Own sockets and not python-can's reader: they give the kernel's receive stamp an
 had to drop, tell an error from silence, and cost one system call for a frame.
 """
 
-import errno
 import select
 import socket
 import struct
@@ -14,8 +13,9 @@ from contextlib import ExitStack
 from vehicle_iface import clock
 from vehicle_iface.bus.error_frames import LinkEvent, events_of
 from vehicle_iface.bus.raw_socket import ERR_FLAG, ERR_MASK, frame_of, gone, opened, packed, waiting_bytes
-from vehicle_iface.bus.receive import BATCH, MSG_DONTWAIT, BatchReceiver, Packet
+from vehicle_iface.bus.receive import BATCH, BatchReceiver, Packet
 from vehicle_iface.bus.survey import Glimpse, Survey
+from vehicle_iface.bus.transmit import BatchSender
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.units import NS_PER_MS
 
@@ -27,7 +27,6 @@ CLOCK_STEP_NS = 5 * NS_PER_MS
 """A wall clock that moves this far against the monotonic one between two readings was stepped."""
 
 _TIMEVAL = struct.Struct("@ll")
-_REFUSED = (errno.ENOBUFS, errno.EAGAIN, errno.EINTR)
 
 
 class SocketCanBus:
@@ -79,6 +78,7 @@ class SocketCanBus:
             )
             self._survey = Survey(channel, bitrate=bitrate, data_bitrate=data_bitrate, now_ns=clock.monotonic_ns())
             unless_all_open.pop_all()
+        self._sender = BatchSender(self._socket.fileno())
         self._receiver, self._watcher = BatchReceiver(self._socket.fileno()), BatchReceiver(self._watch.fileno())
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
@@ -113,17 +113,15 @@ class SocketCanBus:
         self._counters["send_no_room"] += 1
         return False
 
-    def send(self, frame: CanFrame) -> bool:
-        """Hand one frame to the kernel's transmit queue, without waiting; false when that is full."""
+    def send(self, *frames: CanFrame) -> int:
+        """Hand frames to the kernel's transmit queue in one call, without waiting; how many it has taken."""
         try:
-            self._socket.send(packed(frame), MSG_DONTWAIT)
+            sent = self._sender.send([packed(frame) for frame in frames])
         except OSError as error:
-            if error.errno not in _REFUSED:
-                raise gone(self.channel, error) from error
-            self._counters["send_no_room"] += 1
-            return False
-        self._counters["sent"] += 1
-        return True
+            raise gone(self.channel, error) from error
+        self._counters["sent"] += sent
+        self._counters["send_no_room"] += sent < len(frames)
+        return sent
 
     def events(self) -> list[LinkEvent]:
         """What the controller hardware reported since the last call.

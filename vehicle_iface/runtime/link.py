@@ -115,18 +115,18 @@ class Link:
             self._refused()
         return has_room
 
-    def send(self, frame: CanFrame) -> bool:
-        """Hand one frame over, at most once; whether the bus took it."""
+    def send(self, *frames: CanFrame) -> int:
+        """Hand frames over, each at most once; how many the bus took, counted from the first."""
         if self._bus is None:
-            return False
+            return 0
         try:
-            sent = self._bus.send(frame)
+            sent = self._bus.send(*frames)
         except BusError as error:
             self._lose(error)
-            return False
+            return 0
         self._counts.frames_sent += sent
-        self._counts.frames_not_sent += not sent
-        if sent:
+        self._counts.frames_not_sent += len(frames) - sent
+        if sent == len(frames):
             self._refused_since_ns, self._refused_in_row = None, 0
         else:
             self._refused()

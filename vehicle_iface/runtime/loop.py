@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Any
 
 from vehicle_iface.bus.base import Bus
@@ -235,12 +236,11 @@ class Loop:
     def _hand_over(self, frames: tuple[CanFrame, ...]) -> bool:
         """Up to the first that is refused; what did not leave has stepped no counter."""
         now_ns, outlet = self._now_ns(), self._parts.outlet
-        for place, frame in enumerate(frames):
-            if not outlet.lets_out(frame, now_ns) or not self.link.send(frame):
-                for unsent in frames[place:]:
-                    self._encoder.take_back(unsent)
-                return False
-        return True
+        allowed = list(takewhile(lambda frame: outlet.lets_out(frame, now_ns), frames))
+        sent = self.link.send(*allowed) if allowed else 0
+        for unsent in frames[sent:]:
+            self._encoder.take_back(unsent)
+        return sent == len(frames)
 
     def _look_at_foreign(self, frame: CanFrame) -> None:
         """Our own frames do not come back to us, so this one is another node's command."""

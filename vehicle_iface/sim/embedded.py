@@ -42,11 +42,13 @@ class EmbeddedBus:
         """Always: the vehicle hears at once."""
         return True
 
-    def send(self, frame: CanFrame) -> bool:
-        """The vehicle hears it at once."""
-        self.vehicle.receive(frame, self._now_ns())
-        self._counters["sent"] += 1
-        return True
+    def send(self, *frames: CanFrame) -> int:
+        """The vehicle hears them at once."""
+        now_ns = self._now_ns()
+        for frame in frames:
+            self.vehicle.receive(frame, now_ns)
+        self._counters["sent"] += len(frames)
+        return len(frames)
 
     def counters(self) -> dict[str, int]:
         """Frames received and sent."""

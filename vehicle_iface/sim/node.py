@@ -31,8 +31,8 @@ class VehicleBus(Protocol):
         """All frames that have come, oldest first."""
         ...
 
-    def send(self, frame: CanFrame) -> bool:
-        """Hand one frame over without waiting; false when it is lost."""
+    def send(self, *frames: CanFrame) -> int:
+        """Hand frames over without waiting; how many were taken, the others are lost."""
         ...
 
     def close(self) -> None:
@@ -108,7 +108,7 @@ class _Line:
         if self._bus is None:
             return False
         try:
-            return self._bus.send(frame)
+            return self._bus.send(frame) == 1
         except BusError as error:
             self._lose(error)
             return False
