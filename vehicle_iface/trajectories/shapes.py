@@ -65,16 +65,18 @@ def figure8(config: RouteConfig) -> Route:
     """
     a = config.half_width_m
     t = np.linspace(-0.5 * math.pi, 1.5 * math.pi, len(_dense(6.0 * a)))
-    root = np.sqrt(1.0 + np.sin(t) ** 2)
-    x = a * np.cos(t) / root**2
-    dx_dt = -a * np.sin(t) * (2.0 + np.cos(t) ** 2) / root**4
-    dy_dt = a * (1.0 - 3.0 * np.sin(t) ** 2) / root**4
+    sin, cos = np.sin(t), np.cos(t)
+    square = 1.0 + sin**2
+    root = np.sqrt(square)
+    x = a * cos / square
+    dx_dt = -a * sin * (2.0 + cos**2) / square**2
+    dy_dt = a * (1.0 - 3.0 * sin**2) / square**2
     curve = _Curve(
         s_m=_integral(a / root, t),
         x_m=x,
-        y_m=x * np.sin(t),
+        y_m=x * sin,
         heading_rad=np.unwrap(np.arctan2(dy_dt, dx_dt)),
-        curvature_per_m=3.0 * np.cos(t) / (a * root),
+        curvature_per_m=3.0 * cos / (a * root),
     )
     return _closed_route("figure8", config, curve)
 
