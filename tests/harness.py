@@ -189,7 +189,7 @@ class Drive:
         """`database` is the reference vehicle's, unless another one is given."""
         database = database if database is not None else reference()
         self.clock = Clock()
-        self.vehicle = simulated_vehicle(database.profile, start_ns=START_NS, start=start, **vehicle)
+        self.vehicle = simulated_vehicle(database, start_ns=START_NS, start=start, **vehicle)
         self.line = Line(EmbeddedBus(self.vehicle, self.clock.now_ns, self.clock.sleep_until), self.clock)
         self.controller = controller or pure_pursuit()
         self.source = source or FixedTrajectory(straight())

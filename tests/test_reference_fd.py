@@ -98,7 +98,7 @@ class Drive:
         self.route = make_route("figure8")
         x_m, y_m, heading_rad = self.route.start
         start = BicycleState(x_m=x_m, y_m=y_m, heading_rad=heading_rad)
-        self.vehicle = simulated_vehicle(database().profile, start_ns=START_NS, start=start)
+        self.vehicle = simulated_vehicle(database(), start_ns=START_NS, start=start)
         self.line = Line(self.vehicle, self.clock)
         self.loop: Loop = compose.build_loop(
             database=database(),

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 from vehicle_iface import clock, compose
 from vehicle_iface.bus.base import Bus
@@ -28,17 +29,15 @@ from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.summary import check_writable, save_summary, table
 from vehicle_iface.runtime.telemetry import SessionInfo, TelemetryWriter
 from vehicle_iface.runtime.watchdog import Watchdog
-from vehicle_iface.sim.embedded import EmbeddedBus
-from vehicle_iface.sim.model import BicycleState
-from vehicle_iface.sim.node import run_vehicle
-from vehicle_iface.sim.pedals import PedalSocket, default_path, press
-from vehicle_iface.sim.wire import simulated_vehicle
 from vehicle_iface.trajectories.csv_file import load_csv
 from vehicle_iface.trajectories.mailbox import PostedTrajectories
 from vehicle_iface.trajectories.receding import RecedingRoute
 from vehicle_iface.trajectories.shapes import ROUTES
 from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
 from vehicle_iface.units import ns_from_s
+
+if TYPE_CHECKING:
+    from vehicle_iface.sim.model import BicycleState
 
 log = logging.getLogger("vehicle_iface")
 
@@ -109,11 +108,15 @@ def run(options: argparse.Namespace) -> int:
 
 def sim(options: argparse.Namespace) -> int:
     """The simulated vehicle."""
+    from vehicle_iface.sim.node import run_vehicle
+    from vehicle_iface.sim.pedals import PedalSocket, default_path
+    from vehicle_iface.sim.wire import simulated_vehicle
+
     database = load_database(load_profile(options.profile))
     if options.interface == EMBEDDED:
         raise ConfigError("sim needs a bus of its own; the embedded one has its vehicle in `run`")
     vehicle = simulated_vehicle(
-        database.profile, start_ns=clock.monotonic_ns(), start=_start(options.start), frame_id=options.frame
+        database, start_ns=clock.monotonic_ns(), start=_start(options.start), frame_id=options.frame
     )
     end = _Flag()
     _on_end_signals(end.set)
@@ -140,6 +143,8 @@ def sim(options: argparse.Namespace) -> int:
 
 def press_pedal(options: argparse.Namespace) -> int:
     """One line to the simulated vehicle's pedals."""
+    from vehicle_iface.sim.pedals import press
+
     answer = press(options.path, " ".join(options.line))
     print(answer)
     return BAD_USAGE if answer.startswith("error") else DONE
@@ -273,7 +278,10 @@ def _bus_opener(options: argparse.Namespace, database: VehicleDatabase) -> Calla
             sends=database.sent,
             patience_ns=ns_from_s(database.profile.timing.command_period_s),
         )
-    vehicle = simulated_vehicle(database.profile, start_ns=clock.monotonic_ns(), frame_id=options.frame)
+    from vehicle_iface.sim.embedded import EmbeddedBus
+    from vehicle_iface.sim.wire import simulated_vehicle
+
+    vehicle = simulated_vehicle(database, start_ns=clock.monotonic_ns(), frame_id=options.frame)
     return lambda: EmbeddedBus(vehicle, clock.monotonic_ns, clock.sleep_until)
 
 
@@ -303,7 +311,9 @@ def _wanted(options: argparse.Namespace) -> str:
     return str(options.trajectory or options.trajectory_post or options.route)
 
 
-def _start(text: str) -> BicycleState:
+def _start(text: str) -> "BicycleState":
+    from vehicle_iface.sim.model import BicycleState
+
     try:
         x_m, y_m, heading_rad = (float(part) for part in text.split(","))
     except ValueError:

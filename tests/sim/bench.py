@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from vehicle_iface.codec.database import load_database
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
 from vehicle_iface.sim.model import BicycleState
@@ -21,7 +22,7 @@ class Bench:
     def __init__(self, start: BicycleState | None = None, **more: Any) -> None:
         self.now_ns = START_NS
         self.vehicle: SimulatedVehicle = simulated_vehicle(
-            load_profile("reference"), start_ns=START_NS, start=start, **more
+            load_database(load_profile("reference")), start_ns=START_NS, start=start, **more
         )
         self.told: list[Told] = []
         self.frames: list[CanFrame] = []

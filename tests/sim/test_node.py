@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from vehicle_iface.codec.database import load_database
 from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
@@ -75,7 +76,7 @@ def world() -> World:
 
 @pytest.fixture
 def vehicle() -> SimulatedVehicle:
-    return simulated_vehicle(load_profile("reference"), start_ns=START_NS)
+    return simulated_vehicle(load_database(load_profile("reference")), start_ns=START_NS)
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vehicle_iface.codec.database import load_database
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
@@ -630,6 +631,6 @@ def test_time_alone_decides_where_it_is() -> None:
 
 
 def test_every_message_of_the_contract_is_the_profiles() -> None:
-    vehicle = simulated_vehicle(load_profile("reference"), start_ns=0)
+    vehicle = simulated_vehicle(load_database(load_profile("reference")), start_ns=0)
     assert set(vehicle.messages) == {"VEHICLE_STATUS", *SAMPLE}
     assert set(LAYOUT) - set(vehicle.messages) == {"DRIVE_COMMAND", "STEER_COMMAND"}

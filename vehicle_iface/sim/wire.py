@@ -5,7 +5,7 @@ What the program receives is sent here, and what the program sends is received.
 
 from collections.abc import Mapping
 
-from vehicle_iface.codec.database import BoundMessage, VehicleDatabase, load_database
+from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.errors import SignalError
@@ -67,7 +67,7 @@ class ProfileWire:
 
 
 def simulated_vehicle(
-    profile: Profile,
+    database: VehicleDatabase,
     *,
     start_ns: int,
     start: BicycleState | None = None,
@@ -75,12 +75,12 @@ def simulated_vehicle(
     gear: Gear | None = None,
     frame_id: str | None = None,
 ) -> SimulatedVehicle:
-    """A vehicle as the profile describes it; `frame_id` is that of its pose, map where there is a choice.
+    """A vehicle as the database's profile describes it; `frame_id` is that of its pose, map where there is a choice.
 
-    Raises `ConfigError` for a profile that does not fit its DBC, `InvalidValueError` for a frame of reference
-    that its bus has no number for. A start that the bus cannot express is a `SignalError` of the first `advance`.
+    Raises `InvalidValueError` for a frame of reference that its bus has no number for. A start that the bus cannot
+    express is a `SignalError` of the first `advance`.
     """
-    wire = ProfileWire(load_database(profile))
+    profile, wire = database.profile, ProfileWire(database)
     if frame_id is None:
         frame_id = "map" if "map" in wire.frame_ids else next(iter(wire.frame_ids))
     return SimulatedVehicle(
