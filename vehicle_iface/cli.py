@@ -23,6 +23,7 @@ from vehicle_iface.bus.base import Bus
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.errors import BusError, ConfigError, TrajectoryFileError, VehicleIfaceError
+from vehicle_iface.first_use import guarded
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.loop import Loop
@@ -78,7 +79,12 @@ def run(options: argparse.Namespace) -> int:
     """The loop."""
     if options.summary:
         check_writable(options.summary)
-    database = load_database(load_profile(options.profile))
+    profile = load_profile(options.profile)
+    if options.arm:
+        profile = guarded(
+            profile, interface=options.interface, channel=options.channel, speed_cap_mps=options.speed_cap
+        )
+    database = load_database(profile)
     source = _source(options, database)
     controller = compose.build_controller(options.controller, database.profile)
     with _telemetry(options, database) as telemetry, Watchdog() as watchdog:
@@ -399,6 +405,9 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     arming = parser.add_mutually_exclusive_group()
     arming.add_argument(
         "--arm", action="store_true", help="engage once, when the vehicle is READY; without it not one frame leaves"
+    )
+    parser.add_argument(
+        "--speed-cap", type=_positive, metavar="M/S", help="drive no faster than this; a must with --arm on a real bus"
     )
     arming.add_argument("--shadow", action="store_true", help="listen and compute only, by intent")
     parser.add_argument(
