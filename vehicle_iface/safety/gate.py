@@ -8,8 +8,8 @@ from typing import NamedTuple
 from vehicle_iface.command import Command, SafeCommand
 from vehicle_iface.profile import Limits
 from vehicle_iface.reason import Reason
-from vehicle_iface.safety.lateral import curvature_per_m, front_angle_rad, greatest_curvature_per_m
-from vehicle_iface.safety.limits import Channel, by_speed, limited_raw
+from vehicle_iface.safety.lateral import SLOW_MPS, curvature_per_m, front_angle_rad
+from vehicle_iface.safety.limits import Channel, by_speed, limited_raw, within_both
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_S
@@ -92,9 +92,9 @@ class Gate:
         dt_s = min(LONGEST_STEP_S, max(0.0, (now_ns - last.at_ns) / NS_PER_S))
         is_stop = reason is not Reason.NOMINAL
         accel_raw = self._accel_raw(accel, state.speed_mps, dt_s, reversing, engaging=engaging, is_stop=is_stop)
-        rear_raw = self._limit(channels.rear_wheel_angle_rad, rear, last.rear_raw, dt_s)
+        rear_raw = self._plainly(channels.rear_wheel_angle_rad, rear, last.rear_raw, dt_s)
         front_raw = self._front_raw(front, rear_raw, state, dt_s, engaging=engaging)
-        speed_raw = self._limit(channels.speed_mps, speed, 0, dt_s)
+        speed_raw = self._plainly(channels.speed_mps, speed, 0, dt_s)
         self._before, self._last = last, _Sent(now_ns, accel_raw, front_raw, rear_raw)
         return SafeCommand(
             stamp_ns=wish.stamp_ns,
@@ -138,47 +138,40 @@ class Gate:
         drive = by_speed(limits.accel_max_by_speed, speed_mps)
         if engaging:
             drive = min(drive, limits.engaging.accel_max_mps2)
-        within = (-drive, math.inf) if reversing else (-math.inf, drive)
+        lowest, highest = (-drive, math.inf) if reversing else (-math.inf, drive)
         channel = self._backwards if reversing else channels.accel_mps2
-        return self._limit(channel, accel, last_raw, dt_s, within=(within,))
+        raw = limited_raw(channel, accel, last_raw, dt_s, lowest=lowest, highest=highest)
+        return self._counted(channel, accel, raw)
 
     def _front_raw(self, wanted: float, rear_raw: int, state: VehicleState, dt_s: float, *, engaging: bool) -> int:
-        channels, limits, last = self._channels, self._limits, self._last
-        channel, speed_mps, wheelbase_m = channels.front_wheel_angle_rad, state.speed_mps, self._wheelbase_m
-        rear_lsb = channels.rear_wheel_angle_rad.lsb
-        rear_rad = rear_raw * rear_lsb
-        most = greatest_curvature_per_m(limits.lateral_accel_mps2, speed_mps)
-        now = curvature_per_m(last.front_raw * channel.lsb, last.rear_raw * rear_lsb, wheelbase_m)
-        change = greatest_curvature_per_m(limits.lateral_jerk_mps3, speed_mps) * dt_s if dt_s > 0.0 else 0.0
-        at_speed = by_speed(limits.front_wheel_angle_by_speed, speed_mps)
+        channel, limits, last = self._channels.front_wheel_angle_rad, self._limits, self._last
         measured, apart = state.front_wheel_angle_rad, limits.front_wheel_deviation_rad
+        at_speed = by_speed(limits.front_wheel_angle_by_speed, state.speed_mps)
+        lowest, highest = within_both((measured - apart, measured + apart), (-at_speed, at_speed))
+        if abs(state.speed_mps) >= SLOW_MPS:
+            lowest, highest = within_both((lowest, highest), self._lateral_rad(rear_raw, last, state.speed_mps, dt_s))
+        rate_per_s = limits.engaging.front_wheel_rate_radps if engaging else math.inf
+        raw = limited_raw(channel, wanted, last.front_raw, dt_s, rate_per_s=rate_per_s, lowest=lowest, highest=highest)
+        return self._counted(channel, wanted, raw)
+
+    def _lateral_rad(self, rear_raw: int, last: _Sent, speed_mps: float, dt_s: float) -> tuple[float, float]:
+        """The front wheel angles with which lateral acceleration and jerk are within their limits."""
+        channels, limits, wheelbase_m = self._channels, self._limits, self._wheelbase_m
+        rear_lsb = channels.rear_wheel_angle_rad.lsb
+        most = limits.lateral_accel_mps2 / (speed_mps * speed_mps)
+        change = limits.lateral_jerk_mps3 / (speed_mps * speed_mps) * dt_s
+        front_rad = last.front_raw * channels.front_wheel_angle_rad.lsb
+        now = curvature_per_m(front_rad, last.rear_raw * rear_lsb, wheelbase_m)
         low, high = max(-most, now - change), min(most, now + change)
         if abs(now) > most:  # the speed has risen: back into the range, as fast as the wheels may turn
             low, high = -most, most
-        return self._limit(
-            channel,
-            wanted,
-            last.front_raw,
-            dt_s,
-            rate_per_s=limits.engaging.front_wheel_rate_radps if engaging else math.inf,
-            within=(
-                (measured - apart, measured + apart),
-                (-at_speed, at_speed),
-                (front_angle_rad(low, rear_rad, wheelbase_m), front_angle_rad(high, rear_rad, wheelbase_m)),
-            ),
-        )
+        rear_rad = rear_raw * rear_lsb
+        return front_angle_rad(low, rear_rad, wheelbase_m), front_angle_rad(high, rear_rad, wheelbase_m)
 
-    def _limit(
-        self,
-        channel: Channel,
-        wanted: float,
-        last_raw: int,
-        dt_s: float,
-        *,
-        rate_per_s: float = math.inf,
-        within: tuple[tuple[float, float], ...] = (),
-    ) -> int:
-        raw = limited_raw(channel, wanted, last_raw, dt_s, rate_per_s=rate_per_s, within=within)
+    def _plainly(self, channel: Channel, wanted: float, last_raw: int, dt_s: float) -> int:
+        return self._counted(channel, wanted, limited_raw(channel, wanted, last_raw, dt_s))
+
+    def _counted(self, channel: Channel, wanted: float, raw: int) -> int:
         self.limited[channel.name] += abs(raw * channel.lsb - wanted) > channel.lsb
         return raw
 

@@ -18,12 +18,3 @@ def curvature_per_m(front_rad: float, rear_rad: float, wheelbase_m: float) -> fl
 def front_angle_rad(curvature: float, rear_rad: float, wheelbase_m: float) -> float:
     """The front wheels that make this curvature (1/m) with the rear wheels where they are."""
     return math.atan(math.tan(rear_rad) + curvature * wheelbase_m)
-
-
-def greatest_curvature_per_m(lateral_mps2: float, speed_mps: float) -> float:
-    """At which the lateral acceleration is this much; infinite for a vehicle that hardly moves.
-
-    The same with a lateral jerk (m/s³) gives the greatest change of curvature per second.
-    """
-    speed_mps = abs(speed_mps)
-    return math.inf if speed_mps < SLOW_MPS else lateral_mps2 / (speed_mps * speed_mps)

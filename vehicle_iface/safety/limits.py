@@ -5,7 +5,6 @@ hold after it. A value is raw · lsb; raw 0 is 0 in SI units.
 """
 
 import math
-from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -46,7 +45,8 @@ class Channel:
     def step_raw(self, dt_s: float, rate_per_s: float = math.inf) -> int:
         """The greatest change of the wire value within `dt_s`, at this rate or the channel's own, the lesser one."""
         whole_range = self.highest_raw - self.lowest_raw
-        rate_per_s = min(rate_per_s, self.rate_per_s)
+        if rate_per_s > self.rate_per_s:
+            rate_per_s = self.rate_per_s
         if rate_per_s == math.inf:
             return whole_range
         step = rate_per_s * dt_s / self.lsb if dt_s > 0.0 else 0.0
@@ -60,57 +60,56 @@ def limited_raw(
     dt_s: float,
     *,
     rate_per_s: float = math.inf,
-    within: Sequence[tuple[float, float]] = (),
+    lowest: float = -math.inf,
+    highest: float = math.inf,
 ) -> int:
     """The wire value nearest to `wanted` (SI) that is in range and within one step of `last_raw`.
 
     Finite first, then clamp: `wanted` that is not finite asks for 0. When `last_raw` is itself out of range
     (a measured start value) the range wins.
 
-    `within` are intervals (SI, lowest and highest) that the value has to be in or go to as fast as the rate lets
-    it; of two that exclude each other the later one counts.
+    `lowest` to `highest` (SI) is where the value has to be as well, or go to as fast as the rate lets it.
 
-    No limit breaks another. Let t be what is wanted, cut to the range and to `within` in their order. The result is
-    t cut to [last − step, last + step]: it lies between last and t. So every interval that holds both last and t
-    holds the result: the range always (last is cut to it first), and each of `within` that last is in already,
-    unless a later one excludes it.
+    No limit breaks another. Let t be what is wanted, cut to that interval and to the range. The result is t cut to
+    [last − step, last + step]: it lies between last and t. So every interval that holds both last and t holds the
+    result: the range always (last is cut to it first), and `lowest` to `highest`, and whatever it is made of, once
+    last is in it.
     """
-    low, high = channel.lowest_raw, channel.highest_raw
-    target = wanted / channel.lsb if math.isfinite(wanted) else 0.0
+    low, high, lsb = channel.lowest_raw, channel.highest_raw, channel.lsb
+    target = wanted / lsb if math.isfinite(wanted) else 0.0
     raw = high if target >= high else low if target <= low else round(target)
-    for lowest, highest in within:
-        raw = _cut(raw, lowest / channel.lsb, highest / channel.lsb)
+    if raw * lsb > highest:
+        raw = _floor(max(highest / lsb, -_BEYOND))
+    elif raw * lsb < lowest:
+        raw = _ceil(min(lowest / lsb, _BEYOND))
     raw = high if raw > high else low if raw < low else raw
     last_raw = high if last_raw > high else low if last_raw < low else last_raw
     step = channel.step_raw(dt_s, rate_per_s)
     return last_raw + step if raw > last_raw + step else last_raw - step if raw < last_raw - step else raw
 
 
+_BEYOND = 1e15
+"""Counts that no signal has, and that still are whole numbers."""
+
+
+def within_both(first: tuple[float, float], second: tuple[float, float]) -> tuple[float, float]:
+    """Where two intervals overlap; the second one where they do not."""
+    low = first[0] if first[0] > second[0] else second[0]
+    high = first[1] if first[1] < second[1] else second[1]
+    return (low, high) if low <= high else second
+
+
 def by_speed(table: Sequence[tuple[float, float]], speed_mps: float) -> float:
     """A limit from a table of speed (m/s, rising) and value: linear between rows, constant beyond them."""
     speed_mps = abs(speed_mps)
-    place = bisect_right(table, speed_mps, key=_speed_of)
-    if place == 0:
-        return table[0][1]
-    if place == len(table):
-        return table[-1][1]
-    (slower_mps, before), (faster_mps, after) = table[place - 1], table[place]
-    return before + (after - before) * (speed_mps - slower_mps) / (faster_mps - slower_mps)
-
-
-def _speed_of(row: tuple[float, float]) -> float:
-    return row[0]
-
-
-def _cut(raw: int, lowest: float, highest: float) -> int:
-    """The nearest whole number in an interval of counts; just outside of it where it holds none."""
-    if raw > highest:
-        return _floor(max(highest, -_BEYOND))
-    return _ceil(min(lowest, _BEYOND)) if raw < lowest else raw
-
-
-_BEYOND = 1e15
-"""Counts that no signal has, and that still are whole numbers."""
+    slower_mps, before = table[0]
+    if speed_mps <= slower_mps:
+        return before
+    for faster_mps, after in table:
+        if speed_mps < faster_mps:
+            return before + (after - before) * (speed_mps - slower_mps) / (faster_mps - slower_mps)
+        slower_mps, before = faster_mps, after
+    return before
 
 
 def _floor(ratio: float) -> int:
