@@ -137,6 +137,20 @@ def set_link(state: str) -> None:
     subprocess.run(["ip", "link", "set", CHANNEL, state], check=True, capture_output=True)
 
 
+def mtu() -> int:
+    """How much a frame on the interface may be."""
+    return int(Path(f"/sys/class/net/{CHANNEL}/mtu").read_text())
+
+
+def set_mtu(size: int) -> None:
+    """Room for FD frames with 72, for classical ones only with 16."""
+    if mtu() == size:
+        return
+    set_link("down")  # a running interface refuses another size
+    subprocess.run(["ip", "link", "set", CHANNEL, "mtu", str(size)], check=True, capture_output=True)
+    set_link("up")
+
+
 def _link_is_up() -> bool:
     return bool(int(Path(f"/sys/class/net/{CHANNEL}/flags").read_text(), 16) & IFF_UP)
 

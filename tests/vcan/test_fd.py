@@ -4,7 +4,6 @@ import re
 import select
 import signal
 import socket
-import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -17,10 +16,9 @@ from bus_contract_fd import COUNTERS, LAYOUT, NAMES, intact, pack
 
 from vehicle_iface.trajectories.shapes import make_route
 
-from .conftest import Programs, set_link
+from .conftest import Programs, mtu, set_mtu
 from .contract import (
     AUTONOMOUS,
-    CHANNEL,
     PATIENCE_S,
     Frame,
     S,
@@ -93,18 +91,10 @@ class Record:
 @pytest.fixture(scope="module")
 def fd_vcan0(vcan0: None) -> Iterator[None]:  # noqa: ARG001
     """The interface with room for FD frames; afterwards as it was."""
-    before = int(Path(f"/sys/class/net/{CHANNEL}/mtu").read_text())
-    _set_mtu(FD_MTU)
+    before = mtu()
+    set_mtu(FD_MTU)
     yield
-    _set_mtu(before)
-
-
-def _set_mtu(mtu: int) -> None:
-    if int(Path(f"/sys/class/net/{CHANNEL}/mtu").read_text()) == mtu:
-        return
-    set_link("down")  # a running interface refuses another size
-    subprocess.run(["ip", "link", "set", CHANNEL, "mtu", str(mtu)], check=True, capture_output=True)
-    set_link("up")
+    set_mtu(before)
 
 
 @pytest.fixture
