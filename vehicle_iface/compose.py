@@ -186,7 +186,7 @@ def build_loop(
             encoder=Encoder(database.sent),
             plausibility=PlausibilityCheck(profile.plausibility, wheelbase_m=profile.geometry.wheelbase_m),
             outlet=Outlet(_outgoing(database)),
-            intake=TrajectoryIntake(source, controller, counts),
+            intake=TrajectoryIntake(source, controller, counts, limits=profile.limits),
             teller=Teller(telemetry, controller, counts),
             counts=counts,
             timing=timing,

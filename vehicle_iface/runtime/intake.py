@@ -4,7 +4,9 @@ import logging
 
 from vehicle_iface.control.base import ControllerBase
 from vehicle_iface.errors import TrajectoryRejectedError
+from vehicle_iface.profile import Limits
 from vehicle_iface.runtime.counts import Counts
+from vehicle_iface.safety.feasible import refusal
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectories.source import TrajectorySource
 
@@ -14,8 +16,9 @@ log = logging.getLogger(__name__)
 class TrajectoryIntake:
     """Asks the source once per sample; a trajectory that is refused leaves the old one in force."""
 
-    def __init__(self, source: TrajectorySource, controller: ControllerBase, counts: Counts) -> None:
-        self._source, self._controller, self._counts = source, controller, counts
+    def __init__(self, source: TrajectorySource, controller: ControllerBase, counts: Counts, *, limits: Limits) -> None:
+        """What asks for more than `limits` is refused before the controller sees it."""
+        self._source, self._controller, self._counts, self._limits = source, controller, counts, limits
 
     def take(self, now_ns: int, state: VehicleState, *, restart: bool) -> bool:
         """Whether the controller has a new trajectory now; with `restart` the source's time begins now."""
@@ -25,6 +28,9 @@ class TrajectoryIntake:
             trajectory = self._source.next(now_ns, state)
             if trajectory is None:
                 return False
+            text = refusal(trajectory, self._limits)
+            if text:
+                raise TrajectoryRejectedError(text)
             self._controller.set_trajectory(trajectory)
         except TrajectoryRejectedError as error:
             self._counts.trajectories_rejected += 1
