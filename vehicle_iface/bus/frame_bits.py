@@ -1,5 +1,6 @@
 """How long a frame is on the wire, in bits, stuffing included (ISO 11898-1; Bosch CAN 2.0 and CAN FD 1.0)."""
 
+from functools import cache
 from typing import NamedTuple
 
 from vehicle_iface.frame import CanFrame
@@ -68,21 +69,21 @@ def _fd_bits(frame: CanFrame) -> WireBits:
 
 def _crc15(bits: int, count: int) -> int:
     """The checksum of a classical frame; zeros in front change nothing."""
-    crc = 0
+    crc, table = 0, _crc_table()
     for byte in bits.to_bytes(-(-count // 8), "big"):
-        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
+        crc = (crc << 8 & 0x7FFF) ^ table[crc >> 7 ^ byte]
     return crc
 
 
 def _stuffed(bits: int, count: int) -> int:
     """How many bits are put into these."""
     whole, rest = divmod(count, 8)
-    state, added = _START, 0
+    state, added, table = _START, 0, _stuffing_table()
     for place in range(count - 1, count - 1 - rest, -1):
         more, state = _step(state, bits >> place & 1)
         added += more
     for byte in (bits & (1 << 8 * whole) - 1).to_bytes(whole, "big"):
-        more, state = _STUFFING[state][byte]
+        more, state = table[state][byte]
         added += more
     return added
 
@@ -114,5 +115,12 @@ def _crc_entry(byte: int) -> int:
     return crc & 0x7FFF
 
 
-_STUFFING = [[_byte_step(state, byte) for byte in range(256)] for state in range(_START + 1)]
-_CRC_TABLE = [_crc_entry(byte) for byte in range(256)]
+# Made when the first frame is looked at, and not by everybody who only imports this.
+@cache
+def _stuffing_table() -> list[list[tuple[int, int]]]:
+    return [[_byte_step(state, byte) for byte in range(256)] for state in range(_START + 1)]
+
+
+@cache
+def _crc_table() -> list[int]:
+    return [_crc_entry(byte) for byte in range(256)]
