@@ -40,7 +40,7 @@ def state(**numbers: float) -> VehicleState:
 def test_round_each_limit(name: str, value: float, finding: Finding | None, stops: bool, sign: int) -> None:
     watching = monitor()
     assert watching.stops(state(**{name: sign * value}), PATH, 10, 5.0) is stops
-    assert {what for what, count in watching.found.items() if count} == ({finding.value} if finding else set())
+    assert {what: count for what, count in watching.found.items() if count} == ({finding.value: 1} if finding else {})
 
 
 @pytest.mark.parametrize(("speed_mps", "stops"), [(21.0, False), (21.01, True)])
@@ -86,6 +86,21 @@ def test_on_a_coarse_path_the_way_between_two_points_is_the_line_between_them() 
         index = 0 if part < math.pi / 4 else 1
         watching = monitor()
         assert not watching.stops(here, coarse, index, 5.0)
+
+
+@pytest.mark.parametrize(("heading_rad", "stops"), [(0.0, False), (math.pi / 2, False), (math.pi, True), (-0.81, True)])
+def test_where_a_path_turns_in_its_points_the_heading_is_that_of_either_neighbour(
+    heading_rad: float, stops: bool
+) -> None:
+    corner = Trajectory(
+        stamp_ns=0,
+        time_from_start_ns=np.array([0, 1]),
+        x_m=np.array([0.0, 10.0]),
+        y_m=np.zeros(2),
+        heading_rad=np.array([0.0, math.pi / 2]),
+        speed_mps=np.full(2, 5.0),
+    )
+    assert monitor().stops(state(x_m=5.0, heading_rad=heading_rad), corner, 0, 5.0) is stops
 
 
 def test_points_at_one_place_are_no_way_at_all() -> None:

@@ -205,10 +205,10 @@ def test_what_was_cut_is_counted_by_name_and_what_was_only_rounded_is_not() -> N
     gate.permit(
         wish(speed_mps=25.0, accel_mps2=9.0, front_wheel_angle_rad=0.5), state(), now_ns=20_000_000, reversing=False
     )
-    assert {name for name, count in gate.limited.items() if count} == {
-        "speed_mps",
-        "accel_mps2",
-        "front_wheel_angle_rad",
+    assert {name: count for name, count in gate.limited.items() if count} == {
+        "speed_mps": 1,
+        "accel_mps2": 1,
+        "front_wheel_angle_rad": 1,
     }
 
 
@@ -339,5 +339,80 @@ def test_a_permission_that_was_not_sent_does_not_move_the_rates() -> None:
     gate.start_from(state(), 0)
     lost = gate.permit(wish(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
     gate.take_back()
-    again = gate.permit(wish(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
-    assert again.front_wheel_angle_rad == lost.front_wheel_angle_rad == pytest.approx(0.008)
+    again = gate.permit(wish(front_wheel_angle_rad=-0.6), state(), now_ns=10_000_000, reversing=False)
+    assert -again.front_wheel_angle_rad == lost.front_wheel_angle_rad == pytest.approx(0.008)
+
+
+def test_a_gate_that_nobody_told_where_to_start_counts_from_nothing_at_time_zero() -> None:
+    gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
+    everything = wish(accel_mps2=3.0, front_wheel_angle_rad=0.6, rear_wheel_angle_rad=0.1)
+    first = gate.permit(everything, state(), now_ns=0, reversing=False)
+    assert (first.accel_mps2, first.front_wheel_angle_rad, first.rear_wheel_angle_rad) == (0.0, 0.0, 0.0)
+    gate.take_back()
+    later = gate.permit(everything, state(), now_ns=10_000_000, reversing=False)
+    assert later.front_wheel_angle_rad == pytest.approx(0.008)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize(
+    ("speed_mps", "wanted_mps2", "granted_mps2"),
+    [
+        (19.99, 0.5, 0.3),
+        (20.0, 0.5, 0.0),
+        (25.0, 0.5, 0.0),
+        (20.0, 0.01, 0.0),
+        (20.0, -0.5, -0.3),
+        (20.0, 0.0, 0.0),
+    ],
+)
+def test_at_the_greatest_speed_and_beyond_nothing_is_added_to_it_and_it_may_be_braked(
+    speed_mps: float, wanted_mps2: float, granted_mps2: float, sign: int
+) -> None:
+    gate = new_gate()
+    measured = state(speed_mps=sign * speed_mps)
+    safe = gate.permit(wish(accel_mps2=sign * wanted_mps2), measured, now_ns=10_000_000, reversing=sign < 0)
+    assert safe.accel_mps2 == pytest.approx(sign * granted_mps2)
+    assert gate.limited["overspeed"] == (1 if wanted_mps2 > 0.0 and granted_mps2 == 0.0 else 0)
+
+
+@pytest.mark.parametrize("reversing", [False, True])
+def test_a_stop_drops_even_the_least_drive(reversing: bool) -> None:
+    gate, least_mps2 = new_gate(), -0.001 if reversing else 0.001
+    driving = gate.permit(wish(accel_mps2=least_mps2), state(), now_ns=10_000_000, reversing=reversing)
+    assert driving.accel_mps2 == pytest.approx(least_mps2)
+    stop = wish(reason=Reason.STATE_STALE, accel_mps2=-3000.0 * least_mps2)
+    assert gate.permit(stop, state(), now_ns=10_000_000, reversing=reversing).accel_mps2 == 0.0
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_without_a_table_too_the_wheels_are_led_back_where_the_speed_has_risen(sign: int) -> None:
+    gate = new_gate(front_wheel_angle_by_speed=((0.0, 0.6),))
+    last_rad = driven(gate, wish(front_wheel_angle_rad=sign * 0.6), 1.0, 100)[-1].front_wheel_angle_rad
+    for step in range(101, 111):
+        measured = state(last_rad, speed_mps=12.0)
+        wanted = wish(front_wheel_angle_rad=sign * 0.6)
+        answer = gate.permit(wanted, measured, now_ns=step * 10_000_000, reversing=False)
+        assert answer.front_wheel_angle_rad == pytest.approx(last_rad - sign * 0.008, abs=1e-9)
+        last_rad = answer.front_wheel_angle_rad
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_where_the_rear_wheels_turn_as_well_the_lateral_limits_hold_for_the_curve_of_both(sign: int) -> None:
+    gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.1, front_wheel_angle_by_speed=((0.0, 0.6),))
+    front_rad, felt = 0.0, [0.0]
+    for step in range(1, 200):
+        wanted = wish(front_wheel_angle_rad=0.6, rear_wheel_angle_rad=sign * 0.05)
+        safe = gate.permit(wanted, state(front_rad, 10.0), now_ns=step * 10_000_000, reversing=False)
+        front_rad = safe.front_wheel_angle_rad
+        curvature_per_m = (math.tan(front_rad) - math.tan(safe.rear_wheel_angle_rad)) / WHEELBASE_M
+        felt.append(100.0 * curvature_per_m)
+    assert safe.rear_wheel_angle_rad == pytest.approx(sign * 0.05)
+    assert max(map(abs, felt)) <= 3.0 + 1e-6
+    assert felt[-1] == pytest.approx(3.0, abs=0.006)
+    assert all(abs(after - before) <= 5.0 * 0.01 + 1e-6 for before, after in pairwise(felt))
+
+
+def test_a_wish_that_is_no_number_turns_no_rear_wheel() -> None:
+    gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
+    safe = gate.permit(wish(accel_mps2=math.nan, rear_wheel_angle_rad=0.1), state(), now_ns=10**7, reversing=False)
+    assert safe.rear_wheel_angle_rad == 0.0

@@ -1,0 +1,186 @@
+"""tools/mutation as its users meet it, on a project of a few lines: what tests notice is killed, the rest is shown."""
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "tools"))
+
+from _mutation_mutants import mutants  # noqa: E402  (only now is it to be found)
+
+BRAKE = '''
+"""Brakes."""
+HARDEST = 3.0
+
+
+class Brake:
+    @property
+    def hardest(self):
+        return HARDEST
+
+    def force(self, wanted):
+        if wanted > self.hardest:
+            wanted = self.hardest
+        return wanted
+'''
+LOOSE = """
+from brake import Brake
+
+def test_a_wish_within_the_range_is_granted():
+    assert Brake().force(1.0) == 1.0
+    assert Brake().force(9.0) == 3.0
+"""
+HALVES = """
+
+def halves(count):
+    while count > 1:
+        count = count // 2
+    return count
+"""
+HALVING = """
+from brake import halves
+
+def test_halving_ends():
+    assert halves(9) == 1
+"""
+EQUIVALENT = """
+[[equivalent]]
+module = "brake.py"
+function = "Brake.force"
+was = "if wanted > self.hardest:"
+becomes = ["if wanted >= self.hardest:"]
+reason = "At the limit both are the limit."
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    (tmp_path / "brake.py").write_text(BRAKE)
+    (tmp_path / "test_brake.py").write_text(LOOSE)
+    (tmp_path / "pytest.ini").write_text("[pytest]\n")
+    (tmp_path / "plan.toml").write_text('[tests]\n"brake.py" = ["test_brake.py"]\n')
+    return tmp_path
+
+
+def mutation(project: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(ROOT / "tools" / "mutation"), "--root", str(project)]
+    return subprocess.run(
+        [*command, "--plan", str(project / "plan.toml"), *arguments], capture_output=True, text=True, cwd=project
+    )
+
+
+def judged(project: Path, *arguments: str) -> dict[str, Any]:
+    done = mutation(project, "--json", *arguments)
+    assert done.returncode in (0, 1), done.stderr
+    (module,) = json.loads(done.stdout)["modules"]
+    assert module["mutants"] == module["killed"] + module["equivalent"] + len(module["survivors"])
+    found: dict[str, Any] = module
+    return found
+
+
+def test_what_no_test_notices_survives_and_is_shown_with_its_change(project: Path) -> None:
+    done = mutation(project)
+    assert done.returncode == 1
+    assert (
+        "brake.py:12 Brake.force\n-        if wanted > self.hardest:\n+        if wanted >= self.hardest:"
+        in done.stdout
+    )
+    assert "left: brake.py" in done.stderr
+    assert "survived: brake.py:12" in done.stderr  # at once, long before the table
+
+
+def test_what_a_test_notices_is_killed_in_functions_in_properties_and_outside_of_both(project: Path) -> None:
+    found = judged(project)
+    shown = "\n".join(survivor["diff"] for survivor in found["survivors"])
+    assert (found["killed"], len(found["survivors"])) == (6, 1)
+    for killed in ("HARDEST = 4.5", "return None", "if False:", "if wanted <= self.hardest"):
+        assert killed not in shown
+
+
+def test_a_mutant_that_never_ends_is_killed_by_its_time_limit(project: Path) -> None:
+    (project / "brake.py").write_text(HALVES)
+    (project / "test_brake.py").write_text(HALVING)
+    shown = "\n".join(survivor["diff"] for survivor in judged(project)["survivors"])
+    assert "count / 2" not in shown
+    assert "while count >= 1" not in shown
+
+
+def test_a_survivor_that_means_the_same_is_set_apart_with_its_reason(project: Path) -> None:
+    before = judged(project)
+    with (project / "plan.toml").open("a") as plan:
+        plan.write(EQUIVALENT)
+    after = judged(project)
+    assert (before["equivalent"], after["equivalent"]) == (0, 1)
+    assert len(after["survivors"]) == len(before["survivors"]) - 1
+    assert after["stale"] == []
+
+
+def test_a_reason_for_a_mutant_that_is_killed_or_gone_is_an_error(project: Path) -> None:
+    with (project / "plan.toml").open("a") as plan:
+        plan.write(EQUIVALENT.replace(">= self", "< self"))
+    assert judged(project)["stale"] == ["Brake.force: if wanted > self.hardest: → if wanted < self.hardest:"]
+
+
+def test_tests_that_fail_by_themselves_judge_nothing(project: Path) -> None:
+    (project / "test_brake.py").write_text(LOOSE + "    assert Brake().force(1.0) == 2.0\n")
+    done = mutation(project)
+    assert done.returncode == 2
+    assert "do not pass without any mutant" in done.stderr
+    assert "assert 1.0 == 2.0" in done.stderr
+
+
+def test_only_what_changed_since_a_revision_is_judged(project: Path) -> None:
+    def git(*arguments: str) -> None:
+        identity = ("-c", "user.name=nobody", "-c", "user.email=nobody@localhost")
+        subprocess.run(["git", *identity, *arguments], cwd=project, check=True, capture_output=True)
+
+    git("init", "--quiet")
+    git("add", ".")
+    git("commit", "--quiet", "--message", "all of it")
+    unchanged = mutation(project, "--json", "--since", "HEAD")
+    assert json.loads(unchanged.stdout) == {"modules": []}
+    (project / "test_brake.py").write_text(LOOSE + "    assert Brake().force(2.0) == 2.0\n")
+    assert judged(project, "--since", "HEAD")["mutants"] > 0
+
+
+def test_a_module_that_is_not_in_the_plan_is_refused(project: Path) -> None:
+    done = mutation(project, "gas.py")
+    assert done.returncode == 2
+    assert "gas.py: not in the plan" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("source", "changes"),
+    [
+        ("a = b <= c", {"a = b < c", "a = b > c"}),
+        ("a = b - c", {"a = b + c"}),
+        ("a = b and c", {"a = b or c"}),
+        ("a = not b", {"a =  b"}),
+        ("a = 7", {"a = 8"}),
+        ("a = min(b)", {"a = max(b)"}),
+        ("a = {b: c, d: e}", {"a = { d: e}", "a = {b: c, }"}),
+        ("def f():\n    a.b = c", {"def f():\n    pass"}),
+        ("def f():\n    return a", {"def f():\n    return None"}),
+        ("a = b if c else d", {"a = b if True else d", "a = b if False else d"}),
+        ('"""Ä: 1 < 2"""\na: int = f"{1 + 1}"', set()),
+        ("log.info(1 + 1)", set()),
+    ],
+)
+def test_each_kind_of_change_is_made_in_its_place(source: str, changes: set[str]) -> None:
+    assert {mutant.changed.decode() for mutant in mutants("a.py", source.encode())} == changes
+
+
+def test_every_module_of_the_projects_own_plan_and_each_of_its_tests_is_there() -> None:
+    plan = tomllib.loads((ROOT / "tools" / "mutation.toml").read_text())
+    for module, tests in plan["tests"].items():
+        assert all((ROOT / path).is_file() for path in (module, *tests))
+    for entry in plan["equivalent"]:
+        source = " ".join(line.strip() for line in (ROOT / entry["module"]).read_text().splitlines())
+        assert entry["was"] in source
+        assert entry["reason"]
