@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface.errors import InvalidValueError
-from vehicle_iface.safety.limits import Channel, limited_raw
+from vehicle_iface.safety.limits import Channel, by_speed, limited_raw
 
 ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -113,3 +113,24 @@ def test_a_limit_between_two_counts_is_the_one_inside() -> None:
 def test_a_channel_that_could_not_stop_or_is_no_number_is_refused_by_name(change: dict[str, float], text: str) -> None:
     with pytest.raises(InvalidValueError, match=text):
         channel(**change)
+
+
+def test_an_interval_beyond_the_range_leads_to_the_end_of_the_range_and_no_further() -> None:
+    c = channel(rate_per_s=math.inf)
+    assert limited_raw(c, 0.0, 0, 0.01, within=((0.7, 0.8),)) == 6000
+    assert limited_raw(c, 0.0, 0, 0.01, within=((-0.8, -0.7),)) == -6000
+
+
+def test_after_a_time_without_end_the_whole_range_is_one_step() -> None:
+    assert limited_raw(channel(), 0.6, -6000, math.inf) == 6000
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "expected"),
+    [(0.0, 0.4), (-5.0, 0.4), (5.0, 0.4), (7.5, 0.3), (-10.0, 0.2), (15.0, 0.15), (99.0, 0.1)],
+)
+def test_a_table_holds_its_first_value_before_its_first_row_and_its_last_one_beyond_the_last(
+    speed_mps: float, expected: float
+) -> None:
+    table = ((5.0, 0.4), (10.0, 0.2), (20.0, 0.1))
+    assert by_speed(table, speed_mps) == pytest.approx(expected)
