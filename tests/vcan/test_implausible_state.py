@@ -1,0 +1,192 @@
+"""A vehicle whose frames are intact and whose values are not: they jump, stand still, or lead off the path."""
+
+import signal
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from .conftest import Programs
+from .contract import CONTROLLER_SENDS, FAULT, MS, SAMPLE, Observer, Record, decided, reasons
+from .driving import driven, own_faults, summary, wait_until_driven
+from .peer import ALWAYS, Vehicle
+
+JUMP_M, FAR_M = 5.0, 50.0
+SLIP_M, BRAKE_MPS, PUSH_MPS = 0.06, 0.35, 0.4
+"""What each sample changes by: little enough to be true of a vehicle."""
+LONG_ENOUGH = 150
+"""Samples, until whatever strays is far off."""
+STOP_WITHIN_NS = 150 * MS
+SLACK_NS = 60 * MS
+
+
+class Doubtful(Vehicle):
+    """Says something else than what is."""
+
+    def __init__(self, x_m: float = 0.0) -> None:
+        super().__init__(x_m)
+        self.jumps = 0
+        """So many of its next samples are elsewhere along the path."""
+        self.is_frozen = False
+        self.is_halved = False
+        """Every other sample is not sent."""
+        self._held: dict[str, dict[str, float]] = {}
+
+    def count_like(self, other: Vehicle, *, ahead: int) -> None:
+        """Have its frames follow the other one's as if some had been lost between them."""
+        self._counters.update(dict.fromkeys(self._counters, ahead))
+        self._counters.update(other._counters)
+
+    def _say(self, name: str, counter: int, **signals: float) -> None:
+        if self.is_halved and name in SAMPLE and counter % 2:
+            return
+        if self.is_frozen and name in SAMPLE:
+            signals = self._held.setdefault(name, signals)
+        if self.jumps > 0 and name == "POSE":
+            self.jumps -= 1
+            signals["POS_X"] += JUMP_M
+        super()._say(name, counter, **signals)
+
+
+@pytest.fixture
+def doubtful(bus: Observer) -> Iterator[Doubtful]:
+    """At the origin, READY, sending."""
+    vehicle = Doubtful()
+    vehicle.start()
+    bus.wait_for("the vehicle's first sample", "CHASSIS")
+    yield vehicle
+    vehicle.close()
+
+
+def jumped_ns(record: Record) -> int:
+    """When the first sample came that was elsewhere."""
+    places = zip(record.samples, record.samples[1:], strict=False)
+    return next(after.stamp_ns for before, after in places if after.x_m - before.x_m > JUMP_M / 2.0)
+
+
+@pytest.mark.parametrize("jumps", [1, 2])
+def test_a_position_that_jumps_and_comes_back_is_dropped_and_the_vehicle_drives_on(
+    programs: Programs, bus: Observer, doubtful: Doubtful, jumps: int
+) -> None:
+    loop, moving = driven(programs, bus)
+    bus.wait_samples(30, since=moving)
+    doubtful.jumps = jumps
+    record = bus.record(moving, bus.wait_samples(50))
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    assert jumped_ns(record)
+    assert decided(record) == ["NOMINAL"]
+    assert not [fault for fault in own_faults(record) if fault not in record.unanswered]
+    assert summary(programs)["implausible"]["jumped"] == jumps
+
+
+def test_a_position_that_stays_where_it_jumped_to_stops_the_vehicle_then_silence_and_it_drives_there_when_armed_again(
+    programs: Programs, bus: Observer, doubtful: Doubtful
+) -> None:
+    loop, moving = driven(programs, bus)
+    bus.wait_samples(30, since=moving)
+    doubtful.jumps = ALWAYS
+    fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
+    record = bus.record(moving, fault)
+    assert reasons(record.pairs) == ["NOMINAL", "STATE_INVALID"]
+    stops = [pair for pair in record.pairs if pair.reason == "STATE_INVALID"]
+    assert stops[0].stamp_ns - jumped_ns(record) <= STOP_WITHIN_NS + SLACK_NS
+    assert all(pair.is_enabled and pair.is_stop for pair in stops)
+    latched = bus.wait_samples(150, since=fault)
+    assert bus.sent_by_controller(fault, latched) == []
+    doubtful.make_ready()
+    loop.tell(signal.SIGUSR1)
+    driving = wait_until_driven(bus, since=latched)
+    assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
+
+
+def test_frozen_values_with_live_counters_stop_a_vehicle_that_moves(
+    programs: Programs, bus: Observer, doubtful: Doubtful
+) -> None:
+    loop, moving = driven(programs, bus)
+    frozen = bus.wait_samples(30, since=moving)
+    doubtful.is_frozen = True
+    fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=frozen)
+    record = bus.record(moving, fault)
+    assert reasons(record.pairs) == ["NOMINAL", "STATE_INVALID"]
+    assert not record.counter_gaps
+    assert bus.sent_by_controller(fault, bus.wait_samples(30, since=fault)) == []
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 4
+    assert summary(programs)["implausible"]["frozen"] >= 3
+
+
+def test_a_vehicle_that_sends_at_half_its_rate_is_driven_and_what_lacks_is_counted(
+    programs: Programs, bus: Observer, doubtful: Doubtful
+) -> None:
+    loop, moving = driven(programs, bus)
+    doubtful.is_halved = True
+    record = bus.record(moving, bus.wait_samples(50, since=moving))
+    assert decided(record) == ["NOMINAL"]
+    assert not own_faults(record)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    found = summary(programs)
+    assert min(found["lost"][name] for name in SAMPLE) >= 40
+    assert found["drops"] == {}
+
+
+def test_a_second_vehicle_on_the_bus_is_not_taken_for_the_first_and_the_drive_ends(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    _, moving = driven(programs, bus)
+    second = Doubtful(x_m=FAR_M)
+    second.count_like(vehicle, ahead=2)
+    second.start()
+    _, seen = bus.wait_until("the second vehicle", lambda told: told.name == "POSE" and told["POS_X"] >= FAR_M)
+    record = bus.record(moving, bus.wait_samples(100))
+    second.close()
+    late = [pair for pair in record.pairs if pair.stamp_ns > seen.stamp_ns + STOP_WITHIN_NS + SLACK_NS]
+    assert not [pair for pair in late if pair.is_enabled and not pair.is_stop]
+    assert not [gap for gap in record.counter_gaps if gap.startswith(CONTROLLER_SENDS)]
+
+
+def slips(vehicle: Vehicle) -> None:
+    """On ice, to the left."""
+    vehicle.y_m += SLIP_M
+
+
+def rolls_back(vehicle: Vehicle) -> None:
+    """Down a hill that the brakes do not hold it on."""
+    vehicle.speed_mps = max(-2.0, vehicle.speed_mps - BRAKE_MPS)
+
+
+def runs_away(vehicle: Vehicle) -> None:
+    """Down a hill, faster than it may go."""
+    vehicle.speed_mps = min(25.0, vehicle.speed_mps + PUSH_MPS)
+
+
+@pytest.mark.parametrize(
+    ("strays", "finding"),
+    [
+        (slips, "off the path"),
+        (rolls_back, "rolling against the direction of travel"),
+        (runs_away, "faster than the vehicle may go"),
+    ],
+)
+def test_a_vehicle_that_leaves_its_path_rolls_back_or_runs_away_is_stopped_and_stays_stopped(
+    programs: Programs, bus: Observer, vehicle: Vehicle, strays: Callable[[Vehicle], None], finding: str
+) -> None:
+    loop, moving = driven(programs, bus)
+    bus.wait_samples(10, since=moving)
+    for _ in range(LONG_ENOUGH):
+        strays(vehicle)
+        bus.wait_samples(1)
+        if "reason: DEVIATION" in loop.text:
+            break
+    end = bus.wait_samples(40)
+    record = bus.record(moving, end)
+    assert decided(record) == ["NOMINAL", "DEVIATION"]
+    assert all(pair.is_enabled and pair.is_stop for pair in record.pairs if pair.reason == "DEVIATION")
+    assert not own_faults(record)
+    vehicle.driver_brake = True
+    bus.wait_for("letting go", "DRIVE_COMMAND", ENABLE=0, REASON="DRIVER_OVERRIDE", since=end)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    found = summary(programs)
+    assert found["deviations"][finding] >= 1
+    assert not any(found["implausible"].values())
