@@ -1,0 +1,153 @@
+"""The page of failures keeps its word: what it names exists, and no fault of the list is missing."""
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from vehicle_iface import Reason
+from vehicle_iface.profile import load_profile
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = (ROOT / "vehicle_iface" / "FAILURES.md").read_text(encoding="utf-8")
+FAULTS = {
+    *(
+        f"{letter}{i + 1}"
+        for letter, count in {"B": 16, "F": 8, "S": 6, "T": 5, "P": 7, "W": 8}.items()
+        for i in range(count)
+    ),
+    *("C1", "C2", "V1", "V2"),
+}
+"""The list of faults to survive."""
+HEADER = ["#", "failure", "noticed by", "reaction and time limit", "reason", "tests"]
+NONE = "–"
+BUDGET = ["fault is in", "terms", "ms"]
+ALLOWED_MS = 150.0
+
+
+def tables(page: str, header: list[str]) -> Iterator[list[str]]:
+    """The rows of all tables with this header, cell by cell."""
+    is_inside = False
+    for line in page.splitlines():
+        cells = [cell.strip() for cell in line.strip().strip("|").split("|")] if line.startswith("|") else []
+        if cells == header:
+            is_inside = True
+        elif not cells:
+            is_inside = False
+        elif is_inside and not set(line) <= set("|- "):
+            yield cells
+
+
+@cache
+def named_in(file: str) -> frozenset[str]:
+    """Names of the test functions in a file below the root; none when there is no such file."""
+    path = ROOT / file
+    if not path.is_file() or not path.name.startswith("test_"):
+        return frozenset()
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    bodies = [tree.body, *(node.body for node in tree.body if isinstance(node, ast.ClassDef))]
+    functions = (node for body in bodies for node in body if isinstance(node, ast.FunctionDef))
+    return frozenset(function.name for function in functions if function.name.startswith("test_"))
+
+
+def faults_of(page: str) -> list[str]:
+    """Everything that is wrong with the page's rows."""
+    found, seen = [], set()
+    for cells in tables(page, HEADER):
+        if len(cells) != len(HEADER):
+            found.append(f"{cells[0]}: {len(cells)} cells instead of {len(HEADER)}")
+            continue
+        number, *words, reason, tests = cells
+        seen.add(number)
+        found += [f"{number}: an empty cell"] if not all(words) else []
+        found += [f"{number}: {what}" for what in (*_faults_of_reason(reason), *_faults_of_tests(tests))]
+    return found + [f"{number}: no row" for number in sorted(FAULTS - seen)]
+
+
+def _faults_of_reason(cell: str) -> Iterator[str]:
+    names = [] if cell == NONE else cell.split(", ")
+    yield from (f"no reason {name}" for name in names if name.strip("`") not in Reason.__members__)
+
+
+def _faults_of_tests(cell: str) -> Iterator[str]:
+    names = re.findall(r"`([^`]+)`", cell)
+    if not names:
+        yield "no test"
+    for name in names:
+        file, _, function = name.partition("::")
+        if function not in named_in(file):
+            yield f"no test {name}"
+
+
+def faults_of_budget(page: str) -> list[str]:
+    """Sums that are wrong or too great, and terms that are not the profile's."""
+    found, timing = [], load_profile("reference").timing
+    for _, terms, total in tables(page, BUDGET):
+        figures = [float(term.rsplit(" ", 1)[1]) for term in terms.split(" + ")]
+        for times, name, figure in re.findall(r"(?:(\d) × )?`(\w+)` ([\d.]+)", terms):
+            of_profile = float(times or 1) * getattr(timing, name) * 1000.0
+            if float(figure) != pytest.approx(of_profile):
+                found.append(f"{name}: {figure} instead of {of_profile:g}")
+        if sum(figures) != float(total) or float(total) > ALLOWED_MS:
+            found.append(f"{terms}: {total} instead of {sum(figures):g}, at most {ALLOWED_MS:g}")
+    return found
+
+
+def test_every_fault_has_a_row_and_every_row_names_reasons_and_tests_that_exist() -> None:
+    assert faults_of(PAGE) == []
+
+
+def test_the_time_budgets_sums_are_right_within_what_is_allowed_and_made_of_the_profiles_figures() -> None:
+    assert len(list(tables(PAGE, BUDGET))) >= 5
+    assert faults_of_budget(PAGE) == []
+
+
+GOOD = "`tests/test_failures.py::test_a_row_that_breaks_its_word_is_found`"
+
+
+def page_of(row: str) -> str:
+    """A page of one table, in which every fault but B1 has a good row, and B1 this one."""
+    good = [f"| {number} | x | x | x | {NONE} | {GOOD} |" for number in sorted(FAULTS - {"B1"})]
+    head = ["# A page", "", f"| {' | '.join(HEADER)} |", "|---|---|---|---|---|---|"]
+    return "\n".join([*head, *good, row, "", "| another | table |", "|---|---|", "| B1 | x |"])
+
+
+@pytest.mark.parametrize(
+    ("row", "found"),
+    [
+        (f"| B1 | x | x | x | `LINK_DOWN` | {GOOD} |", []),
+        (f"| B1 | x | x | x | `LINK_DOWN`, `STATE_STALE` | {GOOD}<br>{GOOD} |", []),
+        ("", ["B1: no row"]),
+        (f"| B1 | x | x | x | `LINK_UP` | {GOOD} |", ["B1: no reason `LINK_UP`"]),
+        (f"| B1 | x | x | x | | {GOOD} |", ["B1: no reason "]),
+        (f"| B1 | x | | x | {NONE} | {GOOD} |", ["B1: an empty cell"]),
+        (f"| B1 | x | x | {NONE} | {GOOD} |", ["B1: 5 cells instead of 6", "B1: no row"]),
+        ("| B1 | x | x | x | – | by hand |", ["B1: no test"]),
+        (
+            f"| B1 | x | x | x | – | {GOOD}<br>`tests/test_failures.py::test_nothing` |",
+            ["B1: no test tests/test_failures.py::test_nothing"],
+        ),
+        ("| B1 | x | x | x | – | `tests/test_none.py::test_a` |", ["B1: no test tests/test_none.py::test_a"]),
+        ("| B1 | x | x | x | – | `tests/test_failures.py::page_of` |", ["B1: no test tests/test_failures.py::page_of"]),
+    ],
+)
+def test_a_row_that_breaks_its_word_is_found(row: str, found: list[str]) -> None:
+    assert faults_of(page_of(row)) == found
+
+
+@pytest.mark.parametrize(
+    ("terms", "total", "found"),
+    [
+        ("`state_stale_s` 50 + 3 × `command_period_s` 30 + pass 10", "90", 0),
+        ("`state_stale_s` 50 + pass 10", "61", 1),
+        ("`state_stale_s` 40 + pass 10", "50", 1),
+        ("3 × `command_period_s` 10 + pass 10", "20", 1),
+        ("`state_stale_s` 50 + pass 101", "151", 1),
+    ],
+)
+def test_a_budget_that_does_not_add_up_is_found(terms: str, total: str, found: int) -> None:
+    page = f"| {' | '.join(BUDGET)} |\n|---|---|---|\n| a fault | {terms} | {total} |\n"
+    assert len(faults_of_budget(page)) == found
