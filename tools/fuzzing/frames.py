@@ -1,0 +1,94 @@
+"""Received frames, through decoder, tracker, plausibility and engagement.
+
+The first byte chooses the vehicle; then frames as `_traffic` makes them, 0 to 12.75 ms apart.
+Law: each frame is taken or counted as dropped; what comes out is finite, no sample is from the future, and nobody is
+engaged who has not heard an autonomous vehicle.
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterator
+
+from fuzzing._bytes import Bytes
+from fuzzing._traffic import Traffic
+from vehicle_iface import compose
+from vehicle_iface.codec.database import VehicleDatabase, load_database
+from vehicle_iface.codec.decoder import Decoder
+from vehicle_iface.profile import load_profile
+from vehicle_iface.safety.engagement import Engagement, EngagementTiming, Mode
+from vehicle_iface.safety.plausibility import PlausibilityCheck
+from vehicle_iface.sim.wire import simulated_vehicle
+from vehicle_iface.state import VehicleState
+from vehicle_iface.units import NS_PER_MS, NS_PER_S
+
+LENGTH = 2048
+_DATABASES = [load_database(load_profile(name)) for name in ("reference", "reference_fd")]
+_STEP_NS = 50_000
+_TIMING = EngagementTiming(
+    fresh_ns=20 * NS_PER_MS,
+    stale_ns=50 * NS_PER_MS,
+    lost_ns=500 * NS_PER_MS,
+    give_up_ns=3 * NS_PER_S,
+    end_ns=10 * NS_PER_S,
+    steer_torque_nm=3.0,
+)
+
+
+class _Ear:
+    """All that hears a frame, in the order of the loop."""
+
+    def __init__(self, database: VehicleDatabase) -> None:
+        profile = database.profile
+        self.decoder, self.tracker = Decoder(database.received), compose.build_tracker(database)
+        self.plausibility = PlausibilityCheck(profile.plausibility, wheelbase_m=profile.geometry.wheelbase_m)
+        self.engagement = Engagement(_TIMING, armed=True)
+
+    def hear(self, traffic: Traffic, now_ns: int) -> None:
+        self.engagement.see_time(now_ns)
+        received = self.decoder.decode(traffic.next_frame(now_ns))
+        if received is None:
+            return
+        assert all(value is None or math.isfinite(value) for value in received.values)
+        sample = self.tracker.take(received)
+        status = self.tracker.status
+        if sample is not None:
+            _check(sample.state)
+            assert max(sample.state.stamp_ns, sample.completed_ns) <= now_ns
+            if self.plausibility.believes(sample.state, pose_valid=sample.pose_valid):
+                self.engagement.see_sample(sample.state.stamp_ns, now_ns)
+        elif status is not None and status.stamp_ns == received.stamp_ns:
+            before = self.engagement.mode
+            self.engagement.see_status(status, now_ns)
+            if self.engagement.mode is Mode.ENGAGED and before is not Mode.ENGAGED:
+                assert status.mode.name == "AUTONOMOUS"
+
+
+def run(data: bytes) -> None:
+    source = Bytes(data)
+    database = _DATABASES[source.number() % 2]
+    ear, traffic = _Ear(database), Traffic(database, source)
+    now_ns, frames = NS_PER_S, 0
+    while source:
+        now_ns += source.number() * _STEP_NS
+        ear.hear(traffic, now_ns)
+        frames += 1
+    assert ear.decoder.accepted + sum(ear.decoder.drops.values()) == frames
+
+
+def _check(state: VehicleState) -> None:
+    for field in dataclasses.fields(state):
+        value = getattr(state, field.name)
+        assert not isinstance(value, float) or math.isfinite(value), field.name
+
+
+def seeds() -> Iterator[bytes]:
+    """What the simulated vehicles say: at rest, and as an autonomous one would."""
+    for number, database in enumerate(_DATABASES):
+        vehicle = simulated_vehicle(database, start_ns=0)
+        sample_messages = [message.can_id for message in (*database.received, *database.sent)]
+        told = bytearray([number])
+        for tick in range(6):
+            for frame in vehicle.advance(tick * 10 * NS_PER_MS):
+                told += bytes([60, sample_messages.index(frame.can_id)]) + frame.data
+        yield bytes(told)
+    yield b"\0\0\x70" + (0x110).to_bytes(4, "little") + b"\x04\x08" + bytes(8)
