@@ -210,3 +210,68 @@ def test_noise_does_not_widen_the_step_beyond_four(bad: int, step: int, verdict:
         check.step(counter)
     damaged(check, bad)
     assert check.step(2 + step) is verdict
+
+
+@pytest.mark.parametrize(
+    ("profile", "least_bytes", "crc_bits", "counter_bits"),
+    [(1, 2, (0, 8), (8, 4)), (2, 2, (0, 8), (8, 4)), (5, 3, (0, 16), (16, 8)), (11, 2, (0, 8), (8, 4))],
+)
+def test_checksum_and_counter_are_at_the_front_and_need_no_more_bytes_than_their_own(
+    profile, least_bytes, crc_bits, counter_bits
+):
+    data_id = P02_IDS if profile == 2 else 0x123
+    protection = Protection(profile, data_id, least_bytes)
+    assert (protection.crc_bits, protection.counter_bits) == (crc_bits, counter_bits)
+    with pytest.raises(ConfigError, match=f"needs {least_bytes}"):
+        Protection(profile, data_id, least_bytes - 1)
+
+
+@pytest.mark.parametrize("profile", [1, 11])
+def test_a_counter_that_does_not_exist_is_no_damage(profile):
+    protection, data = Protection(profile, 0x123, 8), bytearray(8)
+    protection.protect(data, 15)
+    assert protection.intact(bytes(data)) is True
+    data[7] ^= 1
+    assert protection.intact(bytes(data)) is False
+
+
+def test_a_counter_that_runs_as_it_should_loses_nothing_and_starts_again_after_the_greatest():
+    check = CounterCheck(15, 1)
+    verdicts = [check.step(count % 15) for count in range(40)]
+    assert verdicts == [Sequence.INITIAL] + [Sequence.OK] * 39
+    assert check.lost == 0
+
+
+def test_the_counter_after_the_greatest_does_not_exist():
+    check = CounterCheck(15, 1)
+    assert [check.step(counter) for counter in (13, 14, 15, 0)] == [
+        Sequence.INITIAL,
+        Sequence.OK,
+        Sequence.INVALID,
+        Sequence.OK,
+    ]
+
+
+@pytest.mark.parametrize(("step", "verdict"), [(13, Sequence.OK), (14, Sequence.WRONG)])
+def test_the_greatest_step_leaves_room_to_tell_forwards_from_a_repetition(step, verdict):
+    assert CounterCheck(15, 13)
+    check = CounterCheck(15, 12)
+    check.step(0)
+    damaged(check, 4)
+    assert check.step(step) is verdict
+
+
+def test_a_damaged_frame_widens_the_next_step_and_no_other():
+    check = CounterCheck(15, 3)
+    check.step(0)
+    damaged(check, 1)
+    assert check.step(4) is Sequence.OK
+    assert check.step(8) is Sequence.WRONG
+
+
+def test_damage_before_a_reset_widens_nothing_after_it():
+    check = CounterCheck(15, 3)
+    damaged(check, 3)
+    check.reset()
+    assert check.step(0) is Sequence.INITIAL
+    assert check.step(4) is Sequence.WRONG

@@ -5,10 +5,11 @@ from harness import Clock, ms
 
 from vehicle_iface.bus.error_frames import LinkEvent
 from vehicle_iface.bus.memory import MemoryBus
+from vehicle_iface.bus.survey import Glimpse
 from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.counts import Counts
-from vehicle_iface.runtime.link import REOPEN_NS, Link
+from vehicle_iface.runtime.link import MAX_CHANGES, REOPEN_NS, Link
 
 FRAME = CanFrame(0x80, b"12345678")
 
@@ -49,6 +50,7 @@ class Socket:
         self.closed += 1
 
     def events(self) -> list[LinkEvent]:
+        self.cable.asked_ns.append(self.cable.clock.t_ns)
         self._check()
         events, self.cable.events = self.cable.events, []
         return events
@@ -58,10 +60,22 @@ class Socket:
             raise BusGoneError("no such interface") if self.cable.gone else BusError("cut")
 
 
+class SurveyedSocket(Socket):
+    """One that sees all traffic as well."""
+
+    def look(self, now_ns: int) -> Glimpse:
+        self.cable.looked_ns.append(now_ns)
+        self._check()
+        return Glimpse(span_ns=ms(500), frames=50, busy_ns=ms(100), frames_by_id={})
+
+
 class Cable:
     """Everything that a link is opened on."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: type[Socket] = Socket) -> None:
+        self.kind = kind
+        self.asked_ns: list[int] = []
+        self.looked_ns: list[int] = []
         self.clock = Clock()
         self.down = self.gone = self.full = self.waiting = False
         self.events: list[LinkEvent] = []
@@ -83,7 +97,7 @@ class Cable:
         self.tries_ns.append(self.clock.t_ns)
         if self.down:
             raise BusGoneError("no such interface") if self.gone else BusError("still down")
-        self.sockets.append(Socket(self))
+        self.sockets.append(self.kind(self))
         return self.sockets[-1]
 
     def on_lost(self) -> None:
@@ -333,3 +347,146 @@ def test_a_stuck_bus_whose_interface_goes_down_is_given_back_and_opened_anew() -
     cable.down = cable.waiting = False
     cable.watch_for(ms(200))
     assert len(cable.sockets) == 2
+
+
+@pytest.mark.parametrize(("later_ns", "lost"), [(ms(100), 0), (ms(100) + 1, 1)])
+def test_a_tenth_of_a_second_of_refusals_ends_to_the_nanosecond(later_ns: int, lost: int) -> None:
+    cable = Cable()
+    cable.waiting = True
+    assert not cable.link.has_room()
+    cable.link.watch(cable.clock.t_ns + later_ns)
+    assert cable.lost == lost
+
+
+@pytest.mark.parametrize(("later_ns", "state"), [(ms(500) - 1, "DEGRADED"), (ms(500), "UP")])
+def test_half_a_second_without_trouble_ends_to_the_nanosecond(later_ns: int, state: str) -> None:
+    cable = Cable()
+    cable.frames = [FRAME]
+    cable.pass_for(ms(10))
+    cable.full = True
+    assert not cable.link.send(FRAME)
+    cable.full = False
+    assert cable.link.send(FRAME)
+    cable.link.watch(cable.clock.t_ns + later_ns)
+    assert cable.link.state.name == state
+
+
+def test_a_link_that_nothing_was_ever_heard_on_does_not_become_well() -> None:
+    cable = Cable()
+    cable.waiting = True
+    assert not cable.link.has_room()
+    cable.waiting = False
+    assert cable.link.send(FRAME)
+    cable.watch_for(ms(2000))
+    assert states(cable) == ["DEGRADED"]
+
+
+def test_the_controller_is_asked_twenty_times_a_second_on_its_grid() -> None:
+    cable = Cable()
+    began_ns = cable.clock.t_ns
+    cable.watch_for(ms(500))
+    assert [t_ns - began_ns for t_ns in cable.asked_ns] == [ms(50) * count for count in range(1, 11)]
+
+
+def test_all_traffic_is_looked_at_twice_a_second_and_added_up() -> None:
+    cable = Cable(SurveyedSocket)
+    began_ns = cable.clock.t_ns
+    cable.watch_for(ms(2000))
+    assert [t_ns - began_ns for t_ns in cable.looked_ns] == [ms(500), ms(1000), ms(1500), ms(2000)]
+    assert cable.link.traffic.highest_load_percent == pytest.approx(20.0)
+
+
+class PlainBus:
+    """The least that a bus can be: nobody can ask its controller, and it sees no traffic but its own."""
+
+    description = "plain"
+
+    def wait(self, until_ns: int) -> bool:  # noqa: ARG002
+        return False
+
+    def drain(self) -> list[CanFrame]:
+        return []
+
+    def has_room(self) -> bool:
+        return True
+
+    def send(self, frame: CanFrame) -> bool:  # noqa: ARG002
+        return True
+
+    def counters(self) -> dict[str, int]:
+        return {}
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_bus_whose_controller_nobody_can_ask_is_watched_all_the_same() -> None:
+    clock, losses = Clock(), Counts()
+    link = Link(PlainBus, losses, now_ns=clock.now_ns, sleep_until=clock.sleep_until, on_lost=lambda: None)
+    link.watch(clock.t_ns + ms(500))
+    assert losses.link_losses == 0
+
+
+@pytest.mark.parametrize("by", ["asking for room", "asking the controller"])
+def test_a_question_that_finds_no_bus_is_a_loss(by: str) -> None:
+    cable = Cable()
+    cable.down = True
+    if by == "asking for room":
+        assert cable.link.has_room() is False
+    else:
+        cable.link.watch(cable.clock.t_ns + ms(50))
+    assert (cable.lost, states(cable)) == (1, ["DOWN"])
+
+
+def test_where_there_is_no_bus_there_is_no_room_and_nothing_was_refused() -> None:
+    cable = Cable()
+    cable.link.close()
+    assert cable.link.has_room() is False
+    assert cable.counts.commands_refused == 0
+
+
+def test_each_event_is_counted_and_each_kind_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+    cable = Cable()
+    cable.events = [LinkEvent.ARBITRATION_LOST, LinkEvent.ARBITRATION_LOST, LinkEvent.PASSIVE]
+    cable.watch_for(ms(50))
+    cable.events = [LinkEvent.PASSIVE]
+    cable.watch_for(ms(50))
+    assert cable.link.events == {LinkEvent.ARBITRATION_LOST.value: 2, LinkEvent.PASSIVE.value: 2}
+    said = [record.getMessage() for record in caplog.records if "further ones are counted" in record.getMessage()]
+    assert len(said) == 2
+
+
+@pytest.mark.parametrize("well", [LinkEvent.ACTIVE, LinkEvent.RESTARTED])
+@pytest.mark.parametrize("ill", [LinkEvent.WARNING, LinkEvent.PASSIVE])
+def test_an_illness_lasts_until_the_controller_says_that_it_is_over(ill: LinkEvent, well: LinkEvent) -> None:
+    cable = Cable()
+    cable.frames = [FRAME]
+    cable.events = [ill]
+    cable.watch_for(ms(1000))
+    assert states(cable) == ["DEGRADED"]
+    cable.events = [well]
+    cable.watch_for(ms(100))
+    assert states(cable) == ["DEGRADED", "UP"]
+
+
+def test_one_lost_frame_is_trouble_and_its_count_outlives_the_bus() -> None:
+    cable = Cable()
+    cable.overflow = 1
+    cable.watch_for(ms(50))
+    assert states(cable) == ["DEGRADED"]
+    cable.down = True
+    cable.pass_for(ms(10))
+    cable.down, cable.overflow = False, 0
+    cable.pass_for(ms(200))
+    assert cable.link.counters()["receive_overflow"] == 1
+
+
+def test_of_a_link_that_comes_and_goes_the_first_thousand_changes_are_kept() -> None:
+    cable = Cable()
+    for _ in range(MAX_CHANGES // 2 + 1):
+        cable.down = True
+        cable.pass_for(ms(10))
+        cable.down = False
+        cable.pass_for(ms(100))
+    assert len(cable.link.changes) == 1000
+    assert cable.counts.link_losses == MAX_CHANGES // 2 + 1

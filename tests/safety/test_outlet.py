@@ -55,3 +55,9 @@ def test_a_message_at_its_own_period_is_never_refused_and_another_one_has_its_ow
     assert all(outlet.lets_out(CanFrame(0x082, bytes(8)), 0) for _ in range(4))
     assert not outlet.lets_out(CanFrame(0x082, bytes(8)), WINDOW_NS - 1)
     assert outlet.lets_out(CanFrame(0x082, bytes(8)), WINDOW_NS)
+
+
+def test_each_frame_that_comes_too_often_is_counted() -> None:
+    outlet = Outlet([DRIVE])
+    assert [outlet.lets_out(FRAME, 0) for _ in range(33)] == [True] * 31 + [False] * 2
+    assert outlet.refused == {"not on the list": 0, "too often": 2}
