@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from vehicle_iface.compose import build_tracker
 from vehicle_iface.message import Received
 from vehicle_iface.status import Gear, VehicleMode
-from vehicle_iface.tracker import Sample, Tracker
+from vehicle_iface.tracker import Sample, Tracker, _picker
 
 WINDOW_NS = ms(50)
 STALE_NS = ms(200)
@@ -358,3 +358,86 @@ def test_a_fast_vehicles_counter_comes_round_often_and_its_rounds_are_still_told
                 samples += 1
     assert samples == 99
     assert (t.incomplete, t.repeated) == (1, 0)
+
+
+def plain_tracker(**others: tuple[str, ...]) -> Tracker:
+    """Of a vehicle that says nothing of frames and of how good its pose is."""
+    return Tracker(
+        sample={"POSE": ("x_m", "y_m"), "MOTION": ("heading_rad", "speed_mps")},
+        others=others,
+        frames={1: "map"},
+        modes={int(mode): mode for mode in VehicleMode},
+        gears={int(gear): gear for gear in Gear},
+        window_ns=WINDOW_NS,
+        stale_ns=STALE_NS,
+    )
+
+
+def pair(stamp_ns: int) -> list[Received]:
+    return [Received(name, stamp_ns, 1, (1.0, 2.0)) for name in ("POSE", "MOTION")]
+
+
+def test_what_the_vehicle_never_says_of_its_driver_is_that_he_does_nothing() -> None:
+    t = plain_tracker(STATUS=("mode",))
+    t.take(Received("STATUS", 5, 0, (1,)))
+    assert t.status is not None
+    assert (t.status.stamp_ns, t.status.mode, t.status.gear) == (5, VehicleMode.READY, None)
+    assert (t.status.driver_brake, t.status.driver_throttle, t.status.driver_steer_torque_nm) == (False, False, 0.0)
+    assert t.status.fault_code == 0
+
+
+def test_a_vehicle_that_says_nothing_of_its_pose_is_taken_at_its_word() -> None:
+    (sample,) = taken(plain_tracker(), pair(0))
+    assert sample.pose_valid is True
+
+
+def test_a_fault_code_is_a_word_of_the_status_and_not_of_the_state() -> None:
+    t = plain_tracker(STATUS=("mode", "fault_code"))
+    t.take(Received("STATUS", 0, 0, (1, 7)))
+    assert t.status is not None
+    assert t.status.fault_code == 7
+    assert len(taken(t, pair(0))) == 1
+
+
+def test_after_forgetting_no_word_of_another_message_is_left_and_none_counts_as_come() -> None:
+    t = plain_tracker(STATUS=("mode",), HANDS=("driver_steer_torque_nm", "gear"))
+    t.take(Received("HANDS", 0, 0, (2.5, int(Gear.DRIVE))))
+    t.take(Received("STATUS", 0, 0, (1,)))
+    assert t.status is not None
+    assert (t.status.driver_steer_torque_nm, t.status.gear) == (2.5, Gear.DRIVE)
+    assert [sample.others_fresh for sample in taken(t, pair(ms(1)))] == [True]
+    t.forget()
+    assert [sample.others_fresh for sample in taken(t, pair(ms(2)))] == [False]
+    t.take(Received("STATUS", ms(2), 0, (1,)))
+    assert t.status is not None
+    assert (t.status.driver_steer_torque_nm, t.status.gear) == (0.0, None)
+
+
+@pytest.mark.parametrize("values", [(1.0, 1.0, None, True), (1.0, 1.0, 1, None), (None, 1.0, 1, True)])
+def test_a_sample_with_any_value_missing_is_incomplete(values: tuple[float | None, ...]) -> None:
+    t = tracker()
+    assert taken(t, [Received("POSE", ms(10), 1, values), part("MOTION", 1), part("CHASSIS", 1)]) == []
+    assert (t.completed, t.incomplete) == (0, 1)
+
+
+@pytest.mark.parametrize("second_ns", [ms(10), ms(40)])
+def test_where_an_older_sample_is_given_up_a_younger_one_in_its_window_is_not(second_ns: int) -> None:
+    t = tracker()
+    parts = [part(name, cycle, at_ns) for cycle, at_ns in ((1, 0), (2, second_ns)) for name in ("POSE", "MOTION")]
+    assert taken(t, parts) == []
+    assert [cycle_of(sample) for sample in taken(t, [part("CHASSIS", 2, WINDOW_NS + ms(10))])] == [2]
+    assert t.incomplete == 1
+
+
+@pytest.mark.parametrize("second_ns", [ms(10), ms(40)])
+def test_where_an_older_sample_may_come_again_a_younger_one_in_its_window_may_not(second_ns: int) -> None:
+    t = tracker()
+    assert len(taken(t, [part(name, 1, 0) for name in NAMES])) == 1
+    assert len(taken(t, [part(name, 2, second_ns) for name in NAMES])) == 1
+    assert taken(t, [part("CHASSIS", 2, WINDOW_NS + ms(10))]) == []
+    assert t.repeated == 1
+
+
+def test_values_are_picked_by_place_however_many_they_are() -> None:
+    row = ("a", "b", "c")
+    assert [_picker(*places)(row) for places in ((), (1,), (2, 0), (0, 1, 2))] == [(), ("b",), ("c", "a"), row]
