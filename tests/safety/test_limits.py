@@ -117,8 +117,8 @@ def test_a_channel_that_could_not_stop_or_is_no_number_is_refused_by_name(change
 
 def test_an_interval_beyond_the_range_leads_to_the_end_of_the_range_and_no_further() -> None:
     c = channel(rate_per_s=math.inf)
-    assert limited_raw(c, 0.0, 0, 0.01, within=((0.7, 0.8),)) == 6000
-    assert limited_raw(c, 0.0, 0, 0.01, within=((-0.8, -0.7),)) == -6000
+    assert limited_raw(c, 0.0, 0, 0.01, lowest=0.7, highest=0.8) == 6000
+    assert limited_raw(c, 0.0, 0, 0.01, lowest=-0.8, highest=-0.7) == -6000
 
 
 def test_after_a_time_without_end_the_whole_range_is_one_step() -> None:
