@@ -117,3 +117,44 @@ def test_behaviour_that_is_not_finite_and_positive_is_refused(name: str, value: 
 def test_behaviour_of_another_kind_is_refused(name: str) -> None:
     with pytest.raises(InvalidValueError, match=name):
         BehaviorConfig(**{name: "sideways"})  # type: ignore[arg-type]
+
+
+def test_without_a_word_a_stop_brakes_with_three_metres_per_second_squared_and_a_tenth_of_a_second_ahead() -> None:
+    controller = Coasting()
+    assert controller.stop_acceleration(10.0) == -3.0
+    assert controller.stop_acceleration(-1.0) == 3.0
+    assert controller.stop_acceleration(1.0) == -3.0
+    assert controller.stop_acceleration(0.2) == pytest.approx(-2.0)
+    assert math.copysign(1.0, controller.stop_acceleration(0.0)) == 1.0
+    assert controller.compute_stop_command(at(0.0)).speed_mps == 0.0
+
+
+def test_a_straight_stop_asks_no_child_where_to_steer() -> None:
+    command = Steering().compute_stop_command(at(0.0))
+    assert (command.front_wheel_angle_rad, command.rear_wheel_angle_rad) == (0.0, 0.0)
+
+
+def test_a_child_that_says_nothing_stops_straight_and_one_that_fails_is_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    quiet = Coasting(BehaviorConfig(stop_steering=StopSteering.TRACK))
+    command = quiet.compute_stop_command(at(0.0))
+    assert (command.front_wheel_angle_rad, command.rear_wheel_angle_rad) == (0.0, 0.0)
+    assert caplog.records == []
+    failing = Steering(BehaviorConfig(stop_steering=StopSteering.TRACK))
+    failing.answer = ZeroDivisionError()
+    for _ in range(3):
+        failing.compute_stop_command(at(0.0))
+    assert len(caplog.records) == 1
+
+
+def test_what_is_no_trajectory_is_refused_before_the_child_sees_it() -> None:
+    with pytest.raises(InvalidValueError, match=r"^trajectory = "):
+        Coasting().set_trajectory("straight on")  # type: ignore[arg-type]
+
+
+def test_one_point_is_a_trajectory_that_has_points() -> None:
+    controller = Coasting()
+    controller.set_trajectory(along_x(1))
+    assert controller.compute_command(at(-5.0)).reason is not Reason.EMPTY_TRAJECTORY
+    assert controller.compute_stop_command(at(-5.0)).reason is Reason.SHUTDOWN
