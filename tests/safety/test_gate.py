@@ -416,3 +416,16 @@ def test_a_wish_that_is_no_number_turns_no_rear_wheel() -> None:
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
     safe = gate.permit(wish(accel_mps2=math.nan, rear_wheel_angle_rad=0.1), state(), now_ns=10**7, reversing=False)
     assert safe.rear_wheel_angle_rad == 0.0
+
+
+@pytest.mark.parametrize("wanted_rad", [0.0, -0.6])
+def test_a_wheel_that_is_beyond_what_the_speed_allows_may_go_back_as_fast_as_it_can_for_any_wish(
+    wanted_rad: float,
+) -> None:
+    """The lateral jerk holds back what turns in; it must not hold back what turns out of a curve that is too tight."""
+    gate = new_gate()
+    driven(gate, wish(front_wheel_angle_rad=0.6), 1.0, 100)
+    safe = gate.permit(
+        wish(front_wheel_angle_rad=wanted_rad), state(0.6, speed_mps=12.0), now_ns=101 * 10_000_000, reversing=False
+    )
+    assert safe.front_wheel_angle_rad == pytest.approx(0.592)

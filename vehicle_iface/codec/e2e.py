@@ -172,7 +172,6 @@ class CounterCheck:
         self._last = -1
         self._damaged = 0
         self._history = _ALL_GOOD
-        self._history = _ALL_GOOD
         self.lost = 0
         """Frames that must have been sent between accepted ones."""
 
