@@ -677,6 +677,15 @@ def test_frozen_values_with_live_counters_stop_a_vehicle_that_moves() -> None:
     assert drive.mode() is Mode.SILENT
 
 
+def test_a_vehicle_that_drops_out_with_samples_that_cannot_be_true_is_let_go() -> None:
+    drive = cruising()
+    drive.say("jump 4.0 0.0")
+    drive.say("brake 1")
+    drive.run_s(0.2)
+    assert drive.mode() is Mode.OVERRIDDEN
+    assert says(drive.last(), enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
+
+
 def test_a_vehicle_that_stands_is_not_frozen() -> None:
     drive = Drive(FixedTrajectory(straight(speed_mps=5.0, time_s=1e6)))
     drive.vehicle._car._goal_mps2 = lambda *_: 0.0  # type: ignore[method-assign]  # an engine that does nothing

@@ -282,8 +282,11 @@ class Loop:
             self._end_when_let_go(now_ns)
 
     def _answer_silence(self, newest: Sample, now_ns: int, reason: Reason) -> None:
-        """No sample, or none to believe: an engaged vehicle is stopped from its last state, at the command period."""
-        if not self._engagement.enables:
+        """No sample, or none to believe: an engaged vehicle is stopped from its last state, at the command period.
+
+        Samples that cannot be believed are still answered where nothing is driven: with ENABLE = 0.
+        """
+        if not self._engagement.enables and reason is not Reason.STATE_INVALID:
             return
         self._answer = self._pilot.answer_without_sample(newest.state, self._tracker.status, now_ns, reason)
         sent = self._send_command(self._answer, now_ns)
