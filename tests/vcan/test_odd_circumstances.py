@@ -1,18 +1,23 @@
-"""A vehicle that drops out by itself, a loop that is late for once, and one with a thousand files open."""
+"""A vehicle that drops out or says half of it, a loop late for once, a thousand open files, a viewer that stands."""
 
 import signal
+import socket
 import time
+from collections.abc import Callable
+from contextlib import ExitStack
 
 import pytest
 
 from .conftest import Programs
-from .contract import MS, READY, Observer, decided, reasons
+from .contract import FAULT, MS, READY, Observer, decided, reasons
 from .driving import driven, line_file, own_faults, summary, wait_until_driven
-from .peer import Vehicle
+from .peer import ALWAYS, Vehicle
 
 NOTICED_WITHIN_NS = 200 * MS
 SLACK_NS = 60 * MS
+STOP_WITHIN_NS, STATUS_STALE_NS = 150 * MS, 200 * MS
 LATCHED_FAULT = 4
+LATE_PAGES = 20
 WITH_MANY_FILES = """
 import os, resource, sys
 resource.setrlimit(resource.RLIMIT_NOFILE, (4096, max(4096, resource.getrlimit(resource.RLIMIT_NOFILE)[1])))
@@ -39,6 +44,43 @@ def test_a_vehicle_that_drops_out_by_itself_is_let_go_within_200_ms_and_for_good
     assert after[0].stamp_ns - left.stamp_ns <= NOTICED_WITHIN_NS + SLACK_NS
     loop.tell(signal.SIGTERM)
     assert loop.ends() == LATCHED_FAULT
+
+
+def test_a_status_that_stays_away_stops_the_vehicle_after_200_ms(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    _, moving = driven(programs, bus)
+    bus.wait_samples(30, since=moving)
+    vehicle.faults.muted["VEHICLE_STATUS"] = ALWAYS
+    index, stop = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="STATE_STALE", SAFE_STOP=1, ENABLE=1, since=moving)
+    end = bus.wait_samples(30, since=index)
+    record = bus.record(moving, end)
+    assert decided(record) == ["NOMINAL", "STATE_STALE"]
+    waited_ns = stop.stamp_ns - record.of("VEHICLE_STATUS")[-1].stamp_ns
+    assert STATUS_STALE_NS <= waited_ns <= STATUS_STALE_NS + SLACK_NS
+    vehicle.faults.muted["VEHICLE_STATUS"] = 0
+    bus.wait_for("driving on", "DRIVE_COMMAND", REASON="NOMINAL", ENABLE=1, since=end)
+
+
+HALVES: dict[str, Callable[[Vehicle], None]] = {
+    "one part of each sample lacks": lambda vehicle: vehicle.faults.muted.update(CHASSIS=ALWAYS),
+    "a number that stands for nothing": lambda vehicle: setattr(vehicle, "pose_frame", 2),
+}
+
+
+@pytest.mark.parametrize("says_half", HALVES.values(), ids=HALVES)
+def test_samples_that_are_never_whole_stop_the_vehicle_and_then_there_is_silence(
+    programs: Programs, bus: Observer, vehicle: Vehicle, says_half: Callable[[Vehicle], None]
+) -> None:
+    _, moving = driven(programs, bus)
+    half = bus.wait_samples(30, since=moving)
+    says_half(vehicle)
+    begin_ns = bus.frames[half].stamp_ns
+    _, stop = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="STATE_STALE", SAFE_STOP=1, ENABLE=1, since=half)
+    assert stop.stamp_ns - begin_ns <= STOP_WITHIN_NS + SLACK_NS
+    fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=half)
+    assert reasons(bus.pairs(moving, fault)) == ["NOMINAL", "STATE_STALE"]
+    assert bus.sent_by_controller(fault, bus.wait_samples(30, since=fault)) == []
 
 
 @pytest.mark.parametrize("late_s", [0.03, 0.1])
@@ -74,3 +116,25 @@ def test_with_more_than_1024_descriptors_open_the_loop_drives_as_ever(programs: 
     loop.tell(signal.SIGTERM)
     assert loop.ends() == 0
     assert summary(programs)["counts"]["link_losses"] == 0
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_a_stopped_viewer_and_pages_that_never_read_change_nothing_on_the_bus(
+    programs: Programs, bus: Observer
+) -> None:
+    viewer = programs.start("view", "--connect", str(programs.folder / "telemetry"), "--port", "0")
+    host, port = viewer.says(r"viewer: http://([\d.]+):(\d+)").groups()
+    loop, moving = driven(programs, bus)
+    with ExitStack() as pages:
+        for _ in range(LATE_PAGES):
+            page = pages.enter_context(socket.create_connection((host, int(port))))
+            page.sendall(f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+        bus.wait_samples(50)
+        viewer.tell(signal.SIGSTOP)
+        end = bus.wait_samples(100)
+    record = bus.record(moving, end)
+    assert decided(record) == ["NOMINAL"]
+    assert record.faults() == []
+    assert viewer.is_running
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
