@@ -134,8 +134,8 @@ def test_a_small_receive_buffer_is_warned_of_and_its_command_enlarges_it(vcan0: 
 
 
 def test_without_rights_it_says_the_same_of_the_bus(interface: str) -> None:
-    code = (
-        "import os, sys; from vehicle_iface import cli; os.setgid(65534); os.setuid(65534);"
+    code = (  # imported while there still is a right to read where Python may be installed
+        "import locale, os, sys; from vehicle_iface import cli, doctor; os.setgid(65534); os.setuid(65534);"
         f"sys.exit(cli.main(['doctor', '--channel', '{interface}']))"
     )
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
