@@ -134,10 +134,16 @@ def test_a_small_receive_buffer_is_warned_of_and_its_command_enlarges_it(vcan0: 
 
 
 def test_without_rights_it_says_the_same_of_the_bus(interface: str) -> None:
-    code = (  # imported while there still is a right to read where Python may be installed
-        "import locale, os, sys; from vehicle_iface import cli, doctor; os.setgid(65534); os.setuid(65534);"
-        f"sys.exit(cli.main(['doctor', '--channel', '{interface}']))"
-    )
+    # Once before, so that all is imported while there still is a right to read where Python may be installed.
+    code = f"""
+import contextlib, io, os, sys
+from vehicle_iface import cli
+with contextlib.redirect_stdout(io.StringIO()):
+    cli.main(["doctor", "--channel", "{interface}"])
+os.setgid(65534)
+os.setuid(65534)
+sys.exit(cli.main(["doctor", "--channel", "{interface}"]))
+"""
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, check=False

@@ -63,7 +63,7 @@ def test_a_status_that_stays_away_stops_the_vehicle_after_200_ms(
 
 
 HALVES: dict[str, Callable[[Vehicle], None]] = {
-    "one part of each sample lacks": lambda vehicle: vehicle.faults.muted.update(CHASSIS=ALWAYS),
+    "one part of each sample lacks": lambda vehicle: vehicle.faults.muted.update(MOTION=ALWAYS),
     "a number that stands for nothing": lambda vehicle: setattr(vehicle, "pose_frame", 2),
 }
 
