@@ -12,7 +12,7 @@ from vehicle_iface import Trajectory
 from vehicle_iface.sim.pedals import press
 from vehicle_iface.trajectories import Route, make_route, save_csv
 
-from .conftest import Program, Programs
+from .conftest import Programs
 from .contract import CHANNEL, Observer
 
 CHROMIUM = "/usr/bin/chromium"
@@ -46,6 +46,7 @@ WATCH_BANNER = """
   note();
 }
 """
+STATE_AND_REASON = "() => (({state, reason}) => [state, reason])(document.getElementById('banner').dataset)"
 NUMBER = "(key) => parseFloat(document.getElementById(`n-${key}`).textContent)"
 
 
@@ -74,7 +75,8 @@ def test_the_page_shows_the_vehicle_drive_its_lap_on_vcan_and_stop_when_its_stat
     laps = tmp_path / "laps.csv"
     save_csv(laps, _laps(route, 10))
     pedals = str(tmp_path / "pedals")
-    programs.start("sim", "--channel", CHANNEL, "--start=" + ",".join(map(str, route.start)), "--pedals", pedals)
+    vehicle = ["sim", "--channel", CHANNEL, "--start=" + ",".join(map(str, route.start)), "--pedals", pedals]
+    sim = programs.start(*vehicle)
     viewer = programs.start("view", "--connect", TELEMETRY, "--port", "0")
     url = viewer.says(r"http://\S+").group()
     page.goto(url)
@@ -82,7 +84,13 @@ def test_the_page_shows_the_vehicle_drive_its_lap_on_vcan_and_stop_when_its_stat
     page.evaluate(WATCH_BANNER)
 
     loop = programs.start("run", "--channel", CHANNEL, "--telemetry", TELEMETRY, "--arm", "--trajectory", str(laps))
-    seen = _seen_driving(page, loop, pedals)
+    while not (seen := _seen_driving(page)):
+        sim.tell(signal.SIGTERM)
+        sim.ends()
+        sim = programs.start(*vehicle)
+        sim.says("simulated vehicle on")
+        loop.tell(signal.SIGUSR1)
+        page.wait_for_selector("#banner:not([data-state=FAULT])", state="attached")
     page.screenshot(path=str(tmp_path / "page.png"))
 
     places = np.array([(look["x"], look["y"]) for look in seen])
@@ -112,22 +120,19 @@ def _laps(route: Route, laps: int) -> Trajectory:
     )
 
 
-def _seen_driving(page: Page, loop: Program, pedals: str) -> list[dict[str, float]]:
-    """What the page shows from the engagement on until the vehicle is well on its way.
+def _seen_driving(page: Page) -> list[dict[str, float]]:
+    """What the page shows from the engagement on until the vehicle is well on its way; empty when it got into trouble.
 
     While the browser starts, the one processor may stand still for so long that the vehicle's watchdog acts, as it
-    must. Then driver and operator do what they would do: acknowledge, hand over, arm again.
+    must, and that brings it off its path. Then somebody puts it back at the start and arms again.
     """
     seen: list[dict[str, float]] = []
     while not seen or seen[-1]["in-space"] < POINTS_SEEN:
-        state = page.evaluate("() => document.getElementById('banner').dataset.state")
+        state, reason = page.evaluate(STATE_AND_REASON)
+        if state == "FAULT" or reason == "DEVIATION":
+            return []
         if state == "ENGAGED":
             seen.append(_look(page))
-        elif state == "FAULT":
-            seen.clear()
-            for order in ("reset", "ready"):
-                press(pedals, order)
-            loop.tell(signal.SIGUSR1)
         page.wait_for_timeout(1000)
     return seen
 
