@@ -5,7 +5,7 @@ import math
 from dataclasses import asdict
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vehicle_iface.errors import InvalidValueError
@@ -145,6 +145,8 @@ def test_reversing_faster_is_a_negative_acceleration_and_braking_it_a_positive_o
     assert state.speed_mps < 0.0 < state.accel_mps2
 
 
+@example(speed=0.0, brake=1.0, gear=Gear.REVERSE, hold=False, step_s=0.004)
+@example(speed=-0.0, brake=1.0, gear=Gear.DRIVE, hold=False, step_s=0.004)
 @given(
     speed=st.floats(-15, 30),
     brake=st.floats(0.05, 20),
@@ -156,7 +158,8 @@ def test_reversing_faster_is_a_negative_acceleration_and_braking_it_a_positive_o
 def test_braking_never_reverses_and_ends_at_exactly_zero(
     speed: float, brake: float, gear: Gear, hold: bool, step_s: float
 ) -> None:
-    opposes_gear = {Gear.DRIVE: speed >= 0, Gear.REVERSE: speed <= 0}.get(gear, True)
+    forwards = math.copysign(1.0, speed) > 0.0  # a zero has a sign, too: the brake is against it
+    opposes_gear = {Gear.DRIVE: forwards, Gear.REVERSE: not forwards}.get(gear, True)
     hold = hold or not opposes_gear  # else the engine takes over where the brake ends
     car = rolling(speed)
     actuation = Actuation(gear=gear, accel_mps2=-math.copysign(brake, speed), hold=hold)
