@@ -3,12 +3,15 @@
 import importlib
 import importlib.util
 import inspect
+import math
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+import msgspec
 
 from vehicle_iface import clock
 from vehicle_iface.bus.base import Bus
@@ -19,7 +22,7 @@ from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase
 from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.profile import Profile
+from vehicle_iface.profile import Limits, Plausibility, Profile
 from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.runtime.intake import TrajectoryIntake
 from vehicle_iface.runtime.loop import Loop, Parts
@@ -150,6 +153,7 @@ def build_loop(
     """A loop on an open bus; `BusError` when that cannot be opened. It calls `live` on its time grid."""
     profile, counts = database.profile, Counts()
     timing = profile.timing
+    limits, plausibility = _comparable(profile)
     engagement = Engagement(
         EngagementTiming(
             fresh_ns=ns_from_s(timing.engage_fresh_s),
@@ -164,8 +168,8 @@ def build_loop(
     pilot = Pilot(
         controller,
         Gate(
-            gate_channels(profile.limits, lambda field: _lsb(database, field)),
-            profile.limits,
+            gate_channels(limits, lambda field: _lsb(database, field)),
+            limits,
             wheelbase_m=profile.geometry.wheelbase_m,
         ),
         engagement,
@@ -184,7 +188,7 @@ def build_loop(
             pilot=pilot,
             engagement=engagement,
             encoder=Encoder(database.sent),
-            plausibility=PlausibilityCheck(profile.plausibility, wheelbase_m=profile.geometry.wheelbase_m),
+            plausibility=PlausibilityCheck(plausibility, wheelbase_m=profile.geometry.wheelbase_m),
             outlet=Outlet(_outgoing(database)),
             intake=TrajectoryIntake(source, controller, counts, limits=profile.limits),
             teller=Teller(telemetry, controller, counts),
@@ -199,6 +203,18 @@ def build_loop(
             live=live,
         )
     )
+
+
+def _comparable(profile: Profile) -> tuple[Limits, Plausibility]:
+    """The limits without those that compare with a signal that the vehicle does not send: it is unknown, and not 0."""
+    limits, plausibility, signals = profile.limits, profile.plausibility, profile.state.signals
+    if signals.front_wheel_angle_rad is None:
+        limits = msgspec.structs.replace(limits, front_wheel_deviation_rad=math.inf)
+    if signals.front_wheel_angle_rad is None or signals.yaw_rate_radps is None:
+        plausibility = msgspec.structs.replace(plausibility, yaw_rate_apart_radps=math.inf)
+    if signals.yaw_rate_radps is None:
+        plausibility = msgspec.structs.replace(plausibility, heading_apart_rad=math.inf)
+    return limits, plausibility
 
 
 def _outgoing(database: VehicleDatabase) -> Iterator[Outgoing]:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from vehicle_iface.bus.socketcan import RECEIVE_BUFFER_BYTES
+from vehicle_iface.first_use import VIRTUAL_KINDS
 from vehicle_iface.profile import Bus
 from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.telemetry import telemetry_path
@@ -40,7 +41,6 @@ QUEUED_S = 0.01
 TELEMETRY_BYTES = 4 << 20
 SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies", "refined-jiffies", "pit")
 FAST_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock")
-VIRTUAL = ("vcan", "vxcan")
 
 
 class Verdict(StrEnum):
@@ -125,7 +125,7 @@ def of_socketcan(channel: str) -> Iterator[Finding]:
             yield _missing("SocketCAN", f"not in this kernel ({error}); for one that has it", "tools/vcan tools/demo")
         return
     yield _ok("SocketCAN", "can and can_raw are there")
-    if channel.startswith(VIRTUAL) and not _exists(channel):
+    if channel.startswith(VIRTUAL_KINDS) and not _exists(channel):
         kind = "vxcan" if channel.startswith("vxcan") else "vcan"
         if has_module(kind):
             yield _ok(kind, "there, for virtual interfaces")
@@ -179,7 +179,7 @@ def of_link(link: Mapping[str, Any], bus: Bus) -> Iterator[Finding]:
     yield _of_mtu(name, kind, int(link.get("mtu", 0)), bus)
     if kind == "can":
         yield from _of_controller(name, info.get("info_data", {}), bus)
-    elif kind in VIRTUAL:
+    elif kind in VIRTUAL_KINDS:
         yield _ok("bit rate", "virtual: none, no restart-ms and no error states")
     else:
         yield _warn(

@@ -7,6 +7,7 @@ from vehicle_iface.bus.survey import Glimpse
 from vehicle_iface.frame import CanFrame
 
 MOST_AT_ONCE = 8
+"""Frames of one hand-over: a command and what is due behind it."""
 
 
 class Bus(Protocol):

@@ -20,8 +20,8 @@ SOL_SOCKET, SO_TIMESTAMPNS, SO_RXQ_OVFL = 1, 35, 40
 MSG_DONTROUTE, MSG_DONTWAIT, MSG_WAITFORONE = 0x4, 0x40, 0x10000
 
 # struct iovec, struct mmsghdr (a msghdr and a length) and struct cmsghdr of a 64-bit or 32-bit Linux.
-_IOVEC = struct.Struct("@PN")
-_MMSGHDR = struct.Struct("@PIPNPNi0PI0P")
+IOVEC = struct.Struct("@PN")
+MMSGHDR = struct.Struct("@PIPNPNi0PI0P")
 _CMSGHDR = struct.Struct("@Nii")
 _TIMESPEC = struct.Struct("@ll")
 _UINT32 = struct.Struct("@I")
@@ -44,14 +44,14 @@ class BatchReceiver:
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._places = bytearray(_STRIDE * BATCH)
-        self._vectors = bytearray(_IOVEC.size * BATCH)
-        self._headers = bytearray(_MMSGHDR.size * BATCH)
+        self._vectors = bytearray(IOVEC.size * BATCH)
+        self._headers = bytearray(MMSGHDR.size * BATCH)
         places, vectors = address_of(self._places), address_of(self._vectors)
         for i in range(BATCH):
-            place, vector = places + i * _STRIDE, vectors + i * _IOVEC.size
-            _IOVEC.pack_into(self._vectors, i * _IOVEC.size, place, CANFD_MTU)
+            place, vector = places + i * _STRIDE, vectors + i * IOVEC.size
+            IOVEC.pack_into(self._vectors, i * IOVEC.size, place, CANFD_MTU)
             fields = (0, 0, vector, 1, place + CANFD_MTU, _CONTROL_BYTES, 0, 0)
-            _MMSGHDR.pack_into(self._headers, i * _MMSGHDR.size, *fields)
+            MMSGHDR.pack_into(self._headers, i * MMSGHDR.size, *fields)
         self._blank = bytes(self._headers)
         self._address = address_of(self._headers)
         self._recvmmsg = ctypes.CDLL(None, use_errno=True).recvmmsg
@@ -71,7 +71,7 @@ class BatchReceiver:
             raise OSError(error, os.strerror(error))
         packets: list[Packet] = []
         for i in range(count):
-            _, _, _, _, _, control, flags, length = _MMSGHDR.unpack_from(self._headers, i * _MMSGHDR.size)
+            _, _, _, _, _, control, flags, length = MMSGHDR.unpack_from(self._headers, i * MMSGHDR.size)
             at = i * _STRIDE
             can_id, size, _, room, told, level, kind, seconds, nanoseconds = _PLACE.unpack_from(self._places, at)
             if control == told and level == SOL_SOCKET and kind == SO_TIMESTAMPNS:  # the stamp is all there is
@@ -80,7 +80,7 @@ class BatchReceiver:
                 wall_ns, dropped = self._ancillary(at + CANFD_MTU, control)
             is_local = flags & MSG_DONTROUTE != 0
             packets.append((can_id, room[:size], length == CANFD_MTU, wall_ns, dropped, is_local))
-        used = count * _MMSGHDR.size
+        used = count * MMSGHDR.size
         self._headers[:used] = self._blank[:used]  # the kernel has written lengths into them
         return packets
 

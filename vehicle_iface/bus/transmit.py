@@ -3,15 +3,11 @@
 import ctypes
 import errno
 import os
-import struct
 from collections.abc import Sequence
 
 from vehicle_iface.bus.base import MOST_AT_ONCE
-from vehicle_iface.bus.receive import CANFD_MTU, MSG_DONTWAIT, address_of
+from vehicle_iface.bus.receive import CANFD_MTU, IOVEC, MMSGHDR, MSG_DONTWAIT, address_of
 
-# struct iovec and struct mmsghdr (a msghdr and a length) of a 64-bit or 32-bit Linux.
-_IOVEC = struct.Struct("@PN")
-_MMSGHDR = struct.Struct("@PIPNPNi0PI0P")
 _REFUSED = (errno.ENOBUFS, errno.EAGAIN, errno.EINTR)
 
 
@@ -21,13 +17,13 @@ class BatchSender:
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._places = bytearray(CANFD_MTU * MOST_AT_ONCE)
-        self._vectors = bytearray(_IOVEC.size * MOST_AT_ONCE)
-        self._headers = bytearray(_MMSGHDR.size * MOST_AT_ONCE)
+        self._vectors = bytearray(IOVEC.size * MOST_AT_ONCE)
+        self._headers = bytearray(MMSGHDR.size * MOST_AT_ONCE)
         self._place = address_of(self._places)
         vectors = address_of(self._vectors)
         for i in range(MOST_AT_ONCE):
-            fields = (0, 0, vectors + i * _IOVEC.size, 1, 0, 0, 0, 0)
-            _MMSGHDR.pack_into(self._headers, i * _MMSGHDR.size, *fields)
+            fields = (0, 0, vectors + i * IOVEC.size, 1, 0, 0, 0, 0)
+            MMSGHDR.pack_into(self._headers, i * MMSGHDR.size, *fields)
         self._address = address_of(self._headers)
         self._sendmmsg = ctypes.CDLL(None, use_errno=True).sendmmsg
         self._sendmmsg.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int)
@@ -40,7 +36,7 @@ class BatchSender:
         for i, frame in enumerate(frames):
             at = i * CANFD_MTU
             self._places[at : at + len(frame)] = frame
-            _IOVEC.pack_into(self._vectors, i * _IOVEC.size, self._place + at, len(frame))
+            IOVEC.pack_into(self._vectors, i * IOVEC.size, self._place + at, len(frame))
         count: int = self._sendmmsg(self._descriptor, self._address, len(frames), MSG_DONTWAIT)
         if count < 0:
             error = ctypes.get_errno()

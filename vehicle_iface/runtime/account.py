@@ -71,14 +71,8 @@ class Account:
                 "incomplete": self._tracker.incomplete,
                 "repeated": self._tracker.repeated,
             },
-            "drops": self._drops(),
-            "lost": dict(self._decoder.lost),
-            "limited": dict(self._pilot.gate.limited),
-            "implausible": dict(self._plausibility.found),
-            "deviations": dict(self._pilot.deviation.found),
-            "not_let_out": dict(self._outlet.refused),
+            **self._by_cause(),
             "bus": self._link.counters(),
-            "link_events": dict(self._link.events),
         }
 
     def summary(self, grid_overruns: int, now_ns: int) -> dict[str, Any]:
@@ -92,15 +86,9 @@ class Account:
             "commands": self._counts.commands,
             "deadline_misses": self._counts.deadline_misses,
             "latency": self._counts.latency.summary(),
-            "drops": self._drops(),
-            "lost": dict(self._decoder.lost),
-            "limited": dict(self._pilot.gate.limited),
-            "implausible": dict(self._plausibility.found),
-            "deviations": dict(self._pilot.deviation.found),
-            "not_let_out": dict(self._outlet.refused),
+            **self._by_cause(),
             "counts": self._counts.as_dict() | {"grid_overruns": grid_overruns},
             "bus_counters": self._link.counters(),
-            "link_events": dict(self._link.events),
             "link": self._link_summary(),
             "transitions": self._transitions,
         }
@@ -117,8 +105,18 @@ class Account:
     def _counted(self) -> dict[tuple[int, bool], int]:
         return self._decoder.seen | self._encoder.sent
 
-    def _drops(self) -> dict[str, int]:
-        return {f"{cause.value} {name}".strip(): count for (cause, name), count in self._decoder.drops.items()}
+    def _by_cause(self) -> dict[str, dict[str, int]]:
+        """What was dropped, cut or refused, and what the hardware reported: each room's own counts."""
+        drops = {f"{cause.value} {name}".strip(): count for (cause, name), count in self._decoder.drops.items()}
+        return {
+            "drops": drops,
+            "lost": self._decoder.lost,
+            "limited": dict(self._pilot.gate.limited),
+            "implausible": dict(self._plausibility.found),
+            "deviations": dict(self._pilot.deviation.found),
+            "not_let_out": dict(self._outlet.refused),
+            "link_events": dict(self._link.events),
+        }
 
     def _since_start_s(self, when_ns: int) -> float:
         return s_from_ns(when_ns - self._started_ns)

@@ -290,7 +290,7 @@ class Loop:
             return
         self._answer = self._pilot.answer_without_sample(newest.state, self._tracker.status, now_ns, reason)
         sent = self._send_command(self._answer, now_ns)
-        self._counts.stale_stops += sent
+        self._counts.stale_stops += sent and self._answer.safe.enable
         self._tell(now_ns, sent=sent)
 
     def _send_reports(self, now_ns: int) -> None:

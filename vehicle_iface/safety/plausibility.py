@@ -4,6 +4,7 @@ import math
 from enum import Enum
 
 from vehicle_iface.profile import Plausibility
+from vehicle_iface.safety.lateral import curvature_per_m
 from vehicle_iface.state import VehicleState
 from vehicle_iface.units import s_from_ns, wrapped_rad
 
@@ -84,7 +85,8 @@ class PlausibilityCheck:
             return Doubt.RANGE
         if abs(state.yaw_rate_radps) > limits.yaw_rate_radps:
             return Doubt.RANGE
-        by_wheels_radps = state.speed_mps * math.tan(state.front_wheel_angle_rad) / self._wheelbase_m
+        curvature = curvature_per_m(state.front_wheel_angle_rad, state.rear_wheel_angle_rad, self._wheelbase_m)
+        by_wheels_radps = state.speed_mps * curvature
         if abs(state.yaw_rate_radps - by_wheels_radps) > limits.yaw_rate_apart_radps:
             return Doubt.DISAGREEMENT
         if before is None:
