@@ -1,0 +1,177 @@
+"""What the bench found out: data that goes to JSON and back, and that the reports are made from.
+
+Times are seconds from the beginning of a case unless they say otherwise; None where there is nothing to say.
+"""
+
+from enum import StrEnum
+from pathlib import Path
+
+import msgspec
+
+
+class Verdict(StrEnum):
+    """Of a check, a case or a run."""
+
+    PASS = "PASS"
+    FAIL = "FAIL"
+    NOT_EXECUTED = "NOT EXECUTED"
+
+
+class Evidence(StrEnum):
+    """What a result is evidence about. On a virtual bus nothing is evidence about hardware."""
+
+    VIRTUAL_BUS = "virtual bus, simulated vehicle"
+    REAL_BUS = "real bus, simulated vehicle"
+    REAL_VEHICLE = "real bus, real vehicle"
+
+
+class EventKind(StrEnum):
+    """Where on its time line a case is."""
+
+    PREPARATION = "preparation"
+    INJECTION = "injection"
+    END_OF_INJECTION = "end of injection"
+    DETECTION = "detection"
+    """The device says on the bus that it knows: a reason, ENABLE = 0, silence."""
+    REACTION = "reaction"
+    """The first command that does what must be done."""
+    STANDSTILL = "standstill"
+    CLEAN_UP = "clean-up"
+
+
+class Event(msgspec.Struct, frozen=True, kw_only=True):
+    """One instant on a case's time line."""
+
+    at_s: float
+    kind: EventKind
+    text: str
+
+
+class Check(msgspec.Struct, frozen=True, kw_only=True):
+    """One thing that had to be so."""
+
+    text: str
+    """What must be, or must never be."""
+    verdict: Verdict
+    measured: float | None = None
+    limit: float | None = None
+    """`measured` must not be above it."""
+    unit: str = ""
+    found: list[str] = []
+    """What was found instead: the first few, each with its time."""
+
+
+class Distribution(msgspec.Struct, frozen=True, kw_only=True):
+    """Many measurements of one quantity."""
+
+    name: str
+    unit: str
+    count: int
+    p50: float
+    p95: float
+    p99: float
+    max: float
+    edges: list[float]
+    """Of the histogram's bins, one more than `counts`."""
+    counts: list[int]
+    limit: float | None = None
+
+
+class Series(msgspec.Struct, frozen=True, kw_only=True):
+    """One line of a plot."""
+
+    name: str
+    at_s: list[float]
+    values: list[float]
+
+
+class Plot(msgspec.Struct, frozen=True, kw_only=True):
+    """Lines over time, with the limits that hold for them."""
+
+    title: str
+    unit: str
+    series: list[Series]
+    lowest: float | None = None
+    highest: float | None = None
+
+
+class Path2D(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the vehicle was to go and where it went, m."""
+
+    wanted_x_m: list[float]
+    wanted_y_m: list[float]
+    driven_x_m: list[float]
+    driven_y_m: list[float]
+
+
+class CaseResult(msgspec.Struct, frozen=True, kw_only=True):
+    """One case, once."""
+
+    name: str
+    proves: str
+    """In a sentence."""
+    fault: str = ""
+    """Its row in the catalogue of faults: B1, S4, …; empty for a manoeuvre or a measurement."""
+    tags: list[str] = []
+    verdict: Verdict
+    why: str = ""
+    """Of a FAIL the first check that failed; of a NOT EXECUTED what is missing."""
+    evidence: Evidence
+    repetition: int = 1
+    seed: int = 0
+    began_s: float = 0.0
+    """From the beginning of the run."""
+    duration_s: float = 0.0
+    injected: str = ""
+    """What was injected, in words."""
+    checks: list[Check] = []
+    events: list[Event] = []
+    distributions: list[Distribution] = []
+    plots: list[Plot] = []
+    path: Path2D | None = None
+    counts: dict[str, int] = {}
+    """Frames, samples, commands, losses, counter gaps, …"""
+    candump: str = ""
+    """File with every frame, relative to the report's folder."""
+    device_log: str = ""
+    """File with what the device said, relative to the report's folder."""
+
+
+class Run(msgspec.Struct, frozen=True, kw_only=True):
+    """The whole catalogue, or what of it was chosen."""
+
+    format: int = 1
+    verdict: Verdict
+    """FAIL if any case failed; NOT EXECUTED if none was executed; else PASS."""
+    evidence: Evidence
+    began: str
+    """Wall clock, ISO 8601 with the offset to UTC."""
+    duration_s: float
+    command: str
+    """The command line."""
+    channel: str
+    profile: str
+    profile_hash: str
+    """SHA-256 of the profile's TOML and DBC."""
+    device: str
+    """How the device under test was started, or that it was there."""
+    seed: int
+    environment: dict[str, str]
+    """Host, kernel, processors, adapter, Python, versions of the libraries, revision of the bench."""
+    cases: list[CaseResult]
+
+
+def verdict_of(cases: list[CaseResult]) -> Verdict:
+    """What a list of cases comes to."""
+    verdicts = {case.verdict for case in cases}
+    return next((v for v in (Verdict.FAIL, Verdict.PASS) if v in verdicts), Verdict.NOT_EXECUTED)
+
+
+def write(run: Run, path: Path) -> None:
+    """As JSON that people can read, too."""
+    path.write_bytes(msgspec.json.format(msgspec.json.encode(run), indent=1) + b"\n")
+
+
+def read(path: Path) -> Run:
+    """Raises `msgspec.MsgspecError` with the place, and `OSError`."""
+    return msgspec.json.decode(path.read_bytes(), type=Run)
