@@ -193,6 +193,14 @@ def test_while_most_frames_are_damaged_no_intact_one_is_trusted() -> None:
     assert good == [Sequence.UNTRUSTED] * 5 + [Sequence.OK] * 11
 
 
+@pytest.mark.parametrize(("bad", "verdict"), [(8, Sequence.OK), (9, Sequence.UNTRUSTED)])
+def test_half_of_the_last_sixteen_frames_have_to_be_good_with_the_newest(bad: int, verdict: Sequence) -> None:
+    check = CounterCheck(15, 3)
+    check.step(0)
+    damaged(check, bad)
+    assert check.step(1) is verdict
+
+
 def test_noise_alone_never_begins_a_sequence() -> None:
     check = CounterCheck(15, 3)
     damaged(check, 20)
@@ -267,6 +275,15 @@ def test_a_damaged_frame_widens_the_next_step_and_no_other():
     damaged(check, 1)
     assert check.step(4) is Sequence.OK
     assert check.step(8) is Sequence.WRONG
+
+
+@pytest.mark.parametrize("bad", [0, 1, 2, 3, 4])
+def test_each_damaged_frame_widens_the_next_step_by_one(bad):
+    for step, verdict in ((3 + bad, Sequence.OK), (4 + bad, Sequence.WRONG)):
+        check = CounterCheck(15, 3)
+        check.step(0)
+        damaged(check, bad)
+        assert check.step(step) is verdict
 
 
 def test_damage_before_a_reset_widens_nothing_after_it():

@@ -10,9 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface.control import ReferencePoint, point_at, tracking_error
-from vehicle_iface.control.tracking import advanced_in_blocks, advanced_in_space, advanced_in_time
+from vehicle_iface.control.tracking import Progress, advanced_in_blocks, advanced_in_space, advanced_in_time
 from vehicle_iface.errors import FrameMismatchError, InvalidValueError
 from vehicle_iface.state import VehicleState
+from vehicle_iface.trajectory import Trajectory
+from vehicle_iface.units import NS_PER_S
 
 from . import strategies
 from .contract import along_x, at
@@ -67,6 +69,22 @@ def test_the_tolerance_is_in_the_products_own_unit(spacing_m: float) -> None:
     assert advanced_in_space(xs, ys, 0, spacing_m - 1.01e-7 / spacing_m, 0.0) == 0
 
 
+@pytest.mark.parametrize("advanced", [advanced_in_space, advanced_in_blocks])
+@pytest.mark.parametrize(("x_m", "index"), [(-1e-7, 1), (-1.0000001e-7, 0)])
+def test_a_point_is_passed_when_the_product_is_the_tolerance_itself(advanced: Any, x_m: float, index: int) -> None:
+    assert advanced([-1.0, 0.0], [0.0, 0.0], 0, x_m, 0.0) == index
+    assert advanced([0.0, 0.0], [-1.0, 0.0], 0, 0.0, x_m) == index
+
+
+@pytest.mark.parametrize("advanced", [advanced_in_space, advanced_in_blocks])
+def test_whether_a_point_is_passed_is_asked_along_the_way_to_it_and_not_from_where_the_walk_began(
+    advanced: Any,
+) -> None:
+    out_and_half_back, zeros = [0.0, 10.0, 5.0], [0.0] * 3
+    assert advanced(out_and_half_back, zeros, 0, 11.0, 0.0) == 1
+    assert advanced(zeros, out_and_half_back, 0, 0.0, 11.0) == 1
+
+
 def test_points_at_one_place_are_passed_together() -> None:
     assert advanced_in_space([0.0, 1.0, 1.0, 1.0, 2.0], [0.0] * 5, 0, 1.5, 0.0) == 3
     assert advanced_in_space([0.0, 1.0, 1.0, 1.0, 2.0], [0.0] * 5, 0, 0.5, 0.0) == 0
@@ -100,6 +118,71 @@ def test_the_index_in_time_is_the_last_point_whose_time_has_come(
     index = data.draw(st.integers(0, len(times) - 1))
     expected = max([index, *(i for i, time in enumerate(times) if time <= elapsed)])
     assert advanced_in_time(times, index, elapsed) == expected
+
+
+def one_point(x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0, time_ns: int = 0) -> Trajectory:
+    return Trajectory(
+        stamp_ns=7,
+        time_from_start_ns=[time_ns],
+        x_m=[x_m],
+        y_m=[y_m],
+        heading_rad=[heading_rad],
+        speed_mps=[1.0],
+    )
+
+
+ways = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0))
+
+
+@given(place=ways, heading_rad=strategies.angles, way=ways)
+def test_past_the_end_is_ahead_of_the_last_point_in_its_own_axes_wherever_to_the_side(
+    place: tuple[float, float], heading_rad: float, way: tuple[float, float]
+) -> None:
+    ahead_m, left_m = way
+    if abs(ahead_m) < 1e-6:  # on the plane itself rounding decides
+        return
+    x_m = place[0] + ahead_m * math.cos(heading_rad) - left_m * math.sin(heading_rad)
+    y_m = place[1] + ahead_m * math.sin(heading_rad) + left_m * math.cos(heading_rad)
+    assert Progress(one_point(*place, heading_rad)).is_past_end_in_space(x_m, y_m) is (ahead_m > 0.0)
+
+
+@pytest.mark.parametrize(("x_m", "is_past"), [(-1e-7, True), (-1.0000001e-7, False)])
+def test_the_end_is_passed_when_what_is_missing_is_the_tolerance_itself(x_m: float, is_past: bool) -> None:
+    assert Progress(one_point()).is_past_end_in_space(x_m, 0.0) is is_past
+
+
+def test_a_place_behind_the_plane_of_the_end_is_not_past_it_while_points_are_left() -> None:
+    there_and_back = Trajectory(
+        stamp_ns=0,
+        time_from_start_ns=[0, 1, 2],
+        x_m=[0.0, 10.0, 0.0],
+        y_m=[0.0, 0.0, 1.0],
+        heading_rad=[0.0, math.pi / 2, math.pi],
+        speed_mps=[1.0] * 3,
+    )
+    progress = Progress(there_and_back)
+    progress.advance(0, -1.0, 0.0)
+    assert not progress.is_past_end_in_space(-1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "end_ns"),
+    [(Trajectory.empty(stamp_ns=7), 7), (one_point(time_ns=5), 12), (along_x(stamp_ns=7), 10 * NS_PER_S + 7)],
+)
+def test_a_trajectory_ends_with_its_last_point_and_without_one_when_it_begins(
+    trajectory: Trajectory, end_ns: int
+) -> None:
+    progress = Progress(trajectory)
+    assert progress.is_past_end_in_time(end_ns)
+    assert not progress.is_past_end_in_time(end_ns - 1)
+
+
+def test_what_is_kept_of_a_trajectory_for_quick_reading_is_what_it_says() -> None:
+    trajectory = along_x(speed_mps=2.5)
+    progress = Progress(trajectory)
+    assert (list(progress.xs_m), list(progress.ys_m)) == (trajectory.x_m.tolist(), trajectory.y_m.tolist())
+    assert list(progress.speeds_mps) == trajectory.speed_mps.tolist()
+    assert list(progress.times_ns) == trajectory.time_from_start_ns.tolist()
 
 
 def test_the_error_is_state_minus_reference_in_the_references_axes() -> None:
@@ -140,6 +223,11 @@ def test_a_reference_without_a_frame_is_taken_to_be_in_the_states() -> None:
 def test_a_reference_in_another_frame_is_refused() -> None:
     with pytest.raises(FrameMismatchError):
         tracking_error(at(0.0), point_at(along_x(frame_id="odom"), 0))
+
+
+def test_a_reference_point_that_says_no_more_is_one_of_steady_straight_driving() -> None:
+    point = ReferencePoint(stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=1.0)
+    assert (point.accel_mps2, point.yaw_rate_radps, point.front_wheel_angle_rad) == (0.0, 0.0, 0.0)
 
 
 def test_a_point_of_a_trajectory_is_in_plain_numbers() -> None:

@@ -490,3 +490,89 @@ def test_of_a_link_that_comes_and_goes_the_first_thousand_changes_are_kept() -> 
         cable.pass_for(ms(100))
     assert len(cable.link.changes) == 1000
     assert cable.counts.link_losses == MAX_CHANGES // 2 + 1
+
+
+def lost_and_open_again(cable: Cable) -> None:
+    cable.down = True
+    cable.pass_for(ms(10))
+    cable.down = False
+    while cable.link.state.name != "RECOVERING":
+        cable.pass_for(ms(10))
+
+
+def test_the_first_event_of_a_kind_is_logged_when_it_comes(caplog: pytest.LogCaptureFixture) -> None:
+    cable = Cable()
+    cable.events = [LinkEvent.ARBITRATION_LOST]
+    cable.watch_for(ms(50))
+    assert [record.getMessage() for record in caplog.records] == [
+        f"socket 0: {LinkEvent.ARBITRATION_LOST.value} (further ones are counted)"
+    ]
+
+
+class BlindSocket(SurveyedSocket):
+    """One that carries frames, and breaks when it is asked for all traffic."""
+
+    def look(self, now_ns: int) -> Glimpse:  # noqa: ARG002
+        raise BusError("no tap")
+
+
+def test_a_look_at_the_traffic_that_finds_no_bus_is_a_loss() -> None:
+    cable = Cable(BlindSocket)
+    cable.watch_for(ms(490))
+    assert cable.lost == 0
+    cable.watch_for(ms(10))
+    assert (cable.lost, cable.sockets[0].closed, states(cable)) == (1, 1, ["DOWN"])
+
+
+def test_refusals_before_a_loss_do_not_count_after_it() -> None:
+    cable = Cable()
+    stalled = []
+    for _ in range(2):
+        cable.waiting = True
+        for _ in range(3):
+            cable.link.has_room()
+            stalled.append(cable.link.is_stalled)
+        cable.waiting = False
+        lost_and_open_again(cable)
+        assert not cable.link.is_stalled
+    assert stalled == [False, False, True] * 2
+
+
+def test_an_illness_ends_with_the_bus_that_had_it() -> None:
+    cable = Cable()
+    cable.events = [LinkEvent.PASSIVE]
+    cable.watch_for(ms(50))
+    lost_and_open_again(cable)
+    cable.frames = [FRAME]
+    cable.watch_for(ms(600))
+    assert states(cable) == ["DEGRADED", "DOWN", "RECOVERING", "UP"]
+
+
+def test_what_was_heard_before_a_loss_does_not_make_a_link_well_after_it() -> None:
+    cable = Cable()
+    cable.frames = [FRAME]
+    cable.pass_for(ms(10))
+    lost_and_open_again(cable)
+    cable.watch_for(ms(2000))
+    assert states(cable) == ["DOWN", "RECOVERING"]
+
+
+def test_a_link_that_is_back_is_believed_half_a_second_later_and_not_with_its_first_frame() -> None:
+    cable = Cable()
+    lost_and_open_again(cable)
+    cable.frames = [FRAME]
+    cable.watch_for(ms(400))
+    assert states(cable) == ["DOWN", "RECOVERING"]
+    cable.watch_for(ms(150))
+    assert states(cable) == ["DOWN", "RECOVERING", "UP"]
+
+
+def test_a_stuck_bus_whose_interface_goes_down_is_not_taken_for_one_that_is_back() -> None:
+    cable = Cable()
+    cable.waiting = True
+    for _ in range(12):
+        cable.link.has_room()
+        cable.watch_for(ms(10))
+    cable.down = True
+    cable.watch_for(ms(1000))
+    assert (states(cable), cable.lost, cable.sockets[0].closed) == (["DEGRADED", "DOWN"], 1, 1)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface.errors import InvalidValueError
-from vehicle_iface.safety.limits import Channel, by_speed, limited_raw
+from vehicle_iface.safety.limits import Channel, by_speed, limited_raw, within_both
 
 ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -134,3 +134,22 @@ def test_a_table_holds_its_first_value_before_its_first_row_and_its_last_one_bey
 ) -> None:
     table = ((5.0, 0.4), (10.0, 0.2), (20.0, 0.1))
     assert by_speed(table, speed_mps) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("first", "both"),
+    [
+        ((-1.0, 9.0), (0.0, 3.0)),
+        ((1.0, 2.0), (1.0, 2.0)),
+        ((-1.0, 2.0), (0.0, 2.0)),
+        ((1.0, 9.0), (1.0, 3.0)),
+        ((3.0, 9.0), (3.0, 3.0)),
+        ((-1.0, 0.0), (0.0, 0.0)),
+        ((3.1, 9.0), (0.0, 3.0)),
+        ((-9.0, -0.1), (0.0, 3.0)),
+    ],
+)
+def test_of_two_intervals_that_do_not_meet_the_second_one_counts(
+    first: tuple[float, float], both: tuple[float, float]
+) -> None:
+    assert within_both(first, (0.0, 3.0)) == both
