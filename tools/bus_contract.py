@@ -80,6 +80,18 @@ class Told:
         return REASONS[number] if number < len(REASONS) else f"REASON {number}"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What may be commanded to a vehicle."""
+
+    steer_rad: float = 0.6
+    """To either side."""
+    steer_rate_radps: float = 0.8
+    accel_range_mps2: tuple[float, float] = (-6.0, 3.0)
+    """Driving forward; the other way round in reverse."""
+    gear_change_mps: float = 0.5
+
+
 @dataclass(frozen=True)
 class Contract:
     """One layout of the bus."""
@@ -96,6 +108,7 @@ class Contract:
     """The messages that are one state sample, with one counter."""
     command: tuple[str, ...]
     """The messages that are one command, the one with the acceleration first."""
+    limits: Limits = Limits()
 
     @cached_property
     def names(self) -> Mapping[int, str]:

@@ -2,8 +2,9 @@
 
 import math
 from collections import Counter, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from bus_contract import (
     DRIVE,
@@ -16,8 +17,8 @@ from bus_contract import (
     REFERENCE,
     REVERSE,
     STOPPING,
-    Contract,
     Frame,
+    Limits,
     S,
     Told,
 )
@@ -31,10 +32,6 @@ SILENCE_NS = 200 * MS
 SETTLING_NS = 200 * MS
 """At a beginning, frames may have queued up before the first answer."""
 
-STEER_LIMIT_RAD = 0.6
-STEER_RATE_RADPS = 0.8
-ACCEL_RANGE_MPS2 = (-6.0, 3.0)
-GEAR_CHANGE_MPS = 0.5
 LEAST_LOSS_NS = 40 * MS
 """After so long without a sample, as the observer sees it, a stop needs none."""
 JITTER_NS = 20 * MS
@@ -42,6 +39,23 @@ JITTER_NS = 20 * MS
 STOP_NS = 0
 """So long after its beginning a stop brakes; until then the acceleration may be on its way down."""
 END_OF_TRAJECTORY = ("PAST_END_SPACE", "PAST_END_TIME")
+
+
+class Judged(Protocol):
+    """What must be known of a bus to judge what was on it."""
+
+    @property
+    def names(self) -> Mapping[int, str]: ...
+    @property
+    def sample(self) -> tuple[str, ...]: ...
+    @property
+    def command(self) -> tuple[str, ...]: ...
+    @property
+    def counters(self) -> int: ...
+    @property
+    def limits(self) -> Limits: ...
+    def is_well_formed(self, frame: Frame) -> bool: ...
+    def intact(self, frame: Frame) -> Told | None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +145,7 @@ class Record:
         ]
 
 
-def examine(frames: Iterable[Frame], contract: Contract = REFERENCE) -> Record:
+def examine(frames: Iterable[Frame], contract: Judged = REFERENCE) -> Record:
     """Judge a record. Frames are taken in the order of their stamps."""
     record = Record()
     in_order = sorted(frames, key=lambda frame: frame.stamp_ns)
@@ -145,8 +159,8 @@ def examine(frames: Iterable[Frame], contract: Contract = REFERENCE) -> Record:
     _find_samples(accepted, contract, record)
     _find_pairs(contract, record)
     _judge_answers(record)
-    _judge_values(record)
-    _judge_rates(record)
+    _judge_values(record, contract.limits)
+    _judge_rates(record, contract.limits)
     _judge_lights_and_reports(record)
     return record
 
@@ -195,7 +209,7 @@ def _at(stamp_ns: int, begin_ns: int) -> str:
     return f"{(stamp_ns - begin_ns) / S:.3f} s"
 
 
-def _judged_frame(frame: Frame, contract: Contract, record: Record) -> Told | None:
+def _judged_frame(frame: Frame, contract: Judged, record: Record) -> Told | None:
     name = contract.names.get(frame.can_id)
     if name is None:
         record.frames[f"0x{frame.can_id:03X}"] += 1
@@ -212,7 +226,7 @@ def _judged_frame(frame: Frame, contract: Contract, record: Record) -> Told | No
     return told
 
 
-def _judge_counters(contract: Contract, record: Record) -> list[Told]:
+def _judge_counters(contract: Judged, record: Record) -> list[Told]:
     """Notes every step that is not 1; returns what a receiver accepts: steps of 1 to 3, and one more for each
     frame of the message that was damaged on the way (AUTOSAR profile 1)."""
     last: dict[str, int] = {}
@@ -234,7 +248,7 @@ def _judge_counters(contract: Contract, record: Record) -> list[Told]:
     return accepted
 
 
-def _find_samples(accepted: Iterable[Told], contract: Contract, record: Record) -> None:
+def _find_samples(accepted: Iterable[Told], contract: Judged, record: Record) -> None:
     pending: dict[int, dict[str, Told]] = {}
     for told in accepted:
         if told.name not in contract.sample:
@@ -250,7 +264,7 @@ def _find_samples(accepted: Iterable[Told], contract: Contract, record: Record) 
             record.samples.append(Sample(told.stamp_ns, *place, signals["SPEED"]))
 
 
-def _find_pairs(contract: Contract, record: Record) -> None:
+def _find_pairs(contract: Judged, record: Record) -> None:
     """A DRIVE_COMMAND and the next STEER_COMMAND, or the other way round; a half without its other is told.
 
     A COMMAND on CAN FD is both.
@@ -328,28 +342,28 @@ def _judge_stretch(pairs: Sequence[Pair], record: Record) -> None:
         record.unanswered.append(f"a sample after {_at(debt_free_ns, record.begin_ns)}")
 
 
-def _judge_values(record: Record) -> None:
+def _judge_values(record: Record, limits: Limits) -> None:
     """Ranges, and signals that must agree with each other."""
     samples = deque(record.samples)
     speed_mps, driven_ns = 0.0, 0
     for pair in record.pairs:
-        drive, steer = pair.drive, pair.steer
-        while samples and samples[0].stamp_ns <= drive.stamp_ns:
+        while samples and samples[0].stamp_ns <= pair.drive.stamp_ns:
             speed_mps = samples.popleft().speed_mps
         driven_ns = driven_ns if pair.is_stop and driven_ns else pair.stamp_ns
         is_firm = pair.stamp_ns - driven_ns > STOP_NS
-        for wrong in _wrong_values(pair, drive, steer, speed_mps, is_firm=is_firm):
+        for wrong in _wrong_values(pair, speed_mps, limits, is_firm=is_firm):
             record.violations.append(f"{_at(pair.stamp_ns, record.begin_ns)}: {wrong}")
 
 
-def _wrong_values(pair: Pair, drive: Told, steer: Told, speed_mps: float, *, is_firm: bool) -> Iterable[str]:
-    lowest, highest = ACCEL_RANGE_MPS2
+def _wrong_values(pair: Pair, speed_mps: float, limits: Limits, *, is_firm: bool) -> Iterable[str]:
+    drive, steer = pair.drive, pair.steer
+    lowest, highest = limits.accel_range_mps2
     if speed_mps < -0.05 or drive["SPEED_REQUEST"] < 0.0 or drive["GEAR_REQUEST"] == REVERSE:
         lowest, highest = -highest, -lowest
     accel, angle = drive["ACCEL_REQUEST"], steer["FRONT_WHEEL_ANGLE_REQUEST"]
     if not lowest - 1e-9 <= accel <= highest + 1e-9:
         yield f"ACCEL_REQUEST {accel:.3f} m/s²"
-    if abs(angle) > STEER_LIMIT_RAD + 1e-9:
+    if abs(angle) > limits.steer_rad + 1e-9:
         yield f"FRONT_WHEEL_ANGLE_REQUEST {angle:.4f} rad"
     if drive["REASON"] >= len(REASONS):
         yield f"{pair.reason} is none"
@@ -363,13 +377,14 @@ def _wrong_values(pair: Pair, drive: Told, steer: Told, speed_mps: float, *, is_
         yield f"a stop accelerates by {accel:.3f} m/s² at {speed_mps:.2f} m/s"
     if drive["GEAR_REQUEST"] not in (REVERSE, DRIVE, NO_REQUEST):
         yield f"GEAR_REQUEST {drive['GEAR_REQUEST']:.0f}"
-    if drive["GEAR_REQUEST"] != NO_REQUEST and abs(speed_mps) >= GEAR_CHANGE_MPS + 0.05:
+    if drive["GEAR_REQUEST"] != NO_REQUEST and abs(speed_mps) >= limits.gear_change_mps + 0.05:
         yield f"GEAR_REQUEST {drive['GEAR_REQUEST']:.0f} at {speed_mps:.2f} m/s"
 
 
-def _judge_rates(record: Record) -> None:
+def _judge_rates(record: Record, limits: Limits) -> None:
     """The wheels' rate over every stretch of enabled commands, however short or long, not only from frame to frame."""
-    slack_rad = STEER_RATE_RADPS * JITTER_NS / S + 1e-4
+    rate_radps = limits.steer_rate_radps
+    slack_rad = rate_radps * JITTER_NS / S + 1e-4
     lowest, highest, before_ns = math.inf, -math.inf, 0
     for pair in record.pairs:
         t_s = (pair.steer.stamp_ns - record.begin_ns) / S
@@ -379,9 +394,9 @@ def _judge_rates(record: Record) -> None:
         before_ns = pair.stamp_ns
         if not pair.is_enabled:
             continue
-        rising, falling = angle - STEER_RATE_RADPS * t_s, angle + STEER_RATE_RADPS * t_s
+        rising, falling = angle - rate_radps * t_s, angle + rate_radps * t_s
         if rising > lowest + slack_rad or falling < highest - slack_rad:
-            record.violations.append(f"{t_s:.3f} s: wheels faster than {STEER_RATE_RADPS} rad/s, to {angle:.4f} rad")
+            record.violations.append(f"{t_s:.3f} s: wheels faster than {rate_radps} rad/s, to {angle:.4f} rad")
             lowest, highest = math.inf, -math.inf
         lowest, highest = min(lowest, rising), max(highest, falling)
 

@@ -1,0 +1,237 @@
+"""The bench as a whole: which cases, on what, one after the other, into one folder."""
+
+import datetime
+import os
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+
+from hil import result as results
+from hil import run_case
+from hil.bus import Bus, is_virtual
+from hil.case import Case, Need
+from hil.cases import CATALOGUE
+from hil.device import ROOT, Commands, DeviceError
+from hil.result import CaseResult, Evidence, Run, Verdict
+from hil.rig import RigError
+from hil.wire import Wire
+
+LISTEN_S = 1.0
+ATTEMPTS = 3
+"""At a case during which the bench itself was late."""
+LIBRARIES = ("cantools", "msgspec", "numpy", "rich", "jinja2")
+
+
+class BenchError(Exception):
+    """The bench cannot begin, and why."""
+
+
+class Audience(Protocol):
+    """Whom the bench tells how far it is."""
+
+    def begun(self, total: int) -> None: ...
+    def case_begun(self, name: str, proves: str) -> None: ...
+    def case_ended(self, case: CaseResult) -> None: ...
+    def ended(self, run: Run) -> None: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What a run is to do."""
+
+    wire: Wire
+    channel: str
+    commands: Commands
+    folder: Path
+    profile: str
+    cases: Sequence[Case]
+    repeat: int = 1
+    seed: int = 0
+    missing: str = ""
+    """Why nothing may be injected; empty when it may."""
+
+
+def chosen(names: Iterable[str], tags: Iterable[str], *, quick: bool) -> list[Case]:
+    """Cases by name and by tag, in the catalogue's order; all, if none is named. Raises `BenchError`."""
+    names, tags = set(names), set(tags) | ({"quick"} if quick else set())
+    unknown = names - {case.name for case in CATALOGUE} | tags - {tag for case in CATALOGUE for tag in case.tags}
+    if unknown:
+        raise BenchError(f"no such case or tag: {', '.join(sorted(unknown))}; --list names them all")
+    if not names and not tags:
+        return list(CATALOGUE)
+    return [case for case in CATALOGUE if case.name in names or tags & set(case.tags)]
+
+
+def traffic(channel: str, wire: Wire) -> list[str]:
+    """What is on the bus before the bench says anything: identifiers with their rates, and a vehicle that moves.
+
+    Raises `OSError` when the interface cannot be used.
+    """
+    bus = Bus(channel, None)
+    counts: dict[int, int] = {}
+    moving = ""
+    try:
+        end = time.monotonic() + LISTEN_S
+        while time.monotonic() < end:
+            for heard in bus.drain():
+                counts[heard.frame.can_id] = counts.get(heard.frame.can_id, 0) + 1
+                told = wire.intact(heard.frame)
+                if told is not None and abs(told.signals.get("SPEED", 0.0)) > 0.05:
+                    moving = f"{told.name} reports {told['SPEED']:.2f} m/s"
+            time.sleep(0.01)
+    finally:
+        bus.close()
+    found = [f"0x{can_id:03X} {count / LISTEN_S:.0f} times a second" for can_id, count in sorted(counts.items())]
+    return ([moving] if moving else []) + found
+
+
+def run(plan: Plan, audience: Audience) -> Run:
+    """Every case of the plan; what a case lacks is its reason not to be executed."""
+    began, begin_s = datetime.datetime.now().astimezone(), time.monotonic()
+    cases_folder = plan.folder / "cases"
+    cases_folder.mkdir(parents=True, exist_ok=True)
+    evidence = Evidence.VIRTUAL_BUS if is_virtual(plan.channel) else Evidence.REAL_BUS
+    bench = run_case.Bench(
+        wire=plan.wire,
+        channel=plan.channel,
+        commands=plan.commands,
+        folder=cases_folder,
+        profile=plan.profile,
+        evidence=evidence,
+        seed=plan.seed,
+    )
+    done: list[CaseResult] = []
+    audience.begun(len(plan.cases) * plan.repeat)
+    _be_prompt()
+    for case in plan.cases:
+        for repetition in range(1, plan.repeat + 1):
+            audience.case_begun(case.name, case.proves)
+            at_s = round(time.monotonic() - begin_s, 2)
+            done.append(_located(_executed(bench, case, repetition, plan), at_s))
+            audience.case_ended(done[-1])
+    report = Run(
+        verdict=results.verdict_of(done),
+        evidence=evidence,
+        began=began.isoformat(timespec="seconds"),
+        duration_s=round(time.monotonic() - begin_s, 1),
+        command=" ".join(sys.argv),
+        channel=plan.channel,
+        profile=plan.wire.name,
+        profile_hash=plan.wire.hash,
+        device=plan.commands.start or "there already, not started by the bench",
+        seed=plan.seed,
+        environment=environment(plan.channel),
+        cases=done,
+    )
+    audience.ended(report)
+    return report
+
+
+def environment(channel: str) -> dict[str, str]:
+    """Where the run was."""
+    found = {
+        "host": platform.node(),
+        "kernel": platform.release(),
+        "processors": str(os.cpu_count()),
+        "interface": channel,
+        "adapter": _adapter(channel),
+        "python": platform.python_version(),
+        "revision": _revision(),
+    }
+    for name in LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _executed(bench: run_case.Bench, case: Case, repetition: int, plan: Plan) -> CaseResult:
+    why = plan.missing or missing(case, plan.commands, plan.channel)
+    if why:
+        return _not_executed(bench, case, repetition, why)
+    for attempt in range(ATTEMPTS):
+        try:
+            found = run_case.run(bench, case, repetition)
+        except (RigError, DeviceError, OSError) as error:
+            return _not_executed(bench, case, repetition, f"the bench could not go on: {error}")
+        if found.verdict is not Verdict.NOT_EXECUTED or attempt == ATTEMPTS - 1:
+            break
+    return found
+
+
+def missing(case: Case, commands: Commands, channel: str) -> str:
+    """Why a case cannot be executed here; empty when it can."""
+    have = {
+        Need.OWN_PROCESS: commands.is_ours,
+        Need.START: bool(commands.start) if case.armed else bool(commands.listen),
+        Need.REARM: bool(commands.rearm) or commands.is_ours,
+        Need.VIRTUAL: is_virtual(channel),
+        Need.ROOT: os.geteuid() == 0,
+        Need.VXCAN: is_virtual(channel) and _has("tc") and _has("ip"),
+    }
+    lacking = [need.value for need in case.needs if not have[need]]
+    if not commands.start and (case.breaks or case.profile or case.setup):
+        lacking.append(Need.START.value)
+    return f"needs {'; '.join(lacking)}" if lacking else ""
+
+
+def _not_executed(bench: run_case.Bench, case: Case, repetition: int, why: str) -> CaseResult:
+    return CaseResult(
+        name=case.name,
+        proves=case.proves,
+        fault=case.fault,
+        tags=list(case.tags),
+        verdict=Verdict.NOT_EXECUTED,
+        why=why,
+        evidence=bench.evidence,
+        repetition=repetition,
+        seed=bench.seed,
+        injected=case.injected,
+    )
+
+
+def _located(found: CaseResult, at_s: float) -> CaseResult:
+    return msgspec.structs.replace(
+        found,
+        began_s=at_s,
+        candump=found.candump and f"cases/{found.candump}",
+        device_log=found.device_log and f"cases/{found.device_log}",
+    )
+
+
+def _be_prompt() -> None:
+    """Real-time priority, where it may be had: the bench must not be what is late."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))
+    except PermissionError:
+        return
+
+
+def _has(program: str) -> bool:
+    return shutil.which(program, path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin") is not None
+
+
+def _adapter(channel: str) -> str:
+    try:
+        driver = Path(f"/sys/class/net/{channel}/device/driver").resolve(strict=True)
+    except OSError:
+        return "none: a virtual interface"
+    return driver.name
+
+
+def _revision() -> str:
+    head = ROOT / ".git" / "HEAD"
+    try:
+        text = head.read_text().strip()
+        return (ROOT / ".git" / text[5:]).read_text().strip()[:12] if text.startswith("ref: ") else text[:12]
+    except OSError:
+        return "unknown"

@@ -1,0 +1,181 @@
+"""One SocketCAN interface as the bench uses it: every frame with the kernel's stamp, the bench's own included.
+
+A frame that the bench sent comes back when it was on the bus (`CAN_RAW_RECV_OWN_MSGS`), so both sides of a latency
+carry stamps of one clock; where the adapter stamps in hardware, those are kept beside them. The kernel's stamps are
+turned to the monotonic clock when they are read, so that a wall clock that steps does no harm.
+"""
+
+import contextlib
+import errno
+import os
+import socket
+import struct
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from bus_contract import Frame
+
+SO_TIMESTAMPING = 37
+CAN_RAW_ERR_FILTER = 2
+RX_HARDWARE, RX_SOFTWARE, SOFTWARE, RAW_HARDWARE = 1 << 2, 1 << 3, 1 << 4, 1 << 6
+MSG_CONFIRM = 0x800
+HEADER = struct.Struct("=IBB2x")
+STAMPS = struct.Struct("@6q")
+CLASSIC_BYTES, FD_BYTES = 16, 72
+EXTENDED, REMOTE, ERROR = 0x80000000, 0x40000000, 0x20000000
+ROOM_BYTES = 4 << 20
+S = 1_000_000_000
+LINK_LOST = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO)
+QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """A frame that was on the bus."""
+
+    frame: Frame
+    """Its stamp is monotonic."""
+    is_ours: bool
+    """The bench sent it."""
+    hardware_ns: int
+    """By the adapter's own clock, whose zero is anywhere; 0 where it has none."""
+
+
+class Bus:
+    """Raises `OSError` when the interface cannot be used; afterwards it comes and goes as the interface does."""
+
+    def __init__(self, channel: str, identifiers: Iterable[int] | None) -> None:
+        """Hear these 11-bit identifiers and error frames; None: everything."""
+        self.channel = channel
+        self._filters = None if identifiers is None else list(identifiers)
+        self._raw: socket.socket | None = None
+        self.refused = 0
+        """Frames that the queue had no room for."""
+        self._probed_ns = 0
+        self._open()
+
+    def send(self, frame: Frame) -> bool:
+        """Whether it was taken. It comes back from `drain` when it was on the bus."""
+        if not self._is_there():
+            return False
+        assert self._raw is not None
+        try:
+            self._raw.send(encoded(frame))
+        except OSError as error:
+            if error.errno in QUEUE_FULL:
+                self.refused += 1
+            else:
+                self._lose(error)
+            return False
+        return True
+
+    def drain(self) -> Iterator[Heard]:
+        """What has come since the last time."""
+        if not self._is_there():
+            return
+        while self._raw is not None:
+            try:
+                record, ancillary, flags, _ = self._raw.recvmsg(FD_BYTES, 128)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                self._lose(error)
+                return
+            stamp_ns, hardware_ns = _stamps(ancillary)
+            yield Heard(_decoded(record, stamp_ns), bool(flags & MSG_CONFIRM), hardware_ns)
+
+    def close(self) -> None:
+        """May be called twice."""
+        if self._raw is not None:
+            self._raw.close()
+            self._raw = None
+
+    def reopen(self) -> None:
+        """Use the interface that has the name now."""
+        self.close()
+        with contextlib.suppress(OSError):
+            self._open()
+
+    def _open(self) -> None:
+        raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        try:
+            if self._filters is not None:
+                masks = b"".join(struct.pack("=II", can_id, 0x7FF) for can_id in self._filters)
+                raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, masks)
+            raw.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, 0x1FFFFFFF)
+            raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+            raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_RECV_OWN_MSGS, 1)
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM_BYTES)
+            raw.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPING, RX_HARDWARE | RX_SOFTWARE | SOFTWARE | RAW_HARDWARE)
+            raw.setblocking(False)
+            raw.bind((self.channel,))
+        except OSError:
+            raw.close()
+            raise
+        self._raw = raw
+
+    def _is_there(self) -> bool:
+        """Opens it anew, ten times a second, after it was lost."""
+        if self._raw is None and time.monotonic_ns() - self._probed_ns > S // 10:
+            self._probed_ns = time.monotonic_ns()
+            with contextlib.suppress(OSError):
+                self._open()
+        return self._raw is not None
+
+    def _lose(self, error: OSError) -> None:
+        """A link that is down keeps its socket; an interface that is gone does not."""
+        if error.errno not in LINK_LOST:
+            raise error
+        if error.errno != errno.ENETDOWN:
+            self.close()
+
+
+def _decoded(record: bytes, stamp_ns: int) -> Frame:
+    word, length, _ = HEADER.unpack_from(record)
+    return Frame(
+        stamp_ns=stamp_ns,
+        can_id=word & (0x1FFFFFFF if word & (EXTENDED | ERROR) else 0x7FF),
+        data=record[8 : 8 + length],
+        is_extended=bool(word & EXTENDED),
+        is_remote=bool(word & REMOTE),
+        is_error=bool(word & ERROR),
+        is_fd=len(record) == FD_BYTES,
+    )
+
+
+def _stamps(ancillary: list[tuple[int, int, bytes]]) -> tuple[int, int]:
+    """Monotonic, and the adapter's."""
+    now_ns, wall_ns = time.monotonic_ns(), time.time_ns()
+    for _, kind, data in ancillary:
+        if kind == SO_TIMESTAMPING and len(data) >= STAMPS.size:
+            soft_s, soft_ns, _, _, hard_s, hard_ns = (int(number) for number in STAMPS.unpack_from(data))
+            age_ns = wall_ns - (soft_s * S + soft_ns)
+            return now_ns - (age_ns if 0 <= age_ns < S else 0), hard_s * S + hard_ns
+    return now_ns, 0
+
+
+def encoded(frame: Frame) -> bytes:
+    """The kernel's record of a frame, classical or FD."""
+    word = frame.can_id
+    word |= EXTENDED if frame.is_extended else 0
+    word |= REMOTE if frame.is_remote else 0
+    word |= ERROR if frame.is_error else 0
+    room = FD_BYTES if frame.is_fd else CLASSIC_BYTES
+    return (HEADER.pack(word, len(frame.data), 0) + frame.data).ljust(room, b"\0")
+
+
+def is_virtual(channel: str) -> bool:
+    """Whether no wire is behind an interface."""
+    return not os.path.exists(f"/sys/class/net/{channel}/device")
+
+
+def candump_line(frame: Frame, channel: str, wall_offset_ns: int) -> str:
+    """As `candump -L` writes it."""
+    name = f"{frame.can_id:08X}" if frame.is_extended or frame.is_error else f"{frame.can_id:03X}"
+    if frame.is_error:
+        name = f"{frame.can_id | ERROR:08X}"
+    seconds, rest = divmod(frame.stamp_ns + wall_offset_ns, S)
+    body = f"R{len(frame.data) or ''}" if frame.is_remote else frame.data.hex().upper()
+    mark = "##0" if frame.is_fd else "#"
+    return f"({seconds:010d}.{rest // 1000:06d}) {channel} {name}{mark}{body}"

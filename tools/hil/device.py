@@ -1,0 +1,130 @@
+"""The device under test: started and ended by commands, or already there.
+
+A command line is a template: {channel}, {profile}, {trajectory} and {route} are filled in. What was started here, and
+is no door to another computer, can also be stopped, killed and looked after by the operating system.
+"""
+
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+OWN = f"{sys.executable} -m vehicle_iface run --channel {{channel}} --profile {{profile}} --trajectory {{trajectory}}"
+LONGEST_COMMAND_S = 10.0
+
+
+class DeviceError(Exception):
+    """The device could not be started, ended or told."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Commands:
+    """How the device is handled."""
+
+    start: str = f"{OWN} --arm"
+    """Empty: it is there already."""
+    listen: str = OWN
+    """Started without being armed; empty: it has no such way."""
+    stop: str = ""
+    """Ends it in an orderly way; empty: SIGINT to what was started."""
+    rearm: str = ""
+    """The operator's edge; empty: SIGUSR1 to what was started."""
+    is_here: bool = True
+    """What is started is the device itself, not a door to another computer."""
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the operating system may be used against it."""
+        return bool(self.start) and self.is_here
+
+
+class Device:
+    """One life of the device."""
+
+    def __init__(self, commands: Commands, log: Path, words: Mapping[str, str]) -> None:
+        self._commands, self._words, self.log = commands, words, log
+        self._process: subprocess.Popen[bytes] | None = None
+        self.status: int | None = None
+        """Exit status, once it has ended."""
+
+    @property
+    def is_started(self) -> bool:
+        """Whether it was started here, so that its end can be seen."""
+        return self._process is not None
+
+    def start(self, *, armed: bool = True) -> None:
+        """Begin its life; one that is there already goes on with it."""
+        template = self._commands.start if armed else self._commands.listen
+        if not template:
+            return
+        with open(self.log, "ab") as log:
+            self._process = subprocess.Popen(
+                self._filled(template),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                cwd=ROOT,
+                env=os.environ | {"PYTHONUNBUFFERED": "1"},
+            )
+
+    def rearm(self) -> None:
+        """The operator's edge."""
+        if self._commands.rearm:
+            self._run(self._commands.rearm)
+        else:
+            self.send(signal.SIGUSR1)
+
+    def stop(self) -> None:
+        """Ask it to end in an orderly way; `poll` tells when it has."""
+        if self._commands.stop:
+            self._run(self._commands.stop)
+        elif self._process is not None:
+            self.send(signal.SIGINT)
+
+    def send(self, number: signal.Signals) -> None:
+        """A signal, if it still lives."""
+        if self.poll() is None and self._process is not None:
+            self._process.send_signal(number)
+
+    def poll(self) -> int | None:
+        """Its exit status; None while it lives, or where it was not started here."""
+        if self._process is not None and self.status is None:
+            self.status = self._process.poll()
+        return self.status
+
+    def kill(self) -> list[str]:
+        """End whatever is left of it; returns what had to be killed."""
+        if self._process is None:
+            return []
+        left = []
+        if self.poll() is None:
+            left.append(f"the device (process {self._process.pid}) still ran")
+            self._process.kill()
+            self.status = self._process.wait()
+        try:
+            os.killpg(self._process.pid, signal.SIGKILL)
+        except ProcessLookupError:
+            return left
+        time.sleep(0.05)
+        return left or ["a process that the device had started was still there"]
+
+    def _run(self, template: str) -> None:
+        command = self._filled(template)
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=LONGEST_COMMAND_S, check=False, cwd=ROOT)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise DeviceError(f"{shlex.join(command)}: {error}") from error
+        if done.returncode:
+            raise DeviceError(
+                f"{shlex.join(command)}: status {done.returncode}: {done.stderr.decode(errors='replace')}"
+            )
+
+    def _filled(self, template: str) -> list[str]:
+        return [part.format_map(self._words) for part in shlex.split(template)]

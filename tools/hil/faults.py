@@ -1,0 +1,523 @@
+"""What the bench injects: each a context in which something is wrong, and which mends it at its end.
+
+A context is entered while the vehicle drives; it may say itself when the fault began (`rig.injects`), otherwise it is
+its entry. Nothing here waits without the vehicle going on.
+"""
+
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bus_contract import Frame, S
+
+from hil.vehicle import Fault, Utterance, Values
+
+if TYPE_CHECKING:
+    from hil.rig import Rig
+
+Injection = Callable[["Rig"], AbstractContextManager[None]]
+ALWAYS = 1 << 40
+TOOLS = Path(__file__).resolve().parents[1]
+
+
+class _Frames(Fault):
+    """The next so many frames of some messages go through a function."""
+
+    def __init__(self, names: Sequence[str], count: int, change: Callable[[Utterance], list[Frame]]) -> None:
+        self._left = dict.fromkeys(names, count)
+        self._change = change
+
+    def frames(self, spoken: list[Utterance]) -> list[Frame]:
+        out: list[Frame] = []
+        for utterance in spoken:
+            if self._left.get(utterance.name, 0) > 0:
+                self._left[utterance.name] -= 1
+                out += self._change(utterance)
+            else:
+                out.append(utterance.frame)
+        return out
+
+
+class _Values(Fault):
+    """The next so many samples go through a function that changes signals in place."""
+
+    def __init__(self, count: int, change: Callable[[Values], None]) -> None:
+        self._left, self._change = count, change
+
+    def values(self, values: Values) -> None:
+        if self._left > 0:
+            self._left -= 1
+            self._change(values)
+
+
+@contextmanager
+def _on(rig: "Rig", fault: Fault) -> Iterator[None]:
+    rig.vehicle.faults.append(fault)
+    try:
+        yield
+    finally:
+        rig.vehicle.faults.remove(fault)
+
+
+def frames(
+    change: Callable[["Rig", Utterance], list[Frame]], *, of: Sequence[str] = (), count: int = ALWAYS
+) -> Injection:
+    """The next `count` frames of some messages (the sample's, if none are named) are changed."""
+
+    def inject(rig: "Rig") -> AbstractContextManager[None]:
+        return _on(rig, _Frames(of or rig.wire.sample, count, lambda utterance: change(rig, utterance)))
+
+    return inject
+
+
+def lost(_rig: "Rig", _utterance: Utterance) -> list[Frame]:
+    """On the way."""
+    return []
+
+
+def crc_wrong(_rig: "Rig", utterance: Utterance) -> list[Frame]:
+    """One bit of the checksum."""
+    data = utterance.frame.data
+    return [replace(utterance.frame, data=bytes((data[0] ^ 0x10,)) + data[1:])]
+
+
+def bit_flipped(rig: "Rig", utterance: Utterance) -> list[Frame]:
+    """One bit of the payload, the checksum as it was."""
+    data = bytearray(utterance.frame.data)
+    data[rig.random.randrange(rig.wire.crc_bytes, len(data))] ^= 1 << rig.random.randrange(8)
+    return [replace(utterance.frame, data=bytes(data))]
+
+
+def too_short(_rig: "Rig", utterance: Utterance) -> list[Frame]:
+    """Without its last two bytes."""
+    return [replace(utterance.frame, data=utterance.frame.data[:-2])]
+
+
+def empty(_rig: "Rig", utterance: Utterance) -> list[Frame]:
+    """Without any data."""
+    return [replace(utterance.frame, data=b"")]
+
+
+def extended(_rig: "Rig", utterance: Utterance) -> list[Frame]:
+    """With an extended identifier of the same number."""
+    return [replace(utterance.frame, is_extended=True)]
+
+
+def remote(_rig: "Rig", utterance: Utterance) -> list[Frame]:
+    """As a request for it."""
+    return [replace(utterance.frame, is_remote=True, is_fd=False, data=bytes(min(8, len(utterance.frame.data))))]
+
+
+def other_format(_rig: "Rig", utterance: Utterance) -> list[Frame]:
+    """CAN FD where it is classical; the other way round where it fits."""
+    return [replace(utterance.frame, is_fd=not utterance.frame.is_fd, data=utterance.frame.data[:8])]
+
+
+def foreign_data_id(rig: "Rig", utterance: Utterance) -> list[Frame]:
+    """Sealed for another message."""
+    return [rig.wire.seal(utterance.frame, data_id=0x3F0)]
+
+
+def twice(_rig: "Rig", utterance: Utterance) -> list[Frame]:
+    """Once more."""
+    return [utterance.frame, utterance.frame]
+
+
+def also(change: Callable[["Rig", Utterance], list[Frame]]) -> Callable[["Rig", Utterance], list[Frame]]:
+    """The sound frame, and after it the changed one."""
+    return lambda rig, utterance: [utterance.frame, *change(rig, utterance)]
+
+
+def sometimes(
+    share: float, change: Callable[["Rig", Utterance], list[Frame]]
+) -> Callable[["Rig", Utterance], list[Frame]]:
+    """To this share of the frames, by the case's seed."""
+    return lambda rig, utterance: change(rig, utterance) if rig.random.random() < share else [utterance.frame]
+
+
+def counter_of(choose: Callable[[int], int]) -> Injection:
+    """Every frame of the sample with another counter, sealed anew."""
+
+    def change(rig: "Rig", utterance: Utterance) -> list[Frame]:
+        return [with_counter(rig, utterance.frame, choose(utterance.counter) % rig.wire.counters)]
+
+    return frames(change)
+
+
+def with_counter(rig: "Rig", frame: Frame, counter: int) -> Frame:
+    """The same content under another counter."""
+    told = rig.wire.intact(frame)
+    assert told is not None
+    values = {word: value for word, value in told.signals.items() if word != "COUNTER"}
+    return rig.wire.pack(told.name, counter, **values)
+
+
+def skips(by: int) -> Injection:
+    """So many counter values of the sample are left out, once."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        rig.vehicle.step_counters(by)
+        yield
+
+    return inject
+
+
+def mixed_cycles() -> Injection:
+    """The last part of every sample is the one of the cycle before."""
+
+    class _Late(Fault):
+        def __init__(self) -> None:
+            self._kept: Frame | None = None
+
+        def frames(self, spoken: list[Utterance]) -> list[Frame]:
+            *first, last = spoken
+            kept, self._kept = self._kept, last.frame
+            return [utterance.frame for utterance in first] + ([kept] if kept else [])
+
+    return lambda rig: _on(rig, _Late())
+
+
+def older_again(count: int) -> Injection:
+    """After each of the next samples, the one of 80 ms before comes once more, as it was."""
+
+    class _Again(Fault):
+        def __init__(self) -> None:
+            self._past: list[list[Frame]] = []
+            self._left = count
+
+        def frames(self, spoken: list[Utterance]) -> list[Frame]:
+            out = [utterance.frame for utterance in spoken]
+            self._past.append(out)
+            if len(self._past) > 8 and self._left > 0:
+                self._left -= 1
+                return out + self._past[-9]
+            return out
+
+    return lambda rig: _on(rig, _Again())
+
+
+def values(count: int = ALWAYS, **changed: float) -> Injection:
+    """Signals of the next samples have these values."""
+
+    def inject(rig: "Rig") -> AbstractContextManager[None]:
+        return _on(rig, _Values(count, lambda all_values: _set(rig, all_values, changed)))
+
+    return inject
+
+
+def added(count: int = ALWAYS, **by: float) -> Injection:
+    """Signals of the next samples are off by so much."""
+
+    def inject(rig: "Rig") -> AbstractContextManager[None]:
+        def change(all_values: Values) -> None:
+            for word, offset in by.items():
+                all_values[rig.wire.part_of(word)][word] += offset
+
+        return _on(rig, _Values(count, change))
+
+    return inject
+
+
+def _set(rig: "Rig", all_values: Values, changed: dict[str, float]) -> None:
+    for word, value in changed.items():
+        all_values[rig.wire.part_of(word)][word] = value
+
+
+def frozen() -> Injection:
+    """Everything of the sample stands still, with a live counter, while the vehicle moves."""
+
+    def inject(rig: "Rig") -> AbstractContextManager[None]:
+        kept: Values = {}
+
+        def change(all_values: Values) -> None:
+            for name in rig.wire.sample:
+                kept.setdefault(name, dict(all_values[name]))
+                all_values[name].update(kept[name])
+
+        return _on(rig, _Values(ALWAYS, change))
+
+    return inject
+
+
+def every_other() -> Injection:
+    """Half the rate: every other cycle is not sent; counters step by one all the same."""
+
+    class _Half(Fault):
+        def __init__(self) -> None:
+            self._tick = 0
+
+        def frames(self, spoken: list[Utterance]) -> list[Frame]:
+            self._tick += 1
+            names = {u.name for u in spoken}
+            return [u.frame for u in spoken if u.name == "VEHICLE_STATUS" or self._tick % 2 or not names]
+
+    return lambda rig: _on(rig, _Half())
+
+
+def jitter(most_s: float) -> Injection:
+    """Every sample comes late by up to so much, as it happens."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        rig.delay_s = lambda: rig.random.uniform(0.0, most_s)
+        try:
+            yield
+        finally:
+            rig.delay_s = lambda: 0.0
+
+    return inject
+
+
+def attribute(**changed: object) -> Injection:
+    """The vehicle itself is changed: driver, mode, pose, plant (`plant_…`); put back at the end."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        before = {}
+        for name, value in changed.items():
+            owner, short = (rig.vehicle.plant, name[6:]) if name.startswith("plant_") else (rig.vehicle, name)
+            before[name] = getattr(owner, short)
+            setattr(owner, short, value)
+        yield
+        for name, value in before.items():
+            owner, short = (rig.vehicle.plant, name[6:]) if name.startswith("plant_") else (rig.vehicle, name)
+            setattr(owner, short, value)
+
+    return inject
+
+
+def becomes(**changed: object) -> Injection:
+    """Like `attribute`, but it stays so until the driver makes the vehicle ready."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        for name, value in changed.items():
+            setattr(rig.vehicle, name, value)
+        yield
+
+    return inject
+
+
+@contextmanager
+def nothing(_rig: "Rig") -> Iterator[None]:
+    """The vehicle is driven, that is all."""
+    yield
+
+
+def link(down_s: float | None = None) -> Injection:
+    """The interface goes down, and up again at the end, or after `down_s`."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        rig.set_link(up=False)
+        rig.injects()
+        try:
+            if down_s is not None:
+                rig.run_for(down_s)
+                rig.set_link(up=True)
+            yield
+        finally:
+            rig.set_link(up=True)
+
+    return inject
+
+
+def made_anew() -> Injection:
+    """The interface is deleted, and made anew under its name at the end."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        channel = rig.device_channel
+        rig.command(["ip", "link", "del", channel])
+        rig.injects()
+        try:
+            yield
+        finally:
+            rig.command(["ip", "link", "add", channel, "type", "vcan"])
+            rig.command(["ip", "link", "set", channel, "mtu", "72", "up"])
+            rig.bus.reopen()
+
+    return inject
+
+
+def queue(*words: str, at: str = "{device}") -> Injection:
+    """A queueing discipline on one side of the cable, taken away at the end."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        side = at.format(device=rig.device_channel, bench=rig.bus.channel)
+        rig.command(["tc", "qdisc", "replace", "dev", side, "root", *words])
+        rig.injects()
+        try:
+            yield
+        finally:
+            rig.command(["tc", "qdisc", "del", "dev", side, "root"])
+
+    return inject
+
+
+def both(*injections: Injection) -> Injection:
+    """At once."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        with ExitStack() as stack:
+            for injection in injections:
+                stack.enter_context(injection(rig))
+            yield
+
+    return inject
+
+
+def signals(*numbers: signal.Signals, apart_s: float = 0.0) -> Injection:
+    """To the device, one after the other."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        for number in numbers:
+            rig.device.send(number)
+            rig.run_for(apart_s)
+        yield
+
+    return inject
+
+
+def paused() -> Injection:
+    """The device is stopped by the operating system, and goes on at the end."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        rig.device.send(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            rig.device.send(signal.SIGCONT)
+
+    return inject
+
+
+def wall_clock(by_s: float) -> Injection:
+    """The wall clock steps, and back at the end."""
+
+    @contextmanager
+    def inject(_rig: "Rig") -> Iterator[None]:
+        time.clock_settime(time.CLOCK_REALTIME, time.time() + by_s)
+        try:
+            yield
+        finally:
+            time.clock_settime(time.CLOCK_REALTIME, time.time() - by_s)
+
+    return inject
+
+
+def flood(make: Callable[["Rig", int], Frame], per_tick: int) -> Injection:
+    """So many frames of the bench's own besides, each tick."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        count = [0]
+
+        def send() -> None:
+            for _ in range(per_tick):
+                count[0] += 1
+                rig.bus.send(make(rig, count[0]))
+
+        rig.every_tick.append(send)
+        try:
+            yield
+        finally:
+            rig.every_tick.remove(send)
+
+    return inject
+
+
+def damaged_sample(rig: "Rig", number: int) -> Frame:
+    """A frame with the sample's identifier, and nothing in it that fits."""
+    name = rig.wire.sample[number % len(rig.wire.sample)]
+    data = rig.random.randbytes(rig.wire.lengths[name])
+    return Frame(0, rig.wire.ids[name], data, is_fd=rig.wire.is_fd)
+
+
+def rival_command(rig: "Rig", number: int) -> Frame:
+    """A sound command of somebody else's."""
+    names = rig.wire.command
+    return rig.wire.pack(names[number % len(names)], number // len(names) % rig.wire.counters, ENABLE=1)
+
+
+def error_frame(kind: int, data: bytes = bytes(8)) -> Callable[["Rig", int], Frame]:
+    """As a CAN controller reports it; `kind` by linux/can/error.h."""
+    return lambda _rig, _number: Frame(0, kind, data, is_error=True)
+
+
+def second_vehicle() -> Injection:
+    """Another vehicle of the same kind speaks, from another place, with counters of its own."""
+
+    def make(rig: "Rig", number: int) -> Frame:
+        names = rig.wire.sample
+        plant = rig.vehicle.plant
+        place = {"POS_X": plant.x_m + 40.0, "POS_Y": 25.0, "SPEED": 0.0, "POSE_VALID": 1.0}
+        name = names[(number - 1) % len(names)]
+        known = {word: value for word, value in place.items() if rig.wire.part_of(word) == name}
+        if rig.wire.has("POSE_FRAME") and rig.wire.part_of("POSE_FRAME") == name:
+            known["POSE_FRAME"] = rig.wire.number("POSE_FRAME", "MAP")
+        return rig.wire.pack(name, (7 + (number - 1) // len(names)) % rig.wire.counters, **known)
+
+    return lambda rig: flood(make, len(rig.wire.sample))(rig)
+
+
+def replayed(back_s: float) -> Injection:
+    """What was on the whole bus since `back_s` ago is played once more, by the clock, while the vehicle is silent."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        begin_ns = time.monotonic_ns()
+        old = [heard.frame for heard in rig.heard if heard.frame.stamp_ns > begin_ns - round(back_s * S)]
+
+        def send() -> None:
+            while old and old[0].stamp_ns + round(back_s * S) <= time.monotonic_ns():
+                rig.bus.send(old.pop(0))
+
+        rig.vehicle_speaks = False
+        rig.every_tick.append(send)
+        try:
+            yield
+        finally:
+            rig.every_tick.remove(send)
+            rig.vehicle_speaks = True
+
+    return inject
+
+
+def load(share: float) -> Injection:
+    """Strangers' frames of the lowest priority fill this share of the bus, from a process of their own."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        bits = 111 + 20  # a classical frame of 8 bytes, with some stuffing
+        per_second = share * rig.wire.profile["bus"]["bitrate"] / bits
+        process = subprocess.Popen(
+            [sys.executable, str(TOOLS / "hil" / "load.py"), rig.bus.channel, f"{per_second:.0f}"],
+            stdin=subprocess.DEVNULL,
+        )
+        try:
+            rig.run_for(0.5)
+            rig.injects()
+            yield
+        finally:
+            process.terminate()
+            rig.wait_for(lambda: process.poll() is not None, 5.0, "the load to end")
+
+    return inject
+
+
+def rng(seed: int, name: str) -> random.Random:
+    """The case's own, the same for every run with this seed."""
+    return random.Random(f"{seed} {name}")

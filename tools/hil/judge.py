@@ -1,0 +1,281 @@
+"""What is never to be seen of a device, whatever is done to it, and what is measured in every case.
+
+The protocol is judged by `bus_contract_judge`, the values by the profile's limits, the whole case by what it expects.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+from bus_contract import MS, Frame, S
+from bus_contract_judge import Pair, Record, examine, lateral_errors_m
+
+from hil.case import Case, Then
+from hil.expect import Seen, check
+from hil.result import Check, Distribution, Event, EventKind, Path2D, Plot, Series, Verdict
+from hil.rig import Rig
+from hil.routes import Route
+from hil.vehicle import Instant
+from hil.wire import Wire
+
+KINDS = {
+    "damaged": "every frame of the device's is whole: kind, length, checksum",
+    "counter": "its counters step by one, and only with a new frame",
+    "unanswered": "every complete sample is answered",
+    "doubled": "one pair of commands for each sample, and none besides",
+    "silence": "no gap of 200 ms between commands",
+    "command": "every value within the limits, and signals that agree with each other",
+    "dynamics": "steering, lateral acceleration and braking as the profile allows at the measured speed",
+}
+"""Never to be seen → what must hold instead."""
+
+ANSWER_P50_S = 0.010
+"""The contract's period: an answer that usually comes after the next sample is late."""
+PLOT_POINTS = 600
+HEALTHY_S = 0.6
+SLACK_AFTER_S = 0.35
+
+
+def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
+    """One check for each of `KINDS`. What a case allows is allowed only while its injection works."""
+    device = (*rig.wire.command, "BODY_COMMAND", "CONTROLLER_STATUS")
+
+    def of_device(texts: Iterable[str]) -> list[str]:
+        return [text for text in texts if text.split()[0] in device]
+
+    found: dict[str, Sequence[str]] = {
+        "damaged": of_device([*record.crc_errors, *record.malformed]),
+        "counter": of_device(record.counter_gaps),
+        "unanswered": record.unanswered,
+        "doubled": record.doubled,
+        "silence": [f"{(a - record.begin_ns) / S:.3f} s: silence of {(b - a) / S:.3f} s" for a, b in record.silences],
+        "command": record.violations,
+        "dynamics": list(_dynamics(rig.wire, record)),
+    }
+    from_s = (seen.inject_ns - record.begin_ns) / S if seen.inject_ns else math.inf
+    to_s = ((seen.then_ns or seen.end_ns) - record.begin_ns) / S + SLACK_AFTER_S
+    checks = []
+    for kind, must in KINDS.items():
+        wrong = found[kind]
+        if kind in case.allow:
+            wrong = [text for text in wrong if not from_s <= _time_in(text) <= to_s]
+        checks.append(check(must, wrong))
+    return checks
+
+
+def answers(case: Case, record: Record, seen: Seen, rig: Rig) -> tuple[list[Check], list[Distribution]]:
+    """How long the device took for an answer, and how regular its commands were, outside the injection."""
+    hardware = _hardware_stamps(rig)
+    samples = [(s, p) for s, p in record.answers if case.inject is None or case.samples or not _is_injected(seen, p)]
+    latencies = [_latency_s(begin, pair, hardware) for begin, pair in samples]
+    periods = [
+        (b.drive.stamp_ns - a.drive.stamp_ns) / S
+        for a, b in pairwise(record.pairs)
+        if b.drive.stamp_ns - a.drive.stamp_ns < 200 * MS and (case.samples or not _is_injected(seen, b))
+    ]
+    if not latencies or not periods:
+        return [], []
+    stamps = "hardware stamps" if hardware else "kernel stamps"
+    latency = distribution(f"state to command ({stamps})", [value * 1e3 for value in latencies], ANSWER_P50_S * 1e3)
+    jitter = distribution("jitter of the command period", [abs(value - 0.01) * 1e3 for value in periods])
+    checks = []
+    if case.answers_in_time:
+        checks.append(check("half of the answers within the sample period", [], latency.p50 / 1e3, ANSWER_P50_S))
+    return checks, [latency, jitter]
+
+
+def health(case: Case, seen: Seen, rig: Rig, killed: Sequence[str]) -> list[Check]:
+    """That the case left a device behind that is well, and nothing else."""
+    checks = []
+    if case.then in (Then.GOES_ON, Then.REARM):
+        end_ns = seen.then_ns if case.then is Then.GOES_ON else rig.healthy_ns
+        last = seen.between(end_ns - round(HEALTHY_S * S), end_ns)
+        wrong = sorted(
+            {f"{pair.reason}, ENABLE {pair.is_enabled:d}" for pair in last if pair.is_stop or not pair.is_enabled}
+        )
+        if len(last) < HEALTHY_S * 50:
+            wrong.append(f"{len(last)} commands in the last {HEALTHY_S} s")
+        checks.append(check("afterwards it drives, without a fault", wrong))
+    if seen.exit_status is not None or case.exit_status:
+        wrong = list(killed)
+        if seen.exit_status is not None and seen.exit_status not in case.exit_status:
+            wrong.append(f"exit status {seen.exit_status}, not {' or '.join(map(str, case.exit_status))}")
+        checks.append(check("it ends when told, and nothing is left running", wrong))
+    return checks
+
+
+def path(case: Case, route: Route, history: Sequence[Instant]) -> tuple[list[Check], Path2D]:
+    """How far the vehicle was from its route, by the plant's own truth."""
+    moving = [i for i in history if i.mode == 2]
+    few = moving[:: max(1, len(moving) // PLOT_POINTS)]
+    wanted = range(0, len(route.x_m), max(1, len(route.x_m) // PLOT_POINTS))
+    drawn = Path2D(
+        wanted_x_m=[route.x_m[i] for i in wanted],
+        wanted_y_m=[route.y_m[i] for i in wanted],
+        driven_x_m=[round(i.x_m, 3) for i in few],
+        driven_y_m=[round(i.y_m, 3) for i in few],
+    )
+    if case.most_path_error_m is None:
+        return [], drawn
+    if not moving:
+        return [check("stays near its path", ["it was never driven"])], drawn
+    errors = lateral_errors_m(moving, route.x_m, route.y_m)  # type: ignore[arg-type]
+    worst = max(errors)
+    verdict = Verdict.PASS if worst <= case.most_path_error_m else Verdict.FAIL
+    limit = case.most_path_error_m
+    text = "stays near its path"
+    return [Check(text=text, verdict=verdict, measured=round(worst, 3), limit=limit, unit="m")], drawn
+
+
+def plots(wire: Wire, seen: Seen) -> list[Plot]:
+    """Commands against their limits, beside what the vehicle did."""
+    pairs = [p for p in seen.pairs if p.is_enabled]
+    few = pairs[:: max(1, len(pairs) // PLOT_POINTS)]
+    told_s = [round(seen.at_s(p.stamp_ns), 3) for p in few]
+    history = seen.history[:: max(1, len(seen.history) // PLOT_POINTS)]
+    is_s = [round(seen.at_s(i.at_ns), 3) for i in history]
+    lowest, highest = wire.limits.accel_range_mps2
+    return [
+        Plot(
+            title="Speed",
+            unit="m/s",
+            series=[Series(name="vehicle", at_s=is_s, values=[round(i.speed_mps, 3) for i in history])],
+        ),
+        Plot(
+            title="Acceleration",
+            unit="m/s²",
+            lowest=lowest,
+            highest=highest,
+            series=[
+                Series(name="commanded", at_s=told_s, values=[p.drive["ACCEL_REQUEST"] for p in few]),
+                Series(name="vehicle", at_s=is_s, values=[round(i.accel_mps2, 3) for i in history]),
+            ],
+        ),
+        Plot(
+            title="Front wheels",
+            unit="rad",
+            lowest=-wire.limits.steer_rad,
+            highest=wire.limits.steer_rad,
+            series=[
+                Series(name="commanded", at_s=told_s, values=[p.steer["FRONT_WHEEL_ANGLE_REQUEST"] for p in few]),
+                Series(name="vehicle", at_s=is_s, values=[round(i.wheel_rad, 4) for i in history]),
+            ],
+        ),
+    ]
+
+
+def examined(rig: Rig) -> Record:
+    """The whole record by the bus contract."""
+    return examine(rig.judged_frames(), rig.wire)
+
+
+def counts(record: Record, rig: Rig, frames: Sequence[Frame]) -> dict[str, int]:
+    """What there was, in numbers."""
+    return {
+        "frames on the bus": len(rig.heard),
+        "frames of the device": len(frames),
+        "complete samples": len(record.samples),
+        "command pairs": len(record.pairs),
+        "answered samples": len(record.answers),
+        "unanswered samples": len(record.unanswered),
+        "doubled commands": len(record.doubled),
+        "stops for lack of state": record.stale_stops,
+        "counter gaps": sum(
+            text.split()[0] in (*rig.wire.command, "BODY_COMMAND", "CONTROLLER_STATUS") for text in record.counter_gaps
+        ),
+        "late ticks of the bench": len(rig.late),
+        "frames the bench could not send": rig.bus.refused,
+    }
+
+
+def distribution(name: str, values: Sequence[float], limit: float | None = None) -> Distribution:
+    """Of measurements in ms."""
+    ordered = sorted(values)
+
+    def at(share: float) -> float:
+        return round(ordered[min(len(ordered) - 1, math.ceil(share * len(ordered)) - 1)], 4)
+
+    top = max(1e-3, ordered[-1])
+    width = next(w for w in (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 1e3, 1e6) if top / w <= 60)
+    bins = math.floor(top / width) + 1
+    numbers = [0] * bins
+    for value in ordered:
+        numbers[min(bins - 1, int(value / width))] += 1
+    edges = [round(width * i, 6) for i in range(bins + 1)]
+    return Distribution(
+        name=name,
+        unit="ms",
+        count=len(ordered),
+        p50=at(0.5),
+        p95=at(0.95),
+        p99=at(0.99),
+        max=round(ordered[-1], 4),
+        edges=edges,
+        counts=numbers,
+        limit=limit,
+    )
+
+
+def timeline(case: Case, rig: Rig, seen: Seen, events: Iterable[Event]) -> list[Event]:
+    """All events in order, each once."""
+    own = list(rig.events)
+    if seen.inject_ns and case.inject is not None:
+        own.append(Event(at_s=seen.at_s(seen.inject_ns), kind=EventKind.INJECTION, text=case.injected))
+        own.append(Event(at_s=seen.at_s(seen.end_ns), kind=EventKind.END_OF_INJECTION, text="injection over"))
+    unique = {(event.at_s, event.kind, event.text): event for event in (*own, *events)}
+    return sorted(unique.values(), key=lambda event: event.at_s)
+
+
+def _dynamics(wire: Wire, record: Record) -> Iterable[str]:
+    """Steering by speed, and the deceleration of stops, against the profile's figures."""
+    limits, behavior = wire.profile["limits"], wire.profile["behavior"]
+    table = limits.get("front_wheel_angle_by_speed")
+    samples, place, speed = record.samples, 0, 0.0
+    before = 0.0
+    for pair in record.pairs:
+        while place < len(samples) and samples[place].stamp_ns <= pair.drive.stamp_ns:
+            speed, place = samples[place].speed_mps, place + 1
+        if not pair.is_enabled:
+            continue
+        at = f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s:"
+        angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
+        if table and abs(angle) > _between(table, abs(speed) - 0.3) + 0.002 and abs(angle) >= abs(before):
+            yield f"{at} {angle:.4f} rad at {speed:.2f} m/s"
+        before = angle
+        strongest = max(behavior["safe_deceleration_mps2"], 0.0)
+        if pair.is_stop and abs(pair.drive["ACCEL_REQUEST"]) > strongest + 0.002:
+            yield f"{at} a stop with {pair.drive['ACCEL_REQUEST']:.3f} m/s²"
+
+
+def _between(table: Sequence[Sequence[float]], at: float) -> float:
+    """Linear between a table's rows, constant outside."""
+    if at <= table[0][0]:
+        return table[0][1]
+    for (x0, y0), (x1, y1) in pairwise(table):
+        if at <= x1:
+            return y0 + (y1 - y0) * (at - x0) / (x1 - x0)
+    return table[-1][1]
+
+
+def _is_injected(seen: Seen, pair: Pair) -> bool:
+    return bool(seen.inject_ns) and seen.inject_ns <= pair.stamp_ns <= seen.end_ns + round(SLACK_AFTER_S * S)
+
+
+def _hardware_stamps(rig: Rig) -> dict[int, int]:
+    """Kernel stamp → the adapter's, where every frame has one."""
+    stamps = {heard.frame.stamp_ns: heard.hardware_ns for heard in rig.heard}
+    return stamps if stamps and all(stamps.values()) else {}
+
+
+def _latency_s(begin_ns: int, pair: Pair, hardware: dict[int, int]) -> float:
+    end_ns = pair.stamp_ns
+    if begin_ns in hardware and end_ns in hardware:
+        return (hardware[end_ns] - hardware[begin_ns]) / S
+    return (end_ns - begin_ns) / S
+
+
+def _time_in(text: str) -> float:
+    """The first time, s, that a finding names."""
+    match = re.search(r"(-?\d+\.\d+) s", text)
+    return float(match.group(1)) if match else -math.inf

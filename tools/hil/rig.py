@@ -1,0 +1,202 @@
+"""One case's set-up while it runs: bus, vehicle and device, a hundred ticks a second, in one thread."""
+
+import fcntl
+import os
+import random
+import shutil
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from bus_contract import AUTONOMOUS, MS, Frame, S
+
+from hil import faults
+from hil.bus import Bus, Heard, candump_line
+from hil.device import Commands, Device
+from hil.plant import Plant
+from hil.result import Event, EventKind
+from hil.vehicle import PERIOD_NS, Vehicle
+from hil.wire import Wire
+
+LATE_NS = 40 * MS
+"""A tick that comes later than this makes what the bench saw doubtful: the bench itself was not in time."""
+BENCH_END, DEVICE_END = "hil0", "hil1"
+SIOCGIFFLAGS, SIOCSIFFLAGS, IFF_UP = 0x8913, 0x8914, 1
+COMMAND_S = 10.0
+
+
+class RigError(Exception):
+    """The bench itself cannot go on."""
+
+
+class Rig:
+    """Raises `RigError`, `OSError` and `DeviceError` where the bench, not the device, is at fault."""
+
+    def __init__(
+        self, wire: Wire, channel: str, commands: Commands, folder: Path, words: dict[str, str], seed: int, name: str
+    ) -> None:
+        self.wire, self.folder, self.name = wire, folder, name
+        self.random: random.Random = faults.rng(seed, name)
+        self.device_channel = words["channel"]
+        self.bus = Bus(channel, wire.names)
+        self.vehicle = Vehicle(wire, Plant(wheelbase_m=float(wire.profile["geometry"]["wheelbase_m"])))
+        self.vehicle_speaks = True
+        self.device = Device(commands, folder / f"{name}.log", words)
+        self.heard: list[Heard] = []
+        self.events: list[Event] = []
+        self.every_tick: list[Callable[[], None]] = []
+        self.delay_s: Callable[[], float] = lambda: 0.0
+        self.late: list[str] = []
+        """Ticks of the bench that came too late."""
+        self.begin_ns = self.inject_ns = self.end_ns = self.then_ns = self.healthy_ns = self.exit_ns = 0
+        self.exit_status: int | None = None
+        self._next_ns = 0
+        self._device_ids = {wire.ids[name] for name in (*wire.command, "BODY_COMMAND", "CONTROLLER_STATUS")}
+
+    def begin(self) -> None:
+        """Time runs from here; the vehicle speaks."""
+        self.begin_ns = self._next_ns = time.monotonic_ns()
+
+    def tick(self) -> None:
+        """Hear, move, speak."""
+        now_ns = time.monotonic_ns()
+        if now_ns < self._next_ns:
+            time.sleep((self._next_ns - now_ns) / S)
+            now_ns = time.monotonic_ns()
+        late_ns = now_ns - self._next_ns
+        if late_ns > LATE_NS:
+            if self.vehicle.told:  # before the device speaks nothing depends on it
+                self.late.append(f"{(now_ns - self.begin_ns) / S:.3f} s: {late_ns / MS:.0f} ms")
+            self._next_ns = now_ns
+        self._next_ns += PERIOD_NS
+        self._drain(now_ns)
+        self.vehicle.move(PERIOD_NS / S, now_ns)
+        spoken = self.vehicle.speak()
+        if self.vehicle_speaks:
+            delay_s = self.delay_s()
+            if delay_s > 0.0:
+                time.sleep(delay_s)
+            for frame in spoken:
+                self.bus.send(frame)
+        for call in tuple(self.every_tick):
+            call()
+
+    def run_for(self, duration_s: float) -> None:
+        """Go on for so long."""
+        end_ns = time.monotonic_ns() + round(duration_s * S)
+        while time.monotonic_ns() < end_ns:
+            self.tick()
+
+    def wait_for(self, is_true: Callable[[], bool], within_s: float, what: str) -> bool:
+        """Go on until it is true; False when time is over, which is then on the time line."""
+        end_ns = time.monotonic_ns() + round(within_s * S)
+        while not is_true():
+            if time.monotonic_ns() > end_ns:
+                self.note(EventKind.CLEAN_UP, f"waited {within_s:.0f} s in vain for {what}")
+                return False
+            self.tick()
+        return True
+
+    def note(self, kind: EventKind, text: str, at_ns: int = 0) -> None:
+        """Onto the time line."""
+        self.events.append(Event(at_s=((at_ns or time.monotonic_ns()) - self.begin_ns) / S, kind=kind, text=text))
+
+    def injects(self) -> None:
+        """The fault is there from now on."""
+        self.inject_ns = time.monotonic_ns()
+
+    @property
+    def is_engaged(self) -> bool:
+        """Whether the vehicle obeys, and is not being stopped."""
+        drive = self.vehicle.told.get(self.wire.command[0])
+        return (
+            self.vehicle.mode == AUTONOMOUS and drive is not None and not drive["SAFE_STOP"] and bool(drive["ENABLE"])
+        )
+
+    @property
+    def is_at_end(self) -> bool:
+        """Whether the device says that the trajectory is over, and the vehicle stands."""
+        drive = self.vehicle.told.get(self.wire.command[0])
+        return drive is not None and drive.reason.startswith("PAST_END") and self.vehicle.stands
+
+    def command(self, words: Sequence[str]) -> None:
+        """Run a program of the system while the vehicle goes on. Raises `RigError` when it fails."""
+        program = shutil.which(words[0], path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
+        if program is None:
+            raise RigError(f"{words[0]} is missing")
+        process = subprocess.Popen(
+            [program, *words[1:]], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+        )
+        if not self.wait_for(lambda: process.poll() is not None, COMMAND_S, words[0]):
+            process.kill()
+        said = process.communicate()[0].decode(errors="replace").strip()
+        if process.returncode:
+            raise RigError(f"{' '.join(words)}: {said or process.returncode}")
+
+    def set_link(self, *, up: bool) -> None:
+        """At once, by a system call."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+            name = self.device_channel.encode()
+            request = fcntl.ioctl(any_socket, SIOCGIFFLAGS, struct.pack("16sh14x", name, 0))
+            flags = struct.unpack("16sh14x", request)[1]
+            flags = flags | IFF_UP if up else flags & ~IFF_UP
+            fcntl.ioctl(any_socket, SIOCSIFFLAGS, struct.pack("16sh14x", name, flags))
+
+    def device_frames(self) -> list[Frame]:
+        """What the device sent, whole or not."""
+        return [heard.frame for heard in self.heard if self._is_devices(heard)]
+
+    def judged_frames(self) -> list[Frame]:
+        """What a judge of the device looks at: the state as it was on the bus, and the device's own frames."""
+        return [
+            heard.frame
+            for heard in self.heard
+            if not heard.frame.is_error
+            and (self._is_devices(heard) or (heard.is_ours and not self._is_of_device(heard)))
+        ]
+
+    def write_candump(self, path: Path) -> None:
+        """Everything heard, as `candump -L` writes it."""
+        offset_ns = time.time_ns() - time.monotonic_ns()
+        with open(path, "w", encoding="ascii") as log:
+            for heard in self.heard:
+                log.write(candump_line(heard.frame, self.bus.channel, offset_ns) + "\n")
+
+    def close(self) -> None:
+        """May be called twice."""
+        self.bus.close()
+
+    def _drain(self, now_ns: int) -> None:
+        for heard in self.bus.drain():
+            self.heard.append(heard)
+            if self._is_of_device(heard) and not heard.frame.is_error:
+                self.vehicle.hear(heard.frame, now_ns)
+
+    def _is_of_device(self, heard: Heard) -> bool:
+        return heard.frame.can_id in self._device_ids and not heard.frame.is_extended
+
+    def _is_devices(self, heard: Heard) -> bool:
+        return not heard.is_ours and not heard.frame.is_error and self._is_of_device(heard)
+
+
+def make_cable() -> None:
+    """A vxcan pair: the vehicle on one end, the device on the other. Raises `RigError`."""
+    remove_cable()
+    for words in (
+        ["ip", "link", "add", BENCH_END, "type", "vxcan", "peer", "name", DEVICE_END],
+        ["ip", "link", "set", BENCH_END, "mtu", "72", "up"],
+        ["ip", "link", "set", DEVICE_END, "mtu", "72", "up"],
+    ):
+        done = subprocess.run(words, capture_output=True, check=False, text=True)
+        if done.returncode:
+            raise RigError(f"{' '.join(words)}: {done.stderr.strip()}")
+
+
+def remove_cable() -> None:
+    """If it is there."""
+    with suppress(OSError):
+        subprocess.run(["ip", "link", "del", BENCH_END], capture_output=True, check=False)

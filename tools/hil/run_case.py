@@ -1,0 +1,228 @@
+"""Runs one case, from the trajectory's file to the verdict."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+from bus_contract import S
+
+from hil import judge
+from hil import rig as rigs
+from hil.case import Case, Then
+from hil.device import Commands
+from hil.expect import Seen
+from hil.faults import nothing
+from hil.result import CaseResult, Check, Event, EventKind, Evidence, Verdict
+from hil.rig import Rig
+from hil.routes import Route
+from hil.wire import Wire
+
+ENGAGE_S = 25.0
+REACH_SPEED_S = 12.0
+REARM_S = 8.0
+REARM_AGAIN_S = 2.5
+HEALTHY_S = 0.8
+END_S = 16.0
+SPOKEN_S = 1.2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """What all cases of a run have in common."""
+
+    wire: Wire
+    channel: str
+    commands: Commands
+    folder: Path
+    profile: str
+    evidence: Evidence
+    seed: int = 0
+
+
+def run(bench: Bench, case: Case, repetition: int = 1) -> CaseResult:
+    """Raises `RigError`, `OSError` and `DeviceError` where the bench, not the device, is at fault."""
+    name = case.name if repetition == 1 else f"{case.name}-{repetition}"
+    route = case.route()
+    trajectory = route.write(bench.folder / f"{name}.csv", case.frame_id)
+    if case.breaks is not None:
+        trajectory.write_text(case.breaks(trajectory.read_text()))
+    channel, device_channel = (rigs.BENCH_END, rigs.DEVICE_END) if case.on_vxcan else (bench.channel, bench.channel)
+    words = {
+        "channel": device_channel,
+        "profile": _profile(bench, case, name),
+        "trajectory": str(trajectory.resolve()),
+        "route": route.name,
+    }
+    if case.on_vxcan:
+        rigs.make_cable()
+    began = time.monotonic()
+    try:
+        rig = Rig(bench.wire, channel, bench.commands, bench.folder, words, bench.seed + repetition - 1, case.name)
+        rig.device.log = bench.folder / f"{name}.log"
+        try:
+            _go(rig, case)
+        finally:
+            killed = _clean_up(rig, case)
+        rig.write_candump(bench.folder / f"{name}.candump")
+    finally:
+        if case.on_vxcan:
+            rigs.remove_cable()
+    result = _judged(bench, case, rig, route, killed)
+    return msgspec.structs.replace(
+        result,
+        repetition=repetition,
+        seed=bench.seed + repetition - 1,
+        duration_s=round(time.monotonic() - began, 2),
+        candump=f"{name}.candump",
+        device_log=f"{name}.log" if rig.device.log.exists() else "",
+    )
+
+
+def _profile(bench: Bench, case: Case, name: str) -> str:
+    """What the device is told to load: the profile, or the case's own spoilt copy of it."""
+    if case.profile is None:
+        return bench.profile
+    toml, dbc = case.profile(bench.wire.path.read_text(), bench.wire.dbc.read_text())
+    copy = bench.folder / f"{name}.toml"
+    copy.write_text(toml)
+    (bench.folder / bench.wire.dbc.name).write_text(dbc)
+    return str(copy.resolve())
+
+
+def _go(rig: Rig, case: Case) -> None:
+    for attribute, value in case.setup.items():
+        setattr(rig.vehicle.plant, attribute, value)
+    if case.link_is_down:
+        rig.set_link(up=False)
+    rig.begin()
+    rig.note(EventKind.PREPARATION, "the vehicle speaks, the device is started")
+    rig.device.start(armed=case.armed)
+    if case.then is Then.ENDED and case.at_mps < 0.0:
+        _inject(rig, case)
+        rig.wait_for(lambda: rig.device.poll() is not None, END_S, "the device to end")
+        rig.then_ns = time.monotonic_ns()
+        return
+    if case.at_mps < 0.0:
+        _inject(rig, case)
+    elif rig.wait_for(lambda: rig.is_engaged or rig.device.poll() is not None, ENGAGE_S, "the device to engage"):
+        rig.note(EventKind.PREPARATION, "engaged")
+        if case.at_mps > 0.0 and case.inject is not None:
+            rig.wait_for(lambda: abs(rig.vehicle.plant.speed_mps) >= case.at_mps, REACH_SPEED_S, f"{case.at_mps} m/s")
+        _inject(rig, case)
+    _afterwards(rig, case)
+
+
+def _inject(rig: Rig, case: Case) -> None:
+    if case.inject is None and case.at_mps >= 0.0:
+        return
+    rig.injects()
+    with (case.inject or nothing)(rig):
+        rig.run_for(case.for_s)
+        if case.samples:
+            rig.wait_for(lambda: len(rig.vehicle.history) >= case.samples, case.samples / 50.0, "the samples")
+        rig.end_ns = time.monotonic_ns()
+    rig.end_ns = max(rig.end_ns, time.monotonic_ns())
+
+
+def _afterwards(rig: Rig, case: Case) -> None:
+    if case.then is Then.END_OF_ROUTE:
+        longest_s = 180.0
+        rig.wait_for(lambda: rig.is_at_end or rig.device.poll() is not None, longest_s, "the end of the route")
+        rig.run_for(0.6)
+    elif case.then is Then.GOES_ON:
+        rig.run_for(case.after_s)
+        rig.wait_for(lambda: rig.is_engaged, 3.0, "the device to drive on")
+        rig.run_for(HEALTHY_S)
+    elif case.then is Then.ENDED:
+        rig.wait_for(lambda: rig.device.poll() is not None, END_S, "the device to end")
+        rig.run_for(case.after_s)
+    else:
+        rig.run_for(case.after_s)
+    rig.then_ns = time.monotonic_ns()
+    if case.then is Then.REARM:
+        _rearm(rig)
+    rig.healthy_ns = time.monotonic_ns()
+
+
+def _rearm(rig: Rig) -> None:
+    """As an operator does: make the vehicle ready, then arm; once more if nothing comes of it."""
+    end_ns = time.monotonic_ns() + round(REARM_S * S)
+    rig.note(EventKind.CLEAN_UP, "the vehicle is made ready, the device is armed again")
+    while time.monotonic_ns() < end_ns and not rig.is_engaged:
+        rig.vehicle.make_ready()
+        rig.run_for(0.3)
+        rig.device.rearm()
+        again_ns = time.monotonic_ns() + round(REARM_AGAIN_S * S)
+        while not rig.is_engaged and time.monotonic_ns() < again_ns:
+            rig.tick()
+    if rig.is_engaged:
+        rig.note(EventKind.CLEAN_UP, "engaged again")
+    rig.run_for(HEALTHY_S)
+
+
+def _clean_up(rig: Rig, case: Case) -> list[str]:
+    """End the device; returns what would not end by itself."""
+    rig.then_ns = rig.then_ns or time.monotonic_ns()
+    if case.link_is_down:
+        rig.set_link(up=True)
+    try:
+        if rig.device.poll() is None:
+            rig.device.stop()
+            rig.wait_for(lambda: rig.device.poll() is not None or not rig.device.is_started, END_S, "the device to end")
+            rig.run_for(0.05)
+        rig.exit_ns = rig.exit_ns or time.monotonic_ns()
+        rig.exit_status = rig.device.poll()
+    finally:
+        killed = rig.device.kill()
+        rig.close()
+    return killed
+
+
+def _judged(bench: Bench, case: Case, rig: Rig, route: Route, killed: list[str]) -> CaseResult:
+    record = judge.examined(rig)
+    frames = rig.device_frames()
+    seen = Seen(
+        begin_ns=rig.begin_ns,
+        inject_ns=rig.inject_ns,
+        end_ns=rig.end_ns or rig.then_ns,
+        then_ns=rig.then_ns,
+        pairs=record.pairs,
+        told=[told for told in record.told if told.name not in (*rig.wire.sample, "VEHICLE_STATUS")],
+        frames=frames,
+        history=rig.vehicle.history,
+        exit_status=rig.exit_status,
+        exit_ns=rig.exit_ns,
+    )
+    checks: list[Check] = []
+    events: list[Event] = []
+    for expectation in case.see:
+        expected, at = expectation.judge(seen)
+        checks.append(expected)
+        events += at
+    path_checks, drawn = judge.path(case, route, rig.vehicle.history)
+    answer_checks, distributions = judge.answers(case, record, seen, rig)
+    checks += path_checks + answer_checks + judge.protocol(case, rig, record, seen)
+    checks += judge.health(case, seen, rig, killed)
+    failed = [c for c in checks if c.verdict is Verdict.FAIL]
+    verdict = Verdict.FAIL if failed else Verdict.PASS
+    why = f"{failed[0].text}: {'; '.join(failed[0].found[:1])}" if failed else ""
+    if failed and rig.late:
+        verdict = Verdict.NOT_EXECUTED
+        why = f"the bench itself was late ({rig.late[0]}), so that this is no finding: {why}"
+    return CaseResult(
+        name=case.name,
+        proves=case.proves,
+        fault=case.fault,
+        tags=list(case.tags),
+        verdict=verdict,
+        why=why,
+        evidence=bench.evidence,
+        injected=case.injected,
+        checks=checks,
+        events=judge.timeline(case, rig, seen, events),
+        distributions=distributions,
+        plots=judge.plots(rig.wire, seen),
+        path=drawn,
+        counts=judge.counts(record, rig, frames),
+    )

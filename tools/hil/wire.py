@@ -1,0 +1,234 @@
+"""A profile's bus in the words of the bus contract: frames to signals and back, by cantools and checksums of its own.
+
+Whatever the DBC calls a signal, here it has the name that the reference vehicle's page gives it (`ENABLE`, `POS_X`, …),
+so that cases and judge know one vocabulary. Messages of a state sample keep their own names.
+"""
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cantools
+from bus_contract import Frame, Limits, Told, checksum
+from bus_contract_fd import checksum as checksum_fd
+from cantools.database.can import Database, Message
+from cantools.database.errors import Error as CantoolsError
+
+PROFILES = Path(__file__).resolve().parents[2] / "dbc"
+
+WORDS = {
+    "state": {
+        "x_m": "POS_X",
+        "y_m": "POS_Y",
+        "heading_rad": "HEADING",
+        "speed_mps": "SPEED",
+        "accel_mps2": "ACCEL",
+        "yaw_rate_radps": "YAW_RATE",
+        "lateral_speed_mps": "LATERAL_SPEED",
+        "front_wheel_angle_rad": "FRONT_WHEEL_ANGLE",
+        "rear_wheel_angle_rad": "REAR_WHEEL_ANGLE",
+        "pose_frame": "POSE_FRAME",
+        "pose_valid": "POSE_VALID",
+    },
+    "status": {
+        "mode": "MODE",
+        "gear": "GEAR",
+        "driver_brake": "DRIVER_BRAKE",
+        "driver_throttle": "DRIVER_THROTTLE",
+        "driver_steer_torque_nm": "DRIVER_STEER_TORQUE",
+        "fault_code": "FAULT_CODE",
+    },
+    "command": {
+        "enable": "ENABLE",
+        "safe_stop": "SAFE_STOP",
+        "accel_mps2": "ACCEL_REQUEST",
+        "speed_mps": "SPEED_REQUEST",
+        "front_wheel_angle_rad": "FRONT_WHEEL_ANGLE_REQUEST",
+        "rear_wheel_angle_rad": "REAR_WHEEL_ANGLE_REQUEST",
+        "reason": "REASON",
+        "gear_request": "GEAR_REQUEST",
+    },
+    "body": {"hazard_lights": "HAZARD_LIGHTS"},
+    "report": {
+        "state": "STATE",
+        "reason": "REASON",
+        "ref_spatial_index": "REF_SPATIAL_INDEX",
+        "ref_temporal_index": "REF_TEMPORAL_INDEX",
+        "deadline_misses": "DEADLINE_MISSES",
+    },
+}
+"""Of a profile's table `[PART.signals]`: its key → the contract's word."""
+
+MUST = {"command": ("enable", "safe_stop", "accel_mps2", "front_wheel_angle_rad", "reason"), "status": ("mode",)}
+"""What a vehicle must have to be benched."""
+
+
+class ProfileError(Exception):
+    """The profile cannot be benched, and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """One message, and what its signals are called here."""
+
+    message: Message
+    name: str
+    word_of: Mapping[str, str]
+    signal_of: Mapping[str, list[str]]
+
+
+class Wire:
+    """One vehicle's bus. Raises `ProfileError` for a profile that is not there or that it cannot judge."""
+
+    def __init__(self, profile: str) -> None:
+        path = Path(profile) if profile.endswith(".toml") else PROFILES / f"{profile}.toml"
+        try:
+            text = path.read_bytes()
+            self.profile: dict[str, Any] = tomllib.loads(text.decode())
+            dbc = path.parent / self.profile["dbc"]
+            database = cantools.database.load_file(dbc, strict=True)
+        except (OSError, ValueError, KeyError, CantoolsError) as error:
+            raise ProfileError(f"{path}: {error}") from error
+        if not isinstance(database, Database):
+            raise ProfileError(f"{dbc}: is no CAN database")
+        self.path, self.dbc = path, dbc
+        self.hash = hashlib.sha256(text + dbc.read_bytes()).hexdigest()
+        self.name = str(self.profile["name"])
+        self.is_fd = bool(self.profile["bus"]["fd"])
+        self._bind(database)
+        self._protect()
+        self.limits = self._limits()
+        self.names = {layout.message.frame_id: name for name, layout in self._layouts.items()}
+        self.ids = {name: layout.message.frame_id for name, layout in self._layouts.items()}
+        self.lengths = {name: layout.message.length for name, layout in self._layouts.items()}
+        self._numbers = self._enumerations()
+
+    def pack(self, name: str, counter: int, **values: float) -> Frame:
+        """A frame with good checksum; signals that are not named are 0; values wrap as on the wire."""
+        layout = self._layouts[name]
+        signals: dict[str, float] = dict.fromkeys((signal.name for signal in layout.message.signals), 0)
+        signals[self._counter_signal] = counter
+        for word, value in values.items():
+            for signal in layout.signal_of.get(word, ()):
+                signals[signal] = value
+        data = layout.message.encode(signals, strict=False, padding=False)
+        return self.seal(Frame(0, layout.message.frame_id, data, is_fd=self.is_fd))
+
+    def seal(self, frame: Frame, data_id: int | None = None) -> Frame:
+        """With a checksum that fits its content, or that of another message's data id."""
+        owner = self._data_ids[self.names[frame.can_id]] if data_id is None else data_id
+        crc = self._checksum(owner, frame.data).to_bytes(self.crc_bytes, "little")
+        return replace(frame, data=crc + frame.data[self.crc_bytes :])
+
+    def is_well_formed(self, frame: Frame) -> bool:
+        """Whether a frame that carries an identifier of the vehicle's is of its kind and length."""
+        special = frame.is_extended or frame.is_remote or frame.is_error or frame.is_fd is not self.is_fd
+        return not special and len(frame.data) == self.lengths[self.names[frame.can_id]]
+
+    def intact(self, frame: Frame) -> Told | None:
+        """The frame's content, if it is one of the vehicle's messages and whole."""
+        name = self.names.get(frame.can_id)
+        if name is None or not self.is_well_formed(frame) or frame != self.seal(frame):
+            return None
+        layout = self._layouts[name]
+        raw = layout.message.decode_simple(frame.data, decode_choices=False)
+        signals = {word: float(raw[signal]) for signal, word in layout.word_of.items()}  # type: ignore[arg-type]
+        return Told(frame.stamp_ns, name, signals)
+
+    def number(self, word: str, name: str) -> int:
+        """Of an enumeration's name, as it is on the wire. Raises `ProfileError` where the vehicle has no such name."""
+        try:
+            return self._numbers[word][name]
+        except KeyError:
+            raise ProfileError(f"{self.dbc}: {word} has no value {name}") from None
+
+    def has(self, word: str) -> bool:
+        """Whether this vehicle has such a signal."""
+        return any(word in layout.signal_of for layout in self._layouts.values())
+
+    def part_of(self, word: str) -> str:
+        """The message of the state sample, or the status, that carries a signal."""
+        homes = (*self.sample, "VEHICLE_STATUS")
+        return str(next(name for name in homes if word in self._layouts[name].signal_of))
+
+    def _bind(self, database: Database) -> None:
+        """Which messages there are, and the contract's words for their signals."""
+        words: dict[str, dict[str, str]] = {}
+        homes: dict[str, list[str]] = {}
+        for part, vocabulary in WORDS.items():
+            bound = self.profile[part]["signals"]
+            for key in MUST.get(part, ()):
+                if key not in bound:
+                    raise ProfileError(f"{self.path}: [{part}.signals] {key} is missing: nothing could be judged")
+            for key, word in vocabulary.items():
+                signals = bound.get(key, ())
+                for signal in (signals,) if isinstance(signals, str) else signals:
+                    message, _, short = signal.partition(".")
+                    words.setdefault(message, {})[short] = word
+                    homes.setdefault(part, []).append(message)
+        commands = list(dict.fromkeys(homes["command"]))
+        if len(commands) > 2:
+            raise ProfileError(
+                f"{self.path}: commands in more than two messages ({', '.join(commands)}) cannot be judged"
+            )
+        if len(commands) == 2:
+            accel = self.profile["command"]["signals"]["accel_mps2"].partition(".")[0]
+            commands.sort(key=lambda name: name != accel)
+        known = dict(
+            zip(commands, ("DRIVE_COMMAND", "STEER_COMMAND") if len(commands) == 2 else ("COMMAND",), strict=True)
+        )
+        known |= dict.fromkeys(homes["body"], "BODY_COMMAND") | dict.fromkeys(homes["report"], "CONTROLLER_STATUS")
+        known[self.profile["status"]["signals"]["mode"].partition(".")[0]] = "VEHICLE_STATUS"
+        self.sample: tuple[str, ...] = tuple(self.profile["state"]["sample"])
+        self.command = tuple(known[name] for name in commands)
+        counter, crc = self.profile["e2e"]["counter_signal"], self.profile["e2e"]["crc_signal"]
+        self._counter_signal = counter
+        self._layouts: dict[str, _Layout] = {}
+        self._data_ids: dict[str, int] = {}
+        for message, bound in words.items():
+            layout = database.get_message_by_name(message)
+            bound = {counter: "COUNTER"} | bound
+            signal_of: dict[str, list[str]] = {}
+            for signal, word in bound.items():
+                signal_of.setdefault(word, []).append(signal)
+            for signal in layout.signals:
+                if signal.name not in (*bound, crc):
+                    signal_of[signal.name] = [signal.name]
+                    bound[signal.name] = signal.name
+            name = known.get(message, message)
+            self._layouts[name] = _Layout(layout, name, bound, signal_of)
+            self._data_ids[name] = self.profile["e2e"]["data_ids"][message]
+
+    def _protect(self) -> None:
+        kind = (self.profile["e2e"]["profile"], self.profile["e2e"].get("data_id_mode", "BOTH"))
+        if kind == (1, "BOTH"):
+            self.crc_bytes, self.counters, self._checksum = 1, 15, checksum
+        elif kind[0] == 5:
+            self.crc_bytes, self.counters, self._checksum = 2, 256, checksum_fd
+        else:
+            raise ProfileError(
+                f"{self.path}: the bench checks end-to-end profiles 1 (BOTH) and 5, not {kind[0]} ({kind[1]})"
+            )
+
+    def _limits(self) -> Limits:
+        own = self.profile["limits"]
+        return Limits(
+            steer_rad=own["front_wheel_angle_rad"],
+            steer_rate_radps=own["front_wheel_rate_radps"],
+            accel_range_mps2=(own["accel_min_mps2"], own["accel_max_mps2"]),
+            gear_change_mps=own["gear_change_speed_mps"],
+        )
+
+    def _enumerations(self) -> dict[str, dict[str, int]]:
+        numbers: dict[str, dict[str, int]] = {}
+        for layout in self._layouts.values():
+            for word, signals in layout.signal_of.items():
+                choices: Mapping[int, object] = layout.message.get_signal_by_name(signals[0]).choices or {}
+                numbers.setdefault(word, {}).update({str(name): int(number) for number, name in choices.items()})
+        for word, table in (("MODE", "modes"), ("GEAR", "gears")):
+            for theirs, ours in self.profile["status"].get(table, {}).items():
+                numbers[word][ours] = numbers[word][theirs]
+        return numbers
