@@ -3,8 +3,10 @@
 Times are seconds from the beginning of a case unless they say otherwise; None where there is nothing to say.
 """
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
@@ -81,8 +83,9 @@ class Series(msgspec.Struct, frozen=True, kw_only=True):
     """One line of a plot."""
 
     name: str
-    at_s: list[float]
-    values: list[float]
+    at_s: Sequence[float]
+    values: Sequence[float | None]
+    """None, and in JSON also NaN and infinity: a gap."""
 
 
 class Plot(msgspec.Struct, frozen=True, kw_only=True):
@@ -140,7 +143,8 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True):
 class Run(msgspec.Struct, frozen=True, kw_only=True):
     """The whole catalogue, or what of it was chosen."""
 
-    format: int = 1
+    format: Literal[1] = 1
+    """Stepped when an older reader would misunderstand; any other is refused."""
     verdict: Verdict
     """FAIL if any case failed; NOT EXECUTED if none was executed; else PASS."""
     evidence: Evidence
@@ -168,8 +172,10 @@ def verdict_of(cases: list[CaseResult]) -> Verdict:
 
 
 def write(run: Run, path: Path) -> None:
-    """As JSON that people can read, too."""
-    path.write_bytes(msgspec.json.format(msgspec.json.encode(run), indent=1) + b"\n")
+    """As JSON that people can read, too. Raises `msgspec.MsgspecError` for what could not be read again (NaN)."""
+    encoded = msgspec.json.encode(run)
+    msgspec.json.decode(encoded, type=Run)
+    path.write_bytes(msgspec.json.format(encoded, indent=1) + b"\n")
 
 
 def read(path: Path) -> Run:
