@@ -1,0 +1,38 @@
+"""tools/soak in short: a drive over a bad cable whose link goes down twice, judged by what was seen at both ends."""
+
+import json
+import signal
+
+import pytest
+
+from .conftest import ROOT, Programs
+
+SOAK = str(ROOT / "tools" / "_soak.py")
+FLAPS = 2
+
+
+@pytest.mark.timeout(180)
+def test_a_drive_over_a_bad_cable_whose_link_goes_down_twice_is_found_clean(programs: Programs) -> None:
+    path = programs.folder / "soak.json"
+    timing = ["--duration", "36", "--flap-every", "13"]
+    soak = programs.start_python(SOAK, *timing, "--json", str(path), name="soak")
+    assert soak.ends(120.0) == 0, soak.text
+    found = json.loads(path.read_text())
+    assert found["wrong"] == []
+    assert found["flaps"] == FLAPS
+    assert found["armed_again"] >= FLAPS
+    assert found["stale_commands"] == found["repeated_commands"] == found["counter_gaps"] == 0
+    assert found["pairs"] > 2000
+    for way in ("to_loop", "to_vehicle"):
+        assert min(found[way][cause] for cause in ("lost", "repeated", "bad CRC", "wrong sequence")) > 0
+    assert found["run_commands"] == pytest.approx(found["pairs"], abs=FLAPS + 1)
+    assert set(found["memory_mib"]) == {"begin", "middle", "end"}
+    assert "nothing is wrong" in soak.text
+
+
+def test_a_soak_that_is_interrupted_stops_the_vehicle_and_proves_nothing(programs: Programs) -> None:
+    soak = programs.start_python(SOAK, "--duration", "600", name="soak")
+    soak.says("soaking circle for 600 s: loss 1%")
+    soak.tell(signal.SIGINT)
+    assert soak.ends(60.0) == 130
+    assert "interrupted: this soak proves nothing" in soak.text

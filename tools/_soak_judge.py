@@ -1,0 +1,527 @@
+"""Judges a soak by what was seen at both ends of its bad cable, stretch by stretch, in memory that does not grow.
+
+At the loop's end every frame is seen that the loop has sent, and every one that reached it; at the vehicle's end the
+same of the vehicle. So it is known what the cable did to each frame, what the loop could know when it sent a command,
+and what a receiver by the bus contract has to drop, and why. Nothing of this asks the program.
+"""
+
+from bisect import bisect, bisect_left
+from collections import Counter, defaultdict, deque
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from bus_contract import CONTROLLER_SENDS, FAULT, GREATEST_STEP, MS, REFERENCE, Frame, S, Told
+from bus_contract_judge import (
+    JITTER_NS,
+    LEAST_LOSS_NS,
+    OLDEST_ANSWERED_NS,
+    SAMPLE_WINDOW_NS,
+    SETTLING_NS,
+    Pair,
+    examine,
+)
+
+VEHICLE_SENDS = tuple(name for name in REFERENCE.messages if name not in CONTROLLER_SENDS)
+ROUTINE = {"NOMINAL", "NOT_ENGAGED", "STATE_STALE", "SHUTDOWN", "VEHICLE_FAULT"}
+"""What a command may say: driving, before and after it, samples that stayed away, a vehicle whose watchdog acted."""
+STALL_NS = 30 * MS
+"""A vehicle that sends every 10 ms, and has sent nothing for so long, got no time."""
+LOST = "lost"
+ACCEPTED = ("", LOST)
+MOST_WIDENED = 4
+"""Damaged frames that widen the next step of a counter."""
+SILENT_NS = 100 * MS
+"""So long without a command is long enough for the vehicle's watchdog."""
+OVERLAP_NS = 1 * S
+"""A stretch is judged once more with the next one, so that nothing is missed between them."""
+REOPENED_NS = 300 * MS
+"""After the link is up again, frames come for so long that the loop may not hear: it tries at 10 Hz."""
+OLDEST_NS = 200 * MS
+"""No frame is on its way for longer: one that is was kept back by somebody."""
+RECENT = 8
+"""Flaps that may lie in what is being judged."""
+MOST_WRONG = 1000
+
+
+class Seen(NamedTuple):
+    """One frame at one end."""
+
+    frame: Frame
+    is_own: bool
+    """Sent at this end; the others came over the cable."""
+
+
+class Flap(NamedTuple):
+    """The link was down, wall clock."""
+
+    down_ns: int
+    up_ns: int
+
+
+class Notes:
+    """What the operator did, and when, by the wall clock, which is that of the stamps."""
+
+    def __init__(self, begin_ns: int) -> None:
+        self.begin_ns = begin_ns
+        self.flaps: list[Flap] = []
+        self.armings_ns = [begin_ns]
+        """The loop is armed from its start."""
+        self.first_ns: int | None = None
+        """When the loop was heard first."""
+        self.end_ns: int | None = None
+        """When the loop was told to end."""
+        self.stalls: list[tuple[int, int]] = []
+        """From when to when even the vehicle sent nothing: this machine stood still, and nobody is to blame."""
+
+    def is_flap(self, at_ns: int) -> bool:
+        """Whether the link is down then, or not yet open again."""
+        return any(flap.down_ns - JITTER_NS <= at_ns <= flap.up_ns + REOPENED_NS for flap in self.flaps[-RECENT:])
+
+    def is_excused(self, at_ns: int) -> bool:
+        """Whether what happens then is a flap's doing, or a stall's."""
+        stalls = self.stalls[-RECENT:]
+        return self.is_flap(at_ns) or any(a - JITTER_NS <= at_ns <= b + SETTLING_NS for a, b in stalls)
+
+    def went_down(self, before_ns: int) -> int:
+        """When the link went down last before that; 0 if it never did."""
+        return next((flap.down_ns for flap in reversed(self.flaps) if flap.down_ns < before_ns), 0)
+
+    def is_blind(self, at_ns: int) -> bool:
+        """Whether it cannot be known what the loop hears then."""
+        is_outside = self.first_ns is None or at_ns < self.first_ns or (self.end_ns is not None and at_ns > self.end_ns)
+        return is_outside or self.is_flap(at_ns)
+
+    def armed_since(self, since_ns: int, until_ns: int) -> bool:
+        """Whether the loop was armed in that time."""
+        return bisect(self.armings_ns, until_ns) > bisect(self.armings_ns, since_ns)
+
+    def at(self, stamp_ns: int) -> str:
+        """Seconds since the beginning."""
+        return f"{(stamp_ns - self.begin_ns) / S:.3f} s"
+
+
+class Way:
+    """One direction of the cable: what went in, what came out, and what a receiver makes of that."""
+
+    def __init__(self, names: Sequence[str], notes: Notes) -> None:
+        self._names, self._notes = names, notes
+        self._sent: defaultdict[tuple[int, bytes], list[int]] = defaultdict(list)
+        self._last: dict[str, int] = {}
+        self._damaged: Counter[str] = Counter()
+        self._down_ns = 0
+        self.sent = 0
+        self.came = 0
+        self.clear: Counter[str] = Counter()
+        """`repeated POSE`, `lost MOTION`, …: what the receiver must have counted."""
+        self.blurred: Counter[str] = Counter()
+        """The same, while it cannot be known whether the receiver heard."""
+        self.longest_ns = 0
+        self.wrong: list[str] = []
+
+    def put_in(self, frame: Frame) -> None:
+        """A frame was sent."""
+        self.sent += 1
+        self._sent[frame.can_id, frame.data].append(frame.stamp_ns)
+
+    def come_out(self, frame: Frame) -> Told | None:
+        """A frame has arrived; what it says, if a receiver accepts it."""
+        name = REFERENCE.names.get(frame.can_id)
+        if name not in self._names or name is None:
+            return None
+        self.came += 1
+        down_ns = self._notes.went_down(frame.stamp_ns)
+        if down_ns > self._down_ns:
+            self._down_ns = down_ns
+            self._last.clear()
+            self._damaged.clear()
+        told = REFERENCE.intact(frame)
+        cause, count = self._judged(frame, name, told)
+        if count:
+            counts = self.blurred if self._notes.is_blind(frame.stamp_ns) else self.clear
+            counts[f"{cause} {name}"] += count
+        if told is not None:
+            self._judge_age(frame, name)
+        return told if cause in ACCEPTED else None
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """What was sent by then has arrived by now, or never will."""
+        for key in list(self._sent):
+            self._sent[key] = [each for each in self._sent[key] if each >= stamp_ns]
+            if not self._sent[key]:
+                del self._sent[key]
+
+    def _judged(self, frame: Frame, name: str, told: Told | None) -> tuple[str, int]:
+        """What a receiver counts, and how many."""
+        if told is None:
+            if frame.is_extended or frame.is_remote or frame.is_fd:
+                return "wrong type", 1
+            if not REFERENCE.is_well_formed(frame):
+                return "wrong length", 1
+            self._damaged[name] = min(self._damaged[name] + 1, MOST_WIDENED)
+            return "bad CRC", 1
+        before, self._last[name] = self._last.get(name), told.counter
+        if before is None:
+            return "", 0
+        step = (told.counter - before) % REFERENCE.counters
+        if step == 0:
+            return "repeated", 1
+        widest = GREATEST_STEP + self._damaged.pop(name, 0)
+        return ("wrong sequence", 1) if step > widest else (LOST, step - 1)
+
+    def _judge_age(self, frame: Frame, name: str) -> None:
+        stamps = self._sent.get((frame.can_id, frame.data), [])
+        place = bisect(stamps, frame.stamp_ns + JITTER_NS)  # what is not delayed may come before it is seen to leave
+        if not place:
+            self.wrong.append(f"{self._notes.at(frame.stamp_ns)}: an intact {name} arrives that nobody sent")
+            return
+        age_ns = frame.stamp_ns - stamps[place - 1]
+        self.longest_ns = max(self.longest_ns, age_ns)
+        if age_ns > OLDEST_NS and not self._notes.is_excused(frame.stamp_ns):
+            self.wrong.append(
+                f"{self._notes.at(frame.stamp_ns)}: {name} arrives {age_ns / MS:.0f} ms after it was sent"
+            )
+
+
+class Sample(NamedTuple):
+    """A state sample that reached the loop whole."""
+
+    first_ns: int
+    """When its first frame came: it is as old as that."""
+    stamp_ns: int
+    """When it was complete."""
+
+
+class Samples:
+    """Puts the frames together that reached the loop: one counter value, within 50 ms."""
+
+    def __init__(self) -> None:
+        self._pending: dict[int, dict[str, int]] = {}
+        self._first_ns = 0
+        self.complete = 0
+        self.overtaken = 0
+        """Samples that are older than the one before: nobody has to answer them."""
+
+    def take(self, told: Told) -> Sample | None:
+        """The sample that this frame completes, if it does."""
+        parts = self._pending.setdefault(told.counter, {})
+        if parts and told.stamp_ns - min(parts.values()) > SAMPLE_WINDOW_NS:
+            parts.clear()
+        parts[told.name] = told.stamp_ns
+        if len(parts) < len(REFERENCE.sample):
+            return None
+        del self._pending[told.counter]
+        self.complete += 1
+        first_ns = min(parts.values())
+        if first_ns < self._first_ns:
+            self.overtaken += 1
+            return None
+        self._first_ns = first_ns
+        return Sample(first_ns, told.stamp_ns)
+
+    def forget(self) -> None:
+        """What came before belongs to nothing that comes now."""
+        self._pending.clear()
+
+
+class Judge:
+    """Takes what was seen, bit by bit."""
+
+    def __init__(self, notes: Notes) -> None:
+        self.notes = notes
+        self.to_loop, self.to_vehicle = Way(VEHICLE_SENDS, notes), Way(CONTROLLER_SENDS, notes)
+        self.wrong: dict[str, None] = {}
+        """Everything that is wrong, each once, in order."""
+        self.reasons: Counter[str] = Counter()
+        self.delays_ms: Counter[float] = Counter()
+        """From a sample's completion to its answer, in bins of 0.1 ms."""
+        self.sent: Counter[str] = Counter()
+        """Intact frames of the loop by message."""
+        self.samples = Samples()
+        self.pairs = self.stale_stops = self.foreign = 0
+        self.stale_commands = self.repeated_commands = self.counter_gaps = self.explained_gaps = 0
+        self._kept: list[Seen] = []
+        self._last: dict[str, Told] = {}
+        self._drive: Told | None = None
+        """The first half of the pair that is being sent."""
+        self._pair_ns = self._settled_ns = self._crossed_ns = 0
+        self._debts: deque[Sample] = deque()
+        """Samples that wait for their answers."""
+        self._left: deque[int] = deque(maxlen=100)
+        """How many still waited after each of the last pairs."""
+        self._newest = self._before = Sample(0, 0)
+        self._enabled_ns: int | None = None
+        """Of the last command that was enabled."""
+        self._is_out = False
+        self._vehicle_ns = 0
+        self._causes_ns: list[int] = []
+
+    def blame(self, *texts: str) -> None:
+        """Note what is wrong; a soak that goes wrong all the time is told so often enough."""
+        for text in texts:
+            if len(self.wrong) < MOST_WRONG:
+                self.wrong[text] = None
+
+    def _blame_at(self, at_ns: int, text: str) -> None:
+        """The same, unless a flap or a stall explains it."""
+        if not self.notes.is_excused(at_ns):
+            self.blame(f"{self.notes.at(at_ns)}: {text}")
+
+    def take(self, at_loop: Sequence[Seen], at_vehicle: Sequence[Seen]) -> None:
+        """The next stretch, each end in the order of its stamps."""
+        if self.notes.first_ns is None:
+            self.notes.first_ns = next((seen.frame.stamp_ns for seen in at_loop if seen.is_own), None)
+        self._look_for_stalls(at_vehicle)
+        self._put_in(at_loop, at_vehicle)
+        for seen in at_loop:
+            frame = seen.frame
+            if seen.is_own:
+                self._judge_own(frame)
+            else:
+                self._look_for_causes(frame)
+                self._take_arrival(self.to_loop.come_out(frame))
+        for seen in at_vehicle:
+            if not seen.is_own:
+                self.to_vehicle.come_out(seen.frame)
+        for way in (self.to_loop, self.to_vehicle):
+            self.blame(*way.wrong)
+            way.wrong.clear()
+        self._judge_values([*self._kept, *at_loop])
+
+    def finish(self) -> None:
+        """Nothing more comes."""
+        if self._enabled_ns is not None and not self._is_out:
+            self._leave()
+        if not self.pairs:
+            self.blame("no drive: not one command pair")
+
+    def as_dict(self) -> dict[str, Any]:
+        """What was found, for programs; `wrong` lists all that is wrong."""
+        return {
+            "samples": self.samples.complete,
+            "samples_overtaken": self.samples.overtaken,
+            "pairs": self.pairs,
+            "pairs_by_reason": dict(self.reasons),
+            "repeated_commands": self.repeated_commands,
+            "stale_commands": self.stale_commands,
+            "stale_stops": self.stale_stops,
+            "counter_gaps": self.counter_gaps,
+            "counter_gaps_at_flaps": self.explained_gaps,
+            "foreign_commands": self.foreign,
+            "answer_delay_ms": {f"p{share}": self._delay_ms(share / 100) for share in (50, 99)}
+            | {"max": max(self.delays_ms, default=None)},
+            "to_loop": _told(self.to_loop),
+            "to_vehicle": _told(self.to_vehicle),
+        }
+
+    def _look_for_stalls(self, at_vehicle: Sequence[Seen]) -> None:
+        for seen in at_vehicle:
+            if seen.is_own:
+                at_ns, before_ns = seen.frame.stamp_ns, self._vehicle_ns or seen.frame.stamp_ns
+                self._vehicle_ns = at_ns
+                if at_ns - before_ns > STALL_NS:
+                    self.notes.stalls.append((before_ns, at_ns))
+
+    def _put_in(self, at_loop: Sequence[Seen], at_vehicle: Sequence[Seen]) -> None:
+        for way, seen_there in ((self.to_loop, at_vehicle), (self.to_vehicle, at_loop)):
+            for seen in seen_there:
+                if seen.is_own:
+                    way.put_in(seen.frame)
+            if seen_there:
+                way.forget_before(seen_there[0].frame.stamp_ns - S)
+
+    def _look_for_causes(self, frame: Frame) -> None:
+        """What may end the commanding: the loop's identifiers from elsewhere, a vehicle that says it has a fault."""
+        name = REFERENCE.names.get(frame.can_id)
+        if frame.is_extended:
+            return
+        if name in CONTROLLER_SENDS:
+            self.foreign += 1
+            self._causes_ns.append(frame.stamp_ns)
+        elif name == "VEHICLE_STATUS":
+            told = REFERENCE.intact(frame)
+            if told is not None and told["MODE"] == FAULT:
+                self._causes_ns.append(frame.stamp_ns)
+
+    def _take_arrival(self, told: Told | None) -> None:
+        if told is None or told.name not in REFERENCE.sample:
+            return
+        sample = self.samples.take(told)
+        if sample is not None:
+            self._before, self._newest = self._newest, sample
+            self._debts.append(sample)
+
+    def _judge_own(self, frame: Frame) -> None:
+        """One frame of the loop: whole, with the next counter, and not while it has to be silent."""
+        told, at = REFERENCE.intact(frame), self.notes.at(frame.stamp_ns)
+        if told is None:
+            self.blame(f"{at}: the loop sent 0x{frame.can_id:03X}#{frame.data.hex()}, no intact message")
+            return
+        self.sent[told.name] += 1
+        down_ns = self.notes.went_down(frame.stamp_ns - JITTER_NS)
+        if down_ns and not self.notes.armed_since(down_ns, frame.stamp_ns):
+            self.blame(f"{at}: {told.name} after the link was down, and nobody had armed the loop again")
+        self._judge_counter(told, at)
+        self._judge_half(told, at)
+
+    def _judge_counter(self, told: Told, at: str) -> None:
+        """Each frame steps its message's counter by one."""
+        before, self._last[told.name] = self._last.get(told.name), told
+        if before is None:
+            return
+        step = (told.counter - before.counter) % REFERENCE.counters
+        if step == 0:
+            self.repeated_commands += 1
+            self.blame(f"{at}: {told.name} with the counter of the one before it, {told.counter}")
+        elif step != 1 and any(self.notes.is_flap(each.stamp_ns) for each in (before, told)):
+            self.explained_gaps += 1
+        elif step != 1:
+            self.counter_gaps += 1
+            self.blame(f"{at}: {told.name} counts from {before.counter} to {told.counter}")
+
+    def _judge_half(self, told: Told, at: str) -> None:
+        """A DRIVE_COMMAND, and then the STEER_COMMAND that belongs to it."""
+        if told.name not in REFERENCE.command:
+            return
+        is_first, drive = told.name == REFERENCE.command[0], self._drive
+        if is_first is not (drive is None) and not self.notes.is_excused(told.stamp_ns):
+            self.blame(f"{at}: half a pair before this {told.name}")
+        self._drive = told if is_first else None
+        if not is_first and drive is not None:
+            self._judge_pair(Pair(drive, told), at)
+
+    def _judge_pair(self, pair: Pair, at: str) -> None:
+        self.pairs += 1
+        self.reasons[f"{pair.reason}, {'enabled' if pair.is_enabled else 'released'}"] += 1
+        if pair.reason not in ROUTINE:
+            self.blame(f"{at}: a command that says {pair.reason}")
+        waited_ns = pair.drive.stamp_ns - self._newest.first_ns
+        if pair.is_enabled and not pair.is_stop and waited_ns > OLDEST_ANSWERED_NS:
+            self.stale_commands += 1
+            self.blame(f"{at}: driven on without a sample for {waited_ns / MS:.0f} ms")
+        self._judge_answer(pair)
+        self._judge_commanding(pair)
+
+    def _judge_answer(self, pair: Pair) -> None:
+        """Each sample opens a debt, each pair pays the oldest one, or is a stop because no sample came.
+
+        Such a stop may cross the late sample on the wire; then the sample's own answer comes right after it.
+        """
+        if pair.stamp_ns - self._pair_ns > SILENT_NS:
+            self._settled_ns = pair.stamp_ns + SETTLING_NS
+        self._pair_ns = pair.stamp_ns
+        if pair.stamp_ns < self._settled_ns:
+            self._debts.clear()
+            self._left.clear()
+            return
+        sent_ns = pair.drive.stamp_ns
+        is_one_too_many = len(self._left) == self._left.maxlen and min(self._left) > 0
+        while self._debts and (is_one_too_many or sent_ns - self._debts[0].stamp_ns > OLDEST_ANSWERED_NS):
+            self._blame_at(self._debts.popleft().stamp_ns, "this sample, or one shortly before it, is not answered")
+            self._left.clear()
+            is_one_too_many = False
+        is_stale = sent_ns - self._newest.first_ns > LEAST_LOSS_NS
+        is_crossing = self._newest.first_ns - self._before.first_ns > LEAST_LOSS_NS
+        if pair.reason == "STATE_STALE" and pair.is_enabled:
+            self.stale_stops += 1
+            if not (is_stale or is_crossing):
+                self._blame_at(pair.stamp_ns, "a stop for STATE_STALE, and the newest sample is not old")
+        if self._debts:
+            delay_ns = pair.stamp_ns - self._debts.popleft().stamp_ns
+            self.delays_ms[round(delay_ns / MS, 1)] += 1
+            self._left.append(len(self._debts))
+            self._crossed_ns = pair.stamp_ns if pair.is_stop and is_crossing else self._crossed_ns
+        elif pair.is_stop and is_stale:
+            return
+        elif pair.stamp_ns - self._crossed_ns < JITTER_NS:
+            self._crossed_ns = 0
+        else:
+            self._blame_at(pair.stamp_ns, f"a pair that answers nothing, {pair.reason}")
+
+    def _judge_commanding(self, pair: Pair) -> None:
+        """Commanding ends for a cause, and begins again only after an arming."""
+        enabled_ns = self._enabled_ns
+        is_over = enabled_ns is not None and (not pair.is_enabled or pair.stamp_ns - enabled_ns > SILENT_NS)
+        if is_over and not self._is_out and not (pair.is_enabled and self.notes.is_excused(pair.stamp_ns)):
+            self._leave()
+        if not pair.is_enabled:
+            return
+        if self._is_out and enabled_ns is not None and not self.notes.armed_since(enabled_ns, pair.stamp_ns):
+            self.blame(f"{self.notes.at(pair.stamp_ns)}: commands again, and nobody had armed the loop again")
+        self._enabled_ns, self._is_out = pair.stamp_ns, False
+
+    def _leave(self) -> None:
+        assert self._enabled_ns is not None
+        self._is_out = True
+        at_ns = self._enabled_ns
+        place = bisect_left(self._causes_ns, at_ns - SILENT_NS)
+        is_caused = place < len(self._causes_ns) and self._causes_ns[place] <= at_ns + SILENT_NS
+        is_ending = self.notes.end_ns is not None and at_ns > self.notes.end_ns
+        if not (is_caused or is_ending or self.notes.is_excused(at_ns + JITTER_NS)):
+            self.blame(f"{self.notes.at(at_ns)}: the last command of a drive that had no cause to end")
+        del self._causes_ns[:place]
+
+    def _judge_values(self, stretch: Sequence[Seen]) -> None:
+        """Ranges, rates, and signals that must agree with each other."""
+        arrived = (
+            seen.frame for seen in stretch if seen.is_own or REFERENCE.names.get(seen.frame.can_id) in VEHICLE_SENDS
+        )
+        record = examine([Frame(self.notes.begin_ns, 0x7FF, b""), *arrived])  # so its times are those of the soak
+        self.blame(*record.violations)
+        if stretch:
+            self._keep(stretch, stretch[-1].frame.stamp_ns - OVERLAP_NS)
+
+    def _delay_ms(self, share: float) -> float | None:
+        rank, total = 0, sum(self.delays_ms.values())
+        for delay_ms in sorted(self.delays_ms):
+            rank += self.delays_ms[delay_ms]
+            if rank >= share * total:
+                return delay_ms
+        return None
+
+    def _keep(self, stretch: Sequence[Seen], since_ns: int) -> None:
+        """The last second, from a command's first frame on: half a pair would be taken for another one's half."""
+        first = REFERENCE.messages[REFERENCE.command[0]][0]
+        recent = [seen for seen in stretch if seen.frame.stamp_ns >= since_ns]
+        begin = next((i for i, seen in enumerate(recent) if seen.is_own and seen.frame.can_id == first), 0)
+        self._kept = recent[begin:]
+
+
+def wrong_with_counts(judge: Judge, summary: dict[str, Any]) -> list[str]:
+    """Where the loop's own counts cannot be those of what reached it."""
+    slack, wrong = len(judge.notes.flaps) + 1, []
+    drops, seen = summary["drops"], judge.to_loop
+    counted = {**drops, **{f"lost {name}": count for name, count in summary["lost"].items()}}
+    for what in sorted(counted.keys() | seen.clear.keys()):
+        if what.endswith(VEHICLE_SENDS):
+            least, most = seen.clear[what] - slack, seen.clear[what] + seen.blurred[what] + slack
+            if not least <= counted.get(what, 0) <= most:
+                wrong.append(f"the loop counts {what}: {counted.get(what, 0)}, and {least} to {most} were seen")
+    counts = summary["counts"]
+    for what, count, observed in (
+        ("commands", counts["commands"], judge.pairs),
+        ("frames sent", counts["frames_sent"], sum(judge.sent.values())),
+        ("foreign commands", counts["foreign_commands"], judge.foreign),
+    ):
+        if abs(count - observed) > slack:
+            wrong.append(f"the loop counts {what}: {count}, and {observed} were seen")
+    return wrong
+
+
+def wrong_with_cable(way: Way, name: str, chances: dict[str, float]) -> list[str]:
+    """Faults that the cable was to do, and did not, although each was to be expected a dozen times.
+
+    `chances` of a frame: that it is lost, doubled, overtaken or damaged.
+    """
+    wrong = []
+    for cause, chance in chances.items():
+        if chance * way.sent >= 12 and not any(what.startswith(cause) for what in way.clear):
+            wrong.append(f"the cable {name} did nothing of this kind: {cause}")
+    return wrong
+
+
+def _told(way: Way) -> dict[str, Any]:
+    causes: Counter[str] = Counter()
+    for counts in (way.clear, way.blurred):
+        for what, count in counts.items():
+            causes[what.rpartition(" ")[0]] += count
+    return {"sent": way.sent, "came": way.came, **causes, "longest_on_the_way_ms": round(way.longest_ns / MS, 1)}
