@@ -1,0 +1,15 @@
+"""The faults that the minimal controller can be given, one at a time: what a judge of controllers has to find."""
+
+DEFECTS = {
+    "timeout_removed": "samples that stay away are not noticed: neither a stop after 50 ms nor a latch after 500 ms",
+    "crc_unchecked": "frames with a wrong CRC are believed",
+    "steer_sign_swapped": "the wheels are turned the other way",
+    "nan_path": "from 3 s after engaging on its steering is NaN, unchecked, and clamped by min and max to a full lock",
+    "limit_off_by_10_percent": "the wheels are led to 0.66 rad where the path demands it; 0.6 rad is their end",
+    "counter_repeated_with_fresh_crc": "every 50th pair is sent with the counters of the one before, and good CRCs",
+    "stop_without_reason": "every stop says NOMINAL",
+    "late_by_30_ms": "each sample is answered 30 ms after it came",
+    "commands_after_override": "ENABLE stays 1 when the driver takes over",
+    "frame_ignored": "poses in another frame of reference are taken for those of the trajectory's",
+}
+"""Name for `--defect`, and what it breaks."""
