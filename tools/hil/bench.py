@@ -211,7 +211,7 @@ def _located(found: CaseResult, at_s: float) -> CaseResult:
 def _be_prompt() -> None:
     """Real-time priority, where it may be had: the bench must not be what is late."""
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(40))
     except PermissionError:
         return
 

@@ -2,7 +2,8 @@
 
 A frame that the bench sent comes back when it was on the bus (`CAN_RAW_RECV_OWN_MSGS`), so both sides of a latency
 carry stamps of one clock; where the adapter stamps in hardware, those are kept beside them. The kernel's stamps are
-turned to the monotonic clock when they are read, so that a wall clock that steps does no harm.
+turned to the monotonic clock by one offset, found anew only when the wall clock has stepped, so that they keep their
+order.
 """
 
 import contextlib
@@ -26,6 +27,7 @@ CLASSIC_BYTES, FD_BYTES = 16, 72
 EXTENDED, REMOTE, ERROR = 0x80000000, 0x40000000, 0x20000000
 ROOM_BYTES = 4 << 20
 S = 1_000_000_000
+DRIFT_NS = 500_000
 LINK_LOST = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO)
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
 
@@ -53,6 +55,7 @@ class Bus:
         self.refused = 0
         """Frames that the queue had no room for."""
         self._probed_ns = 0
+        self._clocks = _Clocks()
         self._open()
 
     def send(self, frame: Frame) -> bool:
@@ -74,6 +77,7 @@ class Bus:
         """What has come since the last time."""
         if not self._is_there():
             return
+        self._clocks.look()
         while self._raw is not None:
             try:
                 record, ancillary, flags, _ = self._raw.recvmsg(FD_BYTES, 128)
@@ -82,7 +86,7 @@ class Bus:
             except OSError as error:
                 self._lose(error)
                 return
-            stamp_ns, hardware_ns = _stamps(ancillary)
+            stamp_ns, hardware_ns = self._clocks.stamps(ancillary)
             yield Heard(_decoded(record, stamp_ns), bool(flags & MSG_CONFIRM), hardware_ns)
 
     def close(self) -> None:
@@ -144,15 +148,29 @@ def _decoded(record: bytes, stamp_ns: int) -> Frame:
     )
 
 
-def _stamps(ancillary: list[tuple[int, int, bytes]]) -> tuple[int, int]:
-    """Monotonic, and the adapter's."""
-    now_ns, wall_ns = time.monotonic_ns(), time.time_ns()
-    for _, kind, data in ancillary:
-        if kind == SO_TIMESTAMPING and len(data) >= STAMPS.size:
-            soft_s, soft_ns, _, _, hard_s, hard_ns = (int(number) for number in STAMPS.unpack_from(data))
-            age_ns = wall_ns - (soft_s * S + soft_ns)
-            return now_ns - (age_ns if 0 <= age_ns < S else 0), hard_s * S + hard_ns
-    return now_ns, 0
+class _Clocks:
+    """Turns wall-clock stamps to the monotonic clock."""
+
+    def __init__(self) -> None:
+        self._offset_ns = 0
+        self._now_ns = 0
+
+    def look(self) -> None:
+        """Whether the wall clock went another way than the monotonic one: by more than can be told, it has stepped."""
+        before_ns, wall_ns, self._now_ns = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
+        offset_ns, doubt_ns = wall_ns - (before_ns + self._now_ns) // 2, self._now_ns - before_ns
+        if abs(offset_ns - self._offset_ns) > doubt_ns + DRIFT_NS:
+            self._offset_ns = offset_ns
+
+    def stamps(self, ancillary: list[tuple[int, int, bytes]]) -> tuple[int, int]:
+        """Monotonic, and the adapter's. A frame from before a step is as old as the look."""
+        for _, kind, data in ancillary:
+            if kind == SO_TIMESTAMPING and len(data) >= STAMPS.size:
+                soft_s, soft_ns, _, _, hard_s, hard_ns = (int(number) for number in STAMPS.unpack_from(data))
+                stamp_ns = soft_s * S + soft_ns - self._offset_ns
+                is_sound = abs(self._now_ns - stamp_ns) < S
+                return stamp_ns if is_sound else self._now_ns, hard_s * S + hard_ns
+        return self._now_ns, 0
 
 
 def encoded(frame: Frame) -> bytes:

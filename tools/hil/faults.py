@@ -6,7 +6,6 @@ its entry. Nothing here waits without the vehicle going on.
 
 import random
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
 
 Injection = Callable[["Rig"], AbstractContextManager[None]]
 ALWAYS = 1 << 40
+STRANGERS_BITS = 131
+"""On the wire: a classical frame of 8 bytes, with some stuffing."""
 TOOLS = Path(__file__).resolve().parents[1]
 
 
@@ -185,21 +186,17 @@ def mixed_cycles() -> Injection:
     return lambda rig: _on(rig, _Late())
 
 
-def older_again(count: int) -> Injection:
-    """After each of the next samples, the one of 80 ms before comes once more, as it was."""
+def older_again(every: int) -> Injection:
+    """After every n-th sample, the one of 80 ms before comes once more, as it was."""
 
     class _Again(Fault):
         def __init__(self) -> None:
             self._past: list[list[Frame]] = []
-            self._left = count
 
         def frames(self, spoken: list[Utterance]) -> list[Frame]:
             out = [utterance.frame for utterance in spoken]
             self._past.append(out)
-            if len(self._past) > 8 and self._left > 0:
-                self._left -= 1
-                return out + self._past[-9]
-            return out
+            return out + self._past[-9] if len(self._past) > 8 and len(self._past) % every == 0 else out
 
     return lambda rig: _on(rig, _Again())
 
@@ -501,19 +498,14 @@ def load(share: float) -> Injection:
 
     @contextmanager
     def inject(rig: "Rig") -> Iterator[None]:
-        bits = 111 + 20  # a classical frame of 8 bytes, with some stuffing
-        per_second = share * rig.wire.profile["bus"]["bitrate"] / bits
-        process = subprocess.Popen(
-            [sys.executable, str(TOOLS / "hil" / "load.py"), rig.bus.channel, f"{per_second:.0f}"],
-            stdin=subprocess.DEVNULL,
-        )
+        per_second = share * rig.wire.profile["bus"]["bitrate"] / STRANGERS_BITS
+        rig.beside([sys.executable, str(TOOLS / "hil" / "load.py"), rig.bus.channel, f"{per_second:.0f}"])
+        rig.run_for(0.5)
+        rig.injects()
         try:
-            rig.run_for(0.5)
-            rig.injects()
             yield
         finally:
-            process.terminate()
-            rig.wait_for(lambda: process.poll() is not None, 5.0, "the load to end")
+            rig.rest()
 
     return inject
 

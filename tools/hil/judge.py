@@ -35,6 +35,8 @@ ANSWER_P50_S = 0.010
 PLOT_POINTS = 600
 HEALTHY_S = 0.6
 SLACK_AFTER_S = 0.35
+JUST_BEFORE_S = 0.05
+"""An unanswered sample is told by when all was answered the last time."""
 
 
 def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
@@ -53,8 +55,9 @@ def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
         "command": record.violations,
         "dynamics": list(_dynamics(rig.wire, record)),
     }
-    from_s = (seen.inject_ns - record.begin_ns) / S if seen.inject_ns else math.inf
-    to_s = ((seen.then_ns or seen.end_ns) - record.begin_ns) / S + SLACK_AFTER_S
+    from_s = (seen.inject_ns - record.begin_ns) / S - JUST_BEFORE_S if seen.inject_ns else math.inf
+    until_ns = rig.healthy_ns - round(HEALTHY_S * S) if case.then is Then.REARM else seen.then_ns or seen.end_ns
+    to_s = (until_ns - record.begin_ns) / S + SLACK_AFTER_S
     checks = []
     for kind, must in KINDS.items():
         wrong = found[kind]
@@ -232,7 +235,7 @@ def _dynamics(wire: Wire, record: Record) -> Iterable[str]:
     limits, behavior = wire.profile["limits"], wire.profile["behavior"]
     table = limits.get("front_wheel_angle_by_speed")
     samples, place, speed = record.samples, 0, 0.0
-    before = 0.0
+    before = braked = 0.0
     for pair in record.pairs:
         while place < len(samples) and samples[place].stamp_ns <= pair.drive.stamp_ns:
             speed, place = samples[place].speed_mps, place + 1
@@ -244,8 +247,10 @@ def _dynamics(wire: Wire, record: Record) -> Iterable[str]:
             yield f"{at} {angle:.4f} rad at {speed:.2f} m/s"
         before = angle
         strongest = max(behavior["safe_deceleration_mps2"], 0.0)
-        if pair.is_stop and abs(pair.drive["ACCEL_REQUEST"]) > strongest + 0.002:
-            yield f"{at} a stop with {pair.drive['ACCEL_REQUEST']:.3f} m/s²"
+        accel = pair.drive["ACCEL_REQUEST"]
+        if pair.is_stop and abs(accel) > max(strongest, abs(braked)) + 0.002:
+            yield f"{at} a stop with {accel:.3f} m/s²"
+        braked = accel
 
 
 def _between(table: Sequence[Sequence[float]], at: float) -> float:

@@ -3,7 +3,7 @@
 import fcntl
 import os
 import random
-import shutil
+import shlex
 import socket
 import struct
 import subprocess
@@ -27,10 +27,53 @@ LATE_NS = 40 * MS
 BENCH_END, DEVICE_END = "hil0", "hil1"
 SIOCGIFFLAGS, SIOCSIFFLAGS, IFF_UP = 0x8913, 0x8914, 1
 COMMAND_S = 10.0
+DONE = "hands-are-done"
 
 
 class RigError(Exception):
     """The bench itself cannot go on."""
+
+
+class Hands:
+    """A shell that runs the system's programs: to start them from here would hold up the vehicle while they load."""
+
+    def __init__(self) -> None:
+        path = f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin"
+        self._shell = subprocess.Popen(
+            ["sh"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env=os.environ | {"PATH": path},
+            bufsize=0,
+        )
+        assert self._shell.stdout is not None
+        os.set_blocking(self._shell.stdout.fileno(), False)
+        self._heard = b""
+        self.status = 0
+        self.said = ""
+
+    def ask(self, words: Sequence[str], *, beside: bool = False, quoted: bool = True) -> None:
+        """Have a command run."""
+        assert self._shell.stdin is not None
+        line = shlex.join(words) if quoted else " ".join(words)
+        self._heard = b""
+        self._shell.stdin.write(f"{line} {'&' if beside else ''}\necho {DONE} $?\n".encode())
+
+    def is_done(self) -> bool:
+        """Whether it has ended, and how."""
+        assert self._shell.stdout is not None
+        self._heard += self._shell.stdout.read() or b""
+        said, mark, status = self._heard.rpartition(DONE.encode())
+        if not mark or not status.endswith(b"\n"):
+            return False
+        self.said, self.status = said.decode(errors="replace").strip(), int(status)
+        return True
+
+    def close(self) -> None:
+        """May be called twice."""
+        self._shell.kill()
+        self._shell.communicate()
 
 
 class Rig:
@@ -46,6 +89,7 @@ class Rig:
         self.vehicle = Vehicle(wire, Plant(wheelbase_m=float(wire.profile["geometry"]["wheelbase_m"])))
         self.vehicle_speaks = True
         self.device = Device(commands, folder / f"{name}.log", words)
+        self._hands = Hands()
         self.heard: list[Heard] = []
         self.events: list[Event] = []
         self.every_tick: list[Callable[[], None]] = []
@@ -125,17 +169,21 @@ class Rig:
 
     def command(self, words: Sequence[str]) -> None:
         """Run a program of the system while the vehicle goes on. Raises `RigError` when it fails."""
-        program = shutil.which(words[0], path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
-        if program is None:
-            raise RigError(f"{words[0]} is missing")
-        process = subprocess.Popen(
-            [program, *words[1:]], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
-        )
-        if not self.wait_for(lambda: process.poll() is not None, COMMAND_S, words[0]):
-            process.kill()
-        said = process.communicate()[0].decode(errors="replace").strip()
-        if process.returncode:
-            raise RigError(f"{' '.join(words)}: {said or process.returncode}")
+        self._hands.ask(words)
+        if not self.wait_for(self._hands.is_done, COMMAND_S, words[0]):
+            raise RigError(f"{' '.join(words)}: did not end")
+        if self._hands.status:
+            raise RigError(f"{' '.join(words)}: {self._hands.said or self._hands.status}")
+
+    def beside(self, words: Sequence[str]) -> None:
+        """Let a program run beside the vehicle, until `rest`."""
+        self._hands.ask(words, beside=True)
+        self.wait_for(self._hands.is_done, COMMAND_S, words[0])
+
+    def rest(self) -> None:
+        """End what runs beside."""
+        self._hands.ask(["kill", "$!"], quoted=False)
+        self.wait_for(self._hands.is_done, COMMAND_S, "kill")
 
     def set_link(self, *, up: bool) -> None:
         """At once, by a system call."""
@@ -169,6 +217,7 @@ class Rig:
     def close(self) -> None:
         """May be called twice."""
         self.bus.close()
+        self._hands.close()
 
     def _drain(self, now_ns: int) -> None:
         for heard in self.bus.drain():

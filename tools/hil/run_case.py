@@ -24,7 +24,6 @@ REARM_S = 8.0
 REARM_AGAIN_S = 2.5
 HEALTHY_S = 0.8
 END_S = 16.0
-SPOKEN_S = 1.2
 
 
 @dataclass(frozen=True, kw_only=True)
