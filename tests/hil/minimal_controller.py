@@ -50,6 +50,7 @@ LATERAL_MPS2, LATERAL_MPS3 = 3.0, 5.0
 ACCEL_MPS2, ACCEL_ENGAGING_MPS2, BRAKE_MPS2, ACCEL_MPS3 = 3.0, 1.0, 6.0, 30.0
 SPEED_MPS, GEAR_CHANGE_MPS, STOP_MPS2, DRIVER_NM = 20.0, 0.5, 3.0, 3.0
 OFF_PATH_M, OFF_HEADING_RAD, OVERSPEED_MPS, ROLLBACK_MPS = 3.0, 0.8, 1.0, 0.5
+CLEAN_PAIRS = 50  # in a row, after three that found no room
 STANDING_MPS, CREEP_MPS = 0.01, 0.3
 
 PERIOD_NS, SLOW_PERIOD_NS = 10 * MS, 100 * MS
@@ -280,7 +281,7 @@ class Controller:
         now_ns = time.monotonic_ns()
         self.read_ns = now_ns
         self.heard_ns = self.status_ns = self.fresh_ns = self.pair_ns = self.slow_ns = self.phase_ns = 0
-        self.refused = self.refused_ns = 0
+        self.refused = self.refused_ns = self.clean = 0
         self.wheel_rad = self.accel_mps2 = 0.0
         self.strayed: Reason = Reason.NOMINAL
         self.ended: Reason = Reason.NOMINAL
@@ -293,7 +294,9 @@ class Controller:
     def enter(self, phase: str, reason: Reason = Reason.NOMINAL) -> None:
         """Into another phase, and say so."""
         self.phase, self.latched, self.phase_ns = phase, reason, time.monotonic_ns()
-        if phase == "engaging":
+        if phase == "standby":
+            self.refused = self.refused_ns = 0
+        elif phase == "engaging":
             self.route.begin_again()
             self.strayed = self.ended = Reason.NOMINAL
         print(f"{phase.upper()} ({Reason(reason).name})", flush=True)
@@ -491,7 +494,7 @@ class Controller:
                 wheel_rad, reason = self.wheel_rad, Reason.CONTROLLER_ERROR
         if reason == Reason.NOMINAL:
             speed_mps, gear = self.wanted_speed_mps(state)
-        dt_s = min(0.05, (now_ns - self.pair_ns) / 1e9)
+        dt_s = min(0.05, max(0.0, (now_ns - self.pair_ns) / 1e9))
         self.wheel_rad = self.limited_wheel_rad(wheel_rad, state, dt_s)
         self.accel_mps2 = self.limited_accel_mps2(speed_mps, state, dt_s, is_stop=reason != Reason.NOMINAL)
         self.send_pair(1, reason, speed_mps, gear)
@@ -572,9 +575,10 @@ class Controller:
         assert self.bus is not None
         has_room = self.bus.has_room()
         if has_room and self.send(DRIVE_COMMAND, drive, step) and self.send(STEER_COMMAND, steer, step):
-            self.refused = self.refused_ns = 0
+            self.clean, self.refused_ns = self.clean + 1, 0
+            self.refused = self.refused if self.clean < CLEAN_PAIRS and self.refused >= 3 else 0
         else:
-            self.refused, self.refused_ns = self.refused + 1, self.refused_ns or now_ns
+            self.clean, self.refused, self.refused_ns = 0, self.refused + 1, self.refused_ns or now_ns
         if has_room and now_ns >= self.slow_ns:
             self.slow_ns = max(self.slow_ns + SLOW_PERIOD_NS, now_ns + SLOW_PERIOD_NS // 2)
             self.send_slow(said, is_stop=bool(is_stop), now_ns=now_ns)
