@@ -32,6 +32,7 @@ from bus_contract import (
     PAIR,
     PARK,
     READY,
+    REFERENCE,
     REVERSE,
     SAMPLE,
     Frame,
@@ -41,7 +42,6 @@ from bus_contract import (
     pack,
 )
 from bus_contract_judge import (
-    GEAR_CHANGE_MPS,
     JITTER_NS,
     LEAST_LOSS_NS,
     Pair,
@@ -91,6 +91,7 @@ __all__ = [
 ]
 
 CHANNEL = "vcan0"
+GEAR_CHANGE_MPS = REFERENCE.limits.gear_change_mps
 PATIENCE_S = 20.0
 """How long something may take that is expected; only a failing test ever waits so long."""
 _SO_TIMESTAMPNS, _SO_RCVBUFFORCE = 35, 33
