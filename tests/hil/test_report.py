@@ -280,6 +280,18 @@ def heights_of(d: str) -> list[int]:
     return heights
 
 
+def test_a_path_of_which_little_was_driven_is_shown_where_it_was_driven() -> None:
+    far = [float(x) for x in range(400)]
+    found = Path2D(wanted_x_m=far, wanted_y_m=[0.0] * 400, driven_x_m=far[:20], driven_y_m=[0.1] * 20)
+    drawn = drawing.path(found)
+    assert drawn.bar_text == "5 m"
+    assert sum(int(step) for step in drawn.driven.split("l")[1].split()[::2]) == pytest.approx(
+        0.92 * drawing.WIDTH, abs=2
+    )
+    whole = Path2D(wanted_x_m=far, wanted_y_m=[0.0] * 400, driven_x_m=far[:250], driven_y_m=[0.1] * 250)
+    assert drawing.path(whole).bar_text == "100 m"
+
+
 def test_times_on_the_line_count_from_the_injection() -> None:
     events = [
         result.Event(at_s=4.034, kind=result.EventKind.REACTION, text=""),
@@ -313,7 +325,7 @@ def test_figures_are_short_and_have_their_unit(value: float | None, unit: str, t
 
 def test_a_margin_is_read_in_the_unit_of_its_limit() -> None:
     assert words.measured_of_limit(stop(0.0344, 0.15)) == "34.4 of 150 ms"
-    assert words.measured_of_limit(stop(1.2, 0.15)) == "1 200 of 150 ms"
+    assert words.measured_of_limit(stop(1.2, 0.15)) == "1200 of 150 ms"
     assert words.used(stop(3, 0, unit="")) == math.inf
     assert words.used(stop(0, 0, unit="")) == 0.0
     assert words.used(stop(None)) is None

@@ -161,13 +161,15 @@ def histogram(distribution: Distribution) -> HistogramDrawing:
 
 
 def path(found: Path2D) -> PathDrawing:
-    """One scale for both axes."""
+    """One scale for both axes. What is wanted far beyond where the vehicle came is cut off at the drawing's edge."""
     wanted = _points(found.wanted_x_m, found.wanted_y_m)
     driven = _points(found.driven_x_m, found.driven_y_m)
-    both = [*wanted, *driven] or [(0.0, 0.0)]
-    left, right = min(x for x, _ in both), max(x for x, _ in both)
-    low, high = min(y for _, y in both), max(y for _, y in both)
-    span = max(right - left, (high - low) / 0.8, 1.0)
+    shown = [*wanted, *driven] or [(0.0, 0.0)]
+    if driven and _span(shown) > 2.0 * _span(driven):
+        shown = driven
+    left, right = min(x for x, _ in shown), max(x for x, _ in shown)
+    low, high = min(y for _, y in shown), max(y for _, y in shown)
+    span = _span(shown)
     edge = 0.04 * WIDTH
     scale = (WIDTH - 2 * edge) / span
     height = round(max(0.12 * WIDTH, (high - low) * scale + 2 * edge))
@@ -297,6 +299,12 @@ def _in_readable_unit(one: Distribution) -> Distribution:
         edges=[edge * scale for edge in one.edges],
         limit=None if one.limit is None else one.limit * scale,
     )
+
+
+def _span(points: list[tuple[float, float]]) -> float:
+    """Width of a drawing that has room for them, m; a vehicle that stood has some of its path around it."""
+    xs, ys = [x for x, _ in points], [y for _, y in points]
+    return max(max(xs) - min(xs), (max(ys) - min(ys)) / 0.8, 5.0)
 
 
 def _bars(distribution: Distribution, x: Axis, most: int) -> str:

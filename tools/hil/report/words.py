@@ -40,7 +40,7 @@ def number(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return NOTHING
     if value == int(value) and abs(value) < 1e12:
-        text = f"{int(value):,}".replace(",", " ")
+        text = f"{int(value):,}".replace(",", " ") if abs(value) >= 10_000 else str(int(value))
     elif 1e-4 <= abs(value) < 1e6:
         digits = max(0, 2 - math.floor(math.log10(abs(value))))
         text = f"{value:.{digits}f}".rstrip("0").rstrip(".") if digits else f"{value:.0f}"
