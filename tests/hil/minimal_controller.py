@@ -581,14 +581,15 @@ class Controller:
             self.clean, self.refused, self.refused_ns = 0, self.refused + 1, self.refused_ns or now_ns
         if has_room and now_ns >= self.slow_ns:
             self.slow_ns = max(self.slow_ns + SLOW_PERIOD_NS, now_ns + SLOW_PERIOD_NS // 2)
-            self.send_slow(said, is_stop=bool(is_stop), now_ns=now_ns)
+            self.send_slow(said, is_enabled=bool(enable), is_stop=bool(is_stop), now_ns=now_ns)
 
-    def send_slow(self, reason: Reason, *, is_stop: bool, now_ns: int) -> None:
+    def send_slow(self, reason: Reason, *, is_enabled: bool, is_stop: bool, now_ns: int) -> None:
         """Lights, and what we say about ourselves."""
         has_hazard = is_stop and reason not in (Reason.PAST_END_SPACE, Reason.PAST_END_TIME)
         self.send(BODY_COMMAND, struct.pack("<B6x", has_hazard << 4))
         named = {"standby": 1, "engaging": 2, "engaged": 4 if is_stop else 3, "out": 5}
-        state = 1 if self.latched == Reason.DRIVER_OVERRIDE else named[self.phase]
+        is_let_go = self.phase == "engaged" and not is_enabled
+        state = 1 if is_let_go or self.latched == Reason.DRIVER_OVERRIDE else named[self.phase]
         indices = max(0, self.route.place), self.route.index_at(self.driven_s(now_ns))
         self.send(CONTROLLER_STATUS, struct.pack("<BBHHB", state << 4, reason, *(min(65535, i) for i in indices), 0))
 

@@ -52,6 +52,7 @@ class Bus:
         self.channel = channel
         self._filters = None if identifiers is None else list(identifiers)
         self._raw: socket.socket | None = None
+        self._aside: list[socket.socket] = []
         self.refused = 0
         """Frames that the queue had no room for."""
         self._probed_ns = 0
@@ -91,9 +92,10 @@ class Bus:
 
     def close(self) -> None:
         """May be called twice."""
-        if self._raw is not None:
-            self._raw.close()
-            self._raw = None
+        for raw in (self._raw, *self._aside):
+            if raw is not None:
+                raw.close()
+        self._raw, self._aside = None, []
 
     def reopen(self) -> None:
         """Use the interface that has the name now."""
@@ -128,11 +130,15 @@ class Bus:
         return self._raw is not None
 
     def _lose(self, error: OSError) -> None:
-        """A link that is down keeps its socket; an interface that is gone does not."""
+        """A link that is down keeps its socket; that of an interface that is gone is put aside.
+
+        To close it now would wait for the kernel until the interface is really gone.
+        """
         if error.errno not in LINK_LOST:
             raise error
-        if error.errno != errno.ENETDOWN:
-            self.close()
+        if error.errno != errno.ENETDOWN and self._raw is not None:
+            self._aside.append(self._raw)
+            self._raw = None
 
 
 def _decoded(record: bytes, stamp_ns: int) -> Frame:

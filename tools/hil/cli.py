@@ -79,7 +79,7 @@ def _told(run: Run, folder: Path, old: Run | None, options: argparse.Namespace) 
     else:
         if old is not None:
             print(compare.text(compare.differences(old, run)))
-        print(f"{run.verdict} · {run.evidence} · {folder / 'index.html'}")
+        print(f"Report: {folder / 'index.html'}")
     not_executed = any(case.verdict is Verdict.NOT_EXECUTED for case in run.cases)
     return FAILED if options.strict and not_executed else STATUS[run.verdict]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 from bus_contract import Frame, S, Told
@@ -25,6 +26,8 @@ class Seen:
     """The injection is over."""
     then_ns: int
     """The operator acts again, or the device is told to end."""
+    samples_ns: Sequence[int]
+    """When each complete sample was on the bus."""
     pairs: Sequence[Pair]
     told: Sequence[Told]
     """Everything intact that the device said."""
@@ -157,6 +160,28 @@ class DrivesOn:
         wrong = [_described(seen, pair) for pair in pairs if pair.is_stop or not pair.is_enabled]
         if not pairs:
             wrong = ["no command at all"]
+        return check(text, wrong), []
+
+
+@dataclass(frozen=True)
+class FollowsGaps:
+    """Where a sample was left out, so is its answer: between the samples beside a gap there is one command, not two.
+
+    In a steady stream a device that answers late by whole periods cannot be told from one that answers at once.
+    """
+
+    gap_s: tuple[float, float] = (1.5 * PERIOD_S, 3.0 * PERIOD_S)
+
+    def judge(self, seen: Seen) -> tuple[Check, list[Event]]:
+        shortest_ns, longest_ns = (round(limit * S) for limit in self.gap_s)
+        commands = [
+            len(seen.between(before_ns, after_ns))
+            for before_ns, after_ns in pairwise(seen.samples_ns)
+            if seen.inject_ns < before_ns < seen.end_ns and shortest_ns < after_ns - before_ns < longest_ns
+        ]
+        text = f"a sample that is left out leaves out a command within the period ({len(commands)} gaps)"
+        late = sum(count > 1 for count in commands)
+        wrong = [f"{late} of {len(commands)} gaps hold two commands or more"] if 2 * late >= len(commands) else []
         return check(text, wrong), []
 
 

@@ -244,19 +244,18 @@ def frozen() -> Injection:
     return inject
 
 
-def every_other() -> Injection:
-    """Half the rate: every other cycle is not sent; counters step by one all the same."""
+def left_out(every: int) -> Injection:
+    """Every n-th sample is not sent. The commands must show the same gaps, as much later as the device is slow."""
 
-    class _Half(Fault):
+    class _LeftOut(Fault):
         def __init__(self) -> None:
             self._tick = 0
 
         def frames(self, spoken: list[Utterance]) -> list[Frame]:
             self._tick += 1
-            names = {u.name for u in spoken}
-            return [u.frame for u in spoken if u.name == "VEHICLE_STATUS" or self._tick % 2 or not names]
+            return [u.frame for u in spoken if u.name == "VEHICLE_STATUS" or self._tick % every]
 
-    return lambda rig: _on(rig, _Half())
+    return lambda rig: _on(rig, _LeftOut())
 
 
 def jitter(most_s: float) -> Injection:

@@ -32,7 +32,7 @@ KINDS = {
 
 ANSWER_P50_S = 0.010
 """The contract's period: an answer that usually comes after the next sample is late."""
-PLOT_POINTS = 600
+PLOT_POINTS = 300
 HEALTHY_S = 0.6
 SLACK_AFTER_S = 0.35
 JUST_BEFORE_S = 0.05
@@ -70,12 +70,16 @@ def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
 def answers(case: Case, record: Record, seen: Seen, rig: Rig) -> tuple[list[Check], list[Distribution]]:
     """How long the device took for an answer, and how regular its commands were, outside the injection."""
     hardware = _hardware_stamps(rig)
-    samples = [(s, p) for s, p in record.answers if case.inject is None or case.samples or not _is_injected(seen, p)]
-    latencies = [_latency_s(begin, pair, hardware) for begin, pair in samples]
+    everywhere = case.inject is None or bool(case.samples)
+    latencies = [
+        _latency_s(begin_ns, pair, hardware)
+        for begin_ns, pair in _newest_answers(record)
+        if everywhere or not _is_injected(seen, pair)
+    ]
     periods = [
         (b.drive.stamp_ns - a.drive.stamp_ns) / S
         for a, b in pairwise(record.pairs)
-        if b.drive.stamp_ns - a.drive.stamp_ns < 200 * MS and (case.samples or not _is_injected(seen, b))
+        if b.drive.stamp_ns - a.drive.stamp_ns < 200 * MS and (everywhere or not _is_injected(seen, b))
     ]
     if not latencies or not periods:
         return [], []
@@ -271,6 +275,18 @@ def _hardware_stamps(rig: Rig) -> dict[int, int]:
     """Kernel stamp → the adapter's, where every frame has one."""
     stamps = {heard.frame.stamp_ns: heard.hardware_ns for heard in rig.heard}
     return stamps if stamps and all(stamps.values()) else {}
+
+
+def _newest_answers(record: Record) -> Iterable[tuple[int, Pair]]:
+    """Each pair beside the newest sample before it; of two pairs after one sample the first."""
+    samples, place = record.samples, 0
+    answered = -1
+    for pair in record.pairs:
+        while place < len(samples) and samples[place].stamp_ns <= pair.drive.stamp_ns:
+            place += 1
+        if place and place != answered:
+            answered = place
+            yield samples[place - 1].stamp_ns, pair
 
 
 def _latency_s(begin_ns: int, pair: Pair, hardware: dict[int, int]) -> float:

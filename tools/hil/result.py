@@ -172,10 +172,10 @@ def verdict_of(cases: list[CaseResult]) -> Verdict:
 
 
 def write(run: Run, path: Path) -> None:
-    """As JSON that people can read, too. Raises `msgspec.MsgspecError` for what could not be read again (NaN)."""
+    """As JSON. Raises `msgspec.MsgspecError` for what could not be read again (NaN)."""
     encoded = msgspec.json.encode(run)
     msgspec.json.decode(encoded, type=Run)
-    path.write_bytes(msgspec.json.format(encoded, indent=1) + b"\n")
+    path.write_bytes(encoded + b"\n")
 
 
 def read(path: Path) -> Run:

@@ -22,6 +22,7 @@ from hil.result import Event, EventKind
 from hil.vehicle import PERIOD_NS, Vehicle
 from hil.wire import Wire
 
+STUCK_TICKS = 600
 LATE_NS = 40 * MS
 """A tick that comes later than this makes what the bench saw doubtful: the bench itself was not in time."""
 BENCH_END, DEVICE_END = "hil0", "hil1"
@@ -118,6 +119,8 @@ class Rig:
             self._next_ns = now_ns
         self._next_ns += PERIOD_NS
         self._drain(now_ns)
+        if not self.exit_ns and self.device.poll() is not None:
+            self.exit_ns = now_ns
         self.vehicle.move(PERIOD_NS / S, now_ns)
         spoken = self.vehicle.speak()
         if self.vehicle_speaks:
@@ -166,6 +169,13 @@ class Rig:
         """Whether the device says that the trajectory is over, and the vehicle stands."""
         drive = self.vehicle.told.get(self.wire.command[0])
         return drive is not None and drive.reason.startswith("PAST_END") and self.vehicle.stands
+
+    @property
+    def is_stuck(self) -> bool:
+        """Whether the vehicle stands and is not driven on."""
+        return len(self.vehicle.history) > STUCK_TICKS and not any(
+            instant.speed_mps for instant in self.vehicle.history[-STUCK_TICKS:]
+        )
 
     def command(self, words: Sequence[str]) -> None:
         """Run a program of the system while the vehicle goes on. Raises `RigError` when it fails."""

@@ -127,7 +127,9 @@ def _inject(rig: Rig, case: Case) -> None:
 def _afterwards(rig: Rig, case: Case) -> None:
     if case.then is Then.END_OF_ROUTE:
         longest_s = 180.0
-        rig.wait_for(lambda: rig.is_at_end or rig.device.poll() is not None, longest_s, "the end of the route")
+        rig.wait_for(
+            lambda: rig.is_at_end or rig.is_stuck or rig.device.poll() is not None, longest_s, "the end of the route"
+        )
         rig.run_for(0.6)
     elif case.then is Then.GOES_ON:
         rig.run_for(case.after_s)
@@ -186,6 +188,7 @@ def _judged(bench: Bench, case: Case, rig: Rig, route: Route, killed: list[str])
         inject_ns=rig.inject_ns,
         end_ns=rig.end_ns or rig.then_ns,
         then_ns=rig.then_ns,
+        samples_ns=[sample.stamp_ns for sample in record.samples],
         pairs=record.pairs,
         told=[told for told in record.told if told.name not in (*rig.wire.sample, "VEHICLE_STATUS")],
         frames=frames,
