@@ -195,7 +195,9 @@ class Samples:
     """Puts the frames together that reached the loop: one counter value, within 50 ms."""
 
     def __init__(self) -> None:
-        self._pending: dict[int, dict[str, int]] = {}
+        self._pending: dict[int, tuple[int, set[str]]] = {}
+        """By counter: when the first frame came, and which have come."""
+        self._complete: dict[int, int] = {}
         self._first_ns = 0
         self.complete = 0
         self.overtaken = 0
@@ -203,24 +205,23 @@ class Samples:
 
     def take(self, told: Told) -> Sample | None:
         """The sample that this frame completes, if it does."""
-        parts = self._pending.setdefault(told.counter, {})
-        if parts and told.stamp_ns - min(parts.values()) > SAMPLE_WINDOW_NS:
-            parts.clear()
-        parts[told.name] = told.stamp_ns
-        if len(parts) < len(REFERENCE.sample):
+        counter, at_ns = told.counter, told.stamp_ns
+        if at_ns - self._complete.get(counter, 0) <= SAMPLE_WINDOW_NS:
             return None
-        del self._pending[told.counter]
+        first_ns, names = self._pending.pop(counter, (at_ns, set()))
+        if at_ns - first_ns > SAMPLE_WINDOW_NS:
+            first_ns, names = at_ns, set()
+        names.add(told.name)
+        if len(names) < len(REFERENCE.sample):
+            self._pending[counter] = first_ns, names
+            return None
+        self._complete[counter] = at_ns
         self.complete += 1
-        first_ns = min(parts.values())
         if first_ns < self._first_ns:
             self.overtaken += 1
             return None
         self._first_ns = first_ns
-        return Sample(first_ns, told.stamp_ns)
-
-    def forget(self) -> None:
-        """What came before belongs to nothing that comes now."""
-        self._pending.clear()
+        return Sample(first_ns, at_ns)
 
 
 class Judge:
