@@ -409,7 +409,9 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--speed-cap", type=_positive, metavar="M/S", help="drive no faster than this; a must with --arm on a real bus"
     )
-    arming.add_argument("--shadow", action="store_true", help="listen and compute only, by intent")
+    arming.add_argument(
+        "--shadow", action="store_true", help="listen and compute only, by intent; another commander is compared with"
+    )
     parser.add_argument(
         "--duration", type=_positive, metavar="S", help="stop the vehicle and end after so many seconds"
     )

@@ -27,6 +27,7 @@ from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.runtime.intake import TrajectoryIntake
 from vehicle_iface.runtime.loop import Loop, Parts
 from vehicle_iface.runtime.pilot import Pilot
+from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.runtime.telemetry import TelemetryWriter, VehicleShape
 from vehicle_iface.runtime.teller import Teller
 from vehicle_iface.safety.deviation import DeviationMonitor
@@ -191,6 +192,7 @@ def build_loop(
             plausibility=PlausibilityCheck(plausibility, wheelbase_m=profile.geometry.wheelbase_m),
             outlet=Outlet(_outgoing(database)),
             intake=TrajectoryIntake(source, controller, counts, limits=profile.limits),
+            shadow=None if armed else _shadow(database),
             teller=Teller(telemetry, controller, counts),
             counts=counts,
             timing=timing,
@@ -228,6 +230,12 @@ def _outgoing(database: VehicleDatabase) -> Iterator[Outgoing]:
     for message in database.sent:
         period_ns = ns_from_s(periods_s[message.role])
         yield Outgoing(message.can_id, message.is_extended, message.is_fd, message.length, period_ns)
+
+
+def _shadow(database: VehicleDatabase) -> Shadow:
+    timing = database.profile.timing
+    together_ns = ns_from_s(timing.command_period_s / 2)
+    return Shadow(database.commands, together_ns=together_ns, longest_ns=ns_from_s(timing.state_stale_s))
 
 
 def build_tracker(database: VehicleDatabase) -> Tracker:

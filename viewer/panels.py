@@ -224,6 +224,7 @@ def _session_lines(view: View) -> Iterator[str]:
         return
     yield f'<div id="bus">{plain(info.bus)} · channel {plain(info.channel)} · <b>{plain(info.arming)}</b></div>'
     yield from _link_lines(view)
+    yield from _shadow_lines(view)
     if info.bus_hint:
         yield f'<div style="opacity:.85;font-size:12px">{plain(info.bus_hint)}</div>'
     yield f"<div>profile {plain(info.profile or '–')} · route {plain(info.route or '–')}</div>"
@@ -239,6 +240,18 @@ def _link_lines(view: View) -> Iterator[str]:
         yield f'<div id="link" style="font-weight:700">link {plain(state)}</div>'
     if isinstance(load, float) and isinstance(frames, float):
         yield f'<div id="load">bus load {load:.1f} % · {frames:.0f} frames/s</div>'
+
+
+def _shadow_lines(view: View) -> Iterator[str]:
+    """How far a loop in shadow is from another commander, once there is one."""
+    shadow = view.details.get("shadow")
+    if not isinstance(shadow, dict) or not shadow.get("compared"):
+        return
+    sizes = [shadow.get(name) for name in ("accel_mps2", "front_wheel_angle_rad")]
+    accel, angle = (size.get("p95") if isinstance(size, dict) else None for size in sizes)
+    if isinstance(accel, float) and isinstance(angle, float):
+        apart = f"95 % within {accel:.3f} m/s², {angle:.4f} rad of ours"
+        yield f'<div id="shadow">another commander: {plain(shadow["compared"])} commands, {apart}</div>'
 
 
 def _rates(view: View) -> str:

@@ -96,6 +96,15 @@ def test_long_texts_are_cut_and_lines_joined() -> None:
     assert "\n" not in panels.plain("a\nb")
 
 
+def test_a_shadow_says_how_far_another_commander_is_from_it() -> None:
+    found = {"compared": 812, "accel_mps2": {"p95": 0.0204}, "front_wheel_angle_rad": {"p95": 0.00031}}
+    of = view(driving(controller_state=ControllerState.SHADOW))
+    told = panels.banner_html(replace(of, details={"shadow": found}))
+    assert "another commander: 812 commands, 95 % within 0.020 m/s², 0.0003 rad of ours" in _Words(told).text
+    for other in ({}, found | {"compared": 0}, found | {"accel_mps2": "<b>"}, {"compared": "<b>"}, "<b>"):
+        assert "another commander" not in panels.banner_html(replace(of, details={"shadow": other}))
+
+
 @pytest.mark.parametrize("state", list(ControllerState))
 def test_the_banner_names_state_and_reason(state: ControllerState) -> None:
     content = panels.banner_html(view(driving(controller_state=state, reason=Reason.DEVIATION)))

@@ -10,6 +10,7 @@ from vehicle_iface.reason import Reason
 from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.pilot import Pilot
+from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.safety.engagement import Engagement, Mode
 from vehicle_iface.safety.outlet import Outlet
 from vehicle_iface.safety.plausibility import PlausibilityCheck
@@ -34,13 +35,14 @@ class Account:
         plausibility: PlausibilityCheck,
         counts: Counts,
         link: Link,
+        shadow: Shadow | None,
         names: Mapping[tuple[int, bool], str],
         started_ns: int,
     ) -> None:
         """`names` are those of the identifiers that the profile knows, each with whether it is extended."""
         self._decoder, self._encoder, self._tracker = decoder, encoder, tracker
         self._pilot, self._outlet, self._plausibility = pilot, outlet, plausibility
-        self._counts, self._link, self._names = counts, link, names
+        self._counts, self._link, self._shadow, self._names = counts, link, shadow, names
         self._started_ns = started_ns
         self._reason = Reason.NOT_ENGAGED
         self._latched_fault: str | None = None
@@ -65,6 +67,7 @@ class Account:
         """For people who look on: counters by room and cause, and the link as it is now."""
         return {
             "link": {"state": self._link.state.name} | self._link.traffic.now(self._names, self._counted()),
+            **self._compared(),
             "loop": self._counts.as_dict() | {"grid_overruns": grid_overruns},
             "samples": {
                 "complete": self._tracker.completed,
@@ -91,7 +94,11 @@ class Account:
             "bus_counters": self._link.counters(),
             "link": self._link_summary(),
             "transitions": self._transitions,
+            **self._compared(),
         }
+
+    def _compared(self) -> dict[str, Any]:
+        return {} if self._shadow is None else {"shadow": self._shadow.summary()}
 
     def _link_summary(self) -> dict[str, Any]:
         changes = [

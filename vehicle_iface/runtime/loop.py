@@ -20,6 +20,7 @@ from vehicle_iface.runtime.intake import TrajectoryIntake
 from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.pilot import Answer, Pilot
 from vehicle_iface.runtime.rate import Grid
+from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.runtime.teller import Teller
 from vehicle_iface.safety.engagement import Engagement, Event, Mode
 from vehicle_iface.safety.outlet import Outlet
@@ -51,6 +52,8 @@ class Parts:
     outlet: Outlet
     plausibility: PlausibilityCheck
     intake: TrajectoryIntake
+    shadow: Shadow | None
+    """Compares with another commander; None where this one may command."""
     teller: Teller
     counts: Counts
     timing: Timing
@@ -110,6 +113,7 @@ class Loop:
             parts.plausibility,
             parts.counts,
             self.link,
+            parts.shadow,
             parts.names,
             now_ns,
         )
@@ -129,6 +133,8 @@ class Loop:
             samples = self._samples_in(frames)
             if samples:
                 self._answer_samples(samples)
+            if self._parts.shadow is not None:
+                self._compare(self._parts.shadow)
         now_ns = self._now_ns()
         if self.grid.due(now_ns):
             self._keep_time(now_ns)
@@ -200,8 +206,16 @@ class Loop:
         self._standing = self._standing + 1 if abs(sample.state.speed_mps) <= AT_REST_MPS else 0
         if self._engagement.mode is Mode.ENDING and self._standing >= AT_REST_SAMPLES:
             self._engagement.happened(Event.STANDSTILL, now_ns)
-        status = self._tracker.status
-        self._answer = self._pilot.answer(sample, status, now_ns, link_is_stalled=self.link.is_stalled)
+        status, shadow = self._tracker.status, self._parts.shadow
+        self._answer = self._pilot.answer(
+            sample,
+            status,
+            now_ns,
+            link_is_stalled=self.link.is_stalled,
+            other_takes_over=shadow is not None and shadow.is_taking_over,
+        )
+        if shadow is not None:
+            shadow.note(sample, self._answer.safe, now_ns)
         sent = self._send_command(self._answer, now_ns)
         latency_ns = self._now_ns() - sample.completed_ns
         if sent:
@@ -247,6 +261,15 @@ class Loop:
         if (frame.can_id, frame.is_extended) in self._parts.command_ids and not frame.is_error:
             self._counts.foreign_commands += 1
             self._engagement.happened(Event.DUPLICATE_COMMANDER, self._now_ns())
+            if self._parts.shadow is not None:
+                self._parts.shadow.hear(frame)
+
+    def _compare(self, shadow: Shadow) -> None:
+        """What another commander sends, with what we would have; where it takes the vehicle over, so would we."""
+        taken = shadow.compare()
+        if taken is not None:
+            self._pilot.gate.start_from(taken.state, taken.answered_ns)
+            self._take_trajectory(self._newest, restart=True)
 
     def _look_at_status(self, stamp_ns: int) -> None:
         """A vehicle that is autonomous, or not any more, changes the mode before the next answer."""
@@ -255,7 +278,10 @@ class Loop:
             return
         before = engagement.mode
         engagement.see_status(status, self._now_ns())
-        if engagement.mode is not before and engagement.mode in (Mode.ENGAGING, Mode.ENGAGED):
+        has_engaged = engagement.mode is not before and engagement.mode in (Mode.ENGAGING, Mode.ENGAGED)
+        if self._parts.shadow is not None:
+            has_engaged = self._parts.shadow.see_status(status)
+        if has_engaged:
             self._take_trajectory(self._newest, restart=True)  # its time 0 is the instant of engagement
 
     def _take_trajectory(self, sample: Sample | None, *, restart: bool = False) -> None:
@@ -373,4 +399,6 @@ class Loop:
         self._decoder.reset()
         self._tracker.forget()
         self._parts.plausibility.forget()
+        if self._parts.shadow is not None:
+            self._parts.shadow.forget()
         self._newest = None

@@ -57,14 +57,23 @@ class Pilot:
         self._was_enabled = False
 
     def answer(
-        self, sample: Sample, status: VehicleStatus | None, now_ns: int, *, link_is_stalled: bool = False
+        self,
+        sample: Sample,
+        status: VehicleStatus | None,
+        now_ns: int,
+        *,
+        link_is_stalled: bool = False,
+        other_takes_over: bool = False,
     ) -> Answer:
-        """The answer to a fresh sample; a stop while the link does not take the commands."""
+        """The answer to a fresh sample; a stop while the link does not take the commands.
+
+        While another commander takes the vehicle over, a shadow's answer is within the limits of engaging.
+        """
         if link_is_stalled and self._engagement.mode is not Mode.ENDING:
             wish = self.controller.compute_stop_command(sample.state, Reason.LINK_DOWN)
         else:
             wish = self._wish(sample, status, now_ns)
-        return self._permitted(wish, sample.state, status, now_ns)
+        return self._permitted(wish, sample.state, status, now_ns, other_takes_over=other_takes_over)
 
     def answer_without_sample(
         self, last: VehicleState, status: VehicleStatus | None, now_ns: int, reason: Reason
@@ -104,7 +113,15 @@ class Pilot:
             return False
         return self.deviation.stops(state, trajectory, self.controller.spatial_index, wish.speed_mps)
 
-    def _permitted(self, wish: Command, state: VehicleState, status: VehicleStatus | None, now_ns: int) -> Answer:
+    def _permitted(
+        self,
+        wish: Command,
+        state: VehicleState,
+        status: VehicleStatus | None,
+        now_ns: int,
+        *,
+        other_takes_over: bool = False,
+    ) -> Answer:
         engagement = self._engagement
         driving = engagement.enables or engagement.mode is Mode.LISTENING
         if driving and not self._was_enabled:
@@ -121,7 +138,7 @@ class Pilot:
             state,
             now_ns=now_ns,
             reversing=_is_reversing(state, wanted, gear),
-            engaging=engagement.mode is Mode.ENGAGING,
+            engaging=other_takes_over or engagement.mode is Mode.ENGAGING,
             gear_request=request,
         )
         return Answer(wish=wish, safe=safe)

@@ -38,6 +38,8 @@ def table(summary: dict[str, Any]) -> str:
     ]
     if latency["count"]:
         rows.append(("latency state→command", "  ".join(_quantiles(latency))))
+    if summary.get("shadow", {}).get("takeovers"):
+        rows += _shadow(summary["shadow"])
     for name in ("drops", "lost", "implausible", "limited", "deviations", "not_let_out"):
         rows += [(f"{name}: {cause}", str(count)) for cause, count in summary[name].items() if count]
     for name in (
@@ -61,6 +63,18 @@ def _link(link: dict[str, Any]) -> str:
         return f"{link['state']}{changes}"
     load = f"bus load {link['load_percent']} % (at most {link['highest_load_percent']} %)"
     return f"{link['state']}{changes}, {load}, {link['frames_per_s']:.0f} frames/s"
+
+
+def _shadow(shadow: dict[str, Any]) -> list[tuple[str, str]]:
+    apart = ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in shadow["apart"].items())
+    rows = [
+        ("other commander", f"{shadow['compared']} commands compared, {shadow['without_a_sample']} without a sample")
+    ]
+    rows.append(("other commander: unlike ours", apart))
+    for name, unit in (("accel_mps2", "m/s²"), ("front_wheel_angle_rad", "rad")):
+        figures = "  ".join(f"{which} {value:.4f}" for which, value in shadow[name].items())
+        rows.append((f"difference: {name.rpartition('_')[0].replace('_', ' ')}", f"{figures} {unit}"))
+    return rows
 
 
 def _quantiles(latency: dict[str, Any]) -> list[str]:

@@ -1,0 +1,199 @@
+"""Shadow: what this loop would have sent beside what another commander sends for the same sample.
+
+What would be sent has a history of its own. It begins anew where the other commander takes the vehicle over: from the
+measured vehicle, with the limits of engaging until the vehicle says that it is autonomous, as ours would. From there
+rates are counted from what we would have sent before. While nobody commands it is as if this loop drove.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from vehicle_iface.codec.database import BoundMessage
+from vehicle_iface.codec.decoder import Decoder
+from vehicle_iface.command import SafeCommand
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.message import Received
+from vehicle_iface.state import VehicleState
+from vehicle_iface.status import VehicleMode, VehicleStatus
+from vehicle_iface.tracker import Sample
+from vehicle_iface.units import NS_PER_MS
+
+KEPT = 16
+"""Answers of ours that one of the other commander's may belong to."""
+MISSED_NS = 100 * NS_PER_MS
+"""After so long without an enabled command, the next one takes the vehicle over."""
+_PER_OCTAVE, _OCTAVES = 16, 24
+_SMALLEST = 1e-6
+
+
+class Differences:
+    """Absolute differences in a fixed amount of memory: bins 4.4 % wide, from 1e-6 of the quantity's unit to 16."""
+
+    def __init__(self) -> None:
+        self._bins = [0] * (_PER_OCTAVE * _OCTAVES + 1)
+        self.count = 0
+        self.total = 0.0
+        self.max = 0.0
+
+    def add(self, difference: float) -> None:
+        """Count one, whatever its sign."""
+        size = abs(difference)
+        place = math.ceil(math.log2(size / _SMALLEST) * _PER_OCTAVE) if size > _SMALLEST else 0
+        self._bins[min(place, len(self._bins) - 1)] += 1
+        self.count += 1
+        self.total += size
+        self.max = max(self.max, size)
+
+    def quantile(self, share: float) -> float:
+        """What `share` of all were at or below (upper edge of its bin); 0 without any."""
+        rank, seen = math.ceil(share * self.count), 0
+        for place, count in enumerate(self._bins[:-1]):
+            seen += count
+            if seen >= rank:
+                return float(min(_SMALLEST * 2.0 ** (place / _PER_OCTAVE), self.max))
+        return self.max
+
+    def summary(self) -> dict[str, float]:
+        """Mean, p50, p95 and max, in the quantity's unit."""
+        mean = self.total / self.count if self.count else 0.0
+        return {"mean": mean, "p50": self.quantile(0.50), "p95": self.quantile(0.95), "max": self.max}
+
+
+class Ours(NamedTuple):
+    """What we would have sent for a sample."""
+
+    completed_ns: int
+    """When the sample was."""
+    state: VehicleState
+    answered_ns: int
+    safe: SafeCommand
+
+
+class _Theirs(NamedTuple):
+    """A whole command of the other commander's."""
+
+    begun_ns: int
+    """When its first frame came."""
+    fields: dict[str, float | int]
+
+
+class Shadow:
+    """Puts the two together, sample by sample, and keeps count. Values are compared while both are enabled."""
+
+    def __init__(self, commands: Sequence[BoundMessage], *, together_ns: int, longest_ns: int) -> None:
+        """`commands` are the messages that make one command: they come within `together_ns`.
+
+        Later than `longest_ns` after it no sample is answered.
+        """
+        self._fields = {message.name: message.fields for message in commands}
+        self._ids = {(message.can_id, message.is_extended) for message in commands}
+        self._decoder = Decoder(commands)
+        self._together_ns, self._longest_ns = together_ns, longest_ns
+        self._ours: deque[Ours] = deque(maxlen=KEPT)
+        self._parts: dict[str, Received] = {}
+        self._theirs: list[_Theirs] = []
+        self._enabled_ns: int | None = None
+        self._compared_ns = 0
+        self.is_taking_over = False
+        """The other commander has enabled its commands, and the vehicle does not say yet that it is autonomous."""
+        self.compared = 0
+        self.takeovers = 0
+        """Commands that took the vehicle over; with them our history begins, and they are not compared."""
+        self.without_a_sample = 0
+        """Commands that answer no sample, or one that another command had answered."""
+        self.apart = dict.fromkeys(("enable", "safe_stop", "reason"), 0)
+        self.accel_mps2, self.front_wheel_angle_rad = Differences(), Differences()
+
+    def hear(self, frame: CanFrame) -> None:
+        """A frame with an identifier of ours that another node has sent; what is not intact is dropped and counted."""
+        is_command = (frame.can_id, frame.is_extended) in self._ids
+        received = self._decoder.decode(frame) if is_command else None
+        if received is None:
+            return
+        since_ns = received.stamp_ns - self._together_ns
+        self._parts = {name: part for name, part in self._parts.items() if part.stamp_ns >= since_ns}
+        self._parts[received.name] = received
+        if len(self._parts) == len(self._fields):
+            self._theirs.append(self._whole(self._parts))
+            self._parts = {}
+
+    def note(self, sample: Sample, safe: SafeCommand, now_ns: int) -> None:
+        """What we would have sent for a sample, at `now_ns`."""
+        self._ours.append(Ours(sample.completed_ns, sample.state, now_ns, safe))
+
+    def compare(self) -> Ours | None:
+        """Pair what has come with what was noted; our answer where the other takes the vehicle over, if it does."""
+        taken: Ours | None = None
+        for theirs in self._theirs:
+            ours = self._sample_of(theirs)
+            is_enabled = bool(theirs.fields["enable"])
+            drives_on = self._enabled_ns is not None and theirs.begun_ns - self._enabled_ns <= MISSED_NS
+            if ours is None:
+                self.without_a_sample += 1
+                is_enabled = is_enabled and drives_on
+            elif is_enabled and not drives_on:
+                self.takeovers += 1
+                taken = ours
+            else:
+                self._count(ours.safe, theirs.fields)
+            self._enabled_ns = theirs.begun_ns if is_enabled else None
+        self._theirs.clear()
+        self.is_taking_over = self._enabled_ns is not None and (self.is_taking_over or taken is not None)
+        return taken
+
+    def see_status(self, status: VehicleStatus) -> bool:
+        """Whether the vehicle says now that it has been taken over."""
+        has_been = self.is_taking_over and status.mode is VehicleMode.AUTONOMOUS
+        self.is_taking_over = self.is_taking_over and not has_been
+        return has_been
+
+    def forget(self) -> None:
+        """Start anew, as after the link was lost; the counts stay."""
+        self._decoder.reset()
+        self._ours.clear()
+        self._parts.clear()
+        self._theirs.clear()
+        self._enabled_ns = None
+        self.is_taking_over = False
+
+    def summary(self) -> dict[str, Any]:
+        """All counts; differences in m/s² and rad."""
+        return {
+            "compared": self.compared,
+            "takeovers": self.takeovers,
+            "without_a_sample": self.without_a_sample,
+            "drops": {f"{cause.value} {name}".strip(): count for (cause, name), count in self._decoder.drops.items()},
+            "apart": dict(self.apart),
+            "accel_mps2": self.accel_mps2.summary(),
+            "front_wheel_angle_rad": self.front_wheel_angle_rad.summary(),
+        }
+
+    def _whole(self, parts: dict[str, Received]) -> _Theirs:
+        fields: dict[str, float | int] = {}
+        for received in parts.values():
+            for name, value in zip(self._fields[received.name], received.values, strict=True):
+                if name and value is not None:  # a field in several signals: the least, so ENABLE = 0 anywhere is off
+                    fields[name] = min(value, fields.get(name, value))
+        return _Theirs(min(received.stamp_ns for received in parts.values()), fields)
+
+    def _sample_of(self, theirs: _Theirs) -> Ours | None:
+        """The newest sample before the command, unless another command has answered it, or it is too old."""
+        before = (ours for ours in reversed(self._ours) if ours.completed_ns <= theirs.begun_ns)
+        ours = next(before, None)
+        if ours is None or theirs.begun_ns - ours.completed_ns > self._longest_ns:
+            return None
+        if ours.completed_ns <= self._compared_ns:
+            return None
+        self._compared_ns = ours.completed_ns
+        return ours
+
+    def _count(self, ours: SafeCommand, theirs: dict[str, float | int]) -> None:
+        self.compared += 1
+        for name in self.apart:
+            if name in theirs:
+                self.apart[name] += getattr(ours, name) != theirs[name]
+        if ours.enable and theirs["enable"]:
+            self.accel_mps2.add(ours.accel_mps2 - theirs["accel_mps2"])
+            self.front_wheel_angle_rad.add(ours.front_wheel_angle_rad - theirs["front_wheel_angle_rad"])
