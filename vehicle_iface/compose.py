@@ -19,7 +19,7 @@ from vehicle_iface.bus.socketcan import SocketCanBus
 from vehicle_iface.codec.database import BoundMessage, Role, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
-from vehicle_iface.control.base import BehaviorConfig, ControllerBase
+from vehicle_iface.control.base import BehaviorConfig, ControllerBase, StopSteering
 from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Limits, Plausibility, Profile
@@ -35,6 +35,7 @@ from vehicle_iface.safety.engagement import Engagement, EngagementTiming
 from vehicle_iface.safety.gate import Gate, gate_channels
 from vehicle_iface.safety.outlet import Outgoing, Outlet
 from vehicle_iface.safety.plausibility import PlausibilityCheck
+from vehicle_iface.safety.stop import StopShape
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.tracker import Tracker
 from vehicle_iface.trajectories.route import Route, RouteConfig
@@ -85,6 +86,7 @@ def build_controller(name: str, profile: Profile) -> ControllerBase:
     behavior = BehaviorConfig(
         safe_deceleration_mps2=profile.behavior.safe_deceleration_mps2,
         time_step_s=profile.behavior.time_step_s,
+        stop_steering=StopSteering(profile.behavior.stop_steering),
     )
     if name == "pure_pursuit":
         return PurePursuit(PurePursuitConfig(wheelbase_m=profile.geometry.wheelbase_m), behavior=behavior)
@@ -172,6 +174,7 @@ def build_loop(
             gate_channels(limits, lambda field: _lsb(database, field)),
             limits,
             wheelbase_m=profile.geometry.wheelbase_m,
+            stop=stop_shape(profile, controller.behavior),
         ),
         engagement,
         deviation=DeviationMonitor(profile.deviation, speed_max_mps=profile.limits.speed_max_mps),
@@ -204,6 +207,17 @@ def build_loop(
             sleep_until=sleep_until,
             live=live,
         )
+    )
+
+
+def stop_shape(profile: Profile, behavior: BehaviorConfig) -> StopShape:
+    """How the vehicle is stopped: as hard as the controller was told, as smoothly as the profile says."""
+    return StopShape(
+        deceleration_mps2=behavior.safe_deceleration_mps2,
+        time_step_s=behavior.time_step_s,
+        jerk_mps3=profile.behavior.stop_jerk_mps3,
+        ease_s=profile.behavior.stop_ease_s,
+        hold_mps2=profile.behavior.hold_deceleration_mps2,
     )
 
 

@@ -152,6 +152,14 @@ class Behavior(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     safe_deceleration_mps2: Positive
     time_step_s: Positive
+    stop_jerk_mps3: Positive
+    """Of the brake; what drives, or brakes harder than a stop, is dropped at once."""
+    stop_ease_s: Positive
+    """Speed over deceleration when the vehicle is about to stand: the brake is let up with the speed."""
+    hold_deceleration_mps2: NonNegative
+    """Asked for at standstill, against the gear; 0 where SAFE_STOP alone holds the vehicle."""
+    stop_steering: Literal["straight", "hold", "track"] = "straight"
+    """`control.StopSteering`: where the wheels go meanwhile."""
 
 
 class Bus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -506,3 +514,7 @@ def _order_faults(profile: Profile) -> Iterator[str]:
     if safe_mps2 > most_mps2:
         text = f"{safe_mps2}: must be at most {most_mps2}, what $.limits.accel_min_mps2 allows"
         yield f"$.behavior.safe_deceleration_mps2: {text}"
+    jerk_mps3, least_mps3 = profile.behavior.stop_jerk_mps3, safe_mps2 / profile.behavior.stop_ease_s
+    if jerk_mps3 < least_mps3 * (1.0 - 1e-9):
+        text = f"{jerk_mps3}: must be at least safe_deceleration_mps2 / stop_ease_s = {least_mps3}"
+        yield f"$.behavior.stop_jerk_mps3: {text}"

@@ -7,6 +7,7 @@ import pytest
 from harness import ms, pure_pursuit, reference, straight
 
 from vehicle_iface import Command, ControllerBase, Reason, VehicleState
+from vehicle_iface.compose import stop_shape
 from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.runtime.pilot import Pilot
 from vehicle_iface.safety.deviation import DeviationMonitor
@@ -58,6 +59,7 @@ class Cabin:
                 gate_channels(reference().profile.limits, lambda field: reference().resolutions[field]),
                 reference().profile.limits,
                 wheelbase_m=2.7,
+                stop=stop_shape(reference().profile, controller.behavior),
             ),
             self.engagement,
             deviation=DeviationMonitor(reference().profile.deviation, speed_max_mps=20.0),

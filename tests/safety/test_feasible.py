@@ -44,3 +44,8 @@ def test_a_loop_does_not_take_one_that_is_too_fast_and_says_so() -> None:
     drive.run_s(1.0)
     assert drive.controller.trajectory is None
     assert drive.loop.details()["loop"]["trajectories_rejected"] >= 1
+
+
+def test_a_billionth_beyond_a_limit_is_rounding_and_more_is_not() -> None:
+    assert refusal(path(speed_mps=np.full(4, 20.0 * (1.0 + 1e-9))), LIMITS) == ""
+    assert refusal(path(speed_mps=np.full(4, 20.0 * (1.0 + 1.2e-9))), LIMITS).startswith("speed_mps[0] = ")

@@ -11,9 +11,10 @@ from harness import reference, taken_apart
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle_iface import Command, Reason, VehicleState
+from vehicle_iface import BehaviorConfig, Command, Reason, VehicleState
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.command import SafeCommand
+from vehicle_iface.compose import stop_shape
 from vehicle_iface.safety.gate import LONGEST_STEP_S, Gate, gate_channels
 from vehicle_iface.status import Gear
 from vehicle_iface.units import s_from_ns
@@ -37,7 +38,8 @@ def new_gate(**limits: Any) -> Gate:
     profile = reference().profile
     changed = msgspec.structs.replace(profile.limits, **limits)
     of_channels = gate_channels(changed, lambda field: reference().resolutions[field])
-    return Gate(of_channels, changed, wheelbase_m=WHEELBASE_M)
+    stop = stop_shape(profile, BehaviorConfig())
+    return Gate(of_channels, changed, wheelbase_m=WHEELBASE_M, stop=stop)
 
 
 def state(front_wheel_angle_rad: float = 0.0, speed_mps: float = 0.0) -> VehicleState:
@@ -98,10 +100,11 @@ def test_no_step_is_greater_than_the_rate_grants_from_the_last_one_sent(
         now_ns += step_ns
         dt_s = min(LONGEST_STEP_S, max(0.0, s_from_ns(step_ns)))
         safe = gate.permit(command, state(), now_ns=now_ns, reversing=reversing)
-        if safe.safe_stop and (accel_mps2 < 0.0 if reversing else accel_mps2 > 0.0):
-            accel_mps2 = 0.0  # a stop drops the drive at once
         assert abs(safe.front_wheel_angle_rad - front_rad) <= 0.8 * dt_s + 1e-9
-        assert abs(safe.accel_mps2 - accel_mps2) <= 30.0 * dt_s + 1e-8
+        if safe.safe_stop:
+            assert safe.accel_mps2 == 0.0  # the vehicle stands
+        else:
+            assert abs(safe.accel_mps2 - accel_mps2) <= 30.0 * dt_s + 1e-8
         accel_mps2, front_rad = safe.accel_mps2, safe.front_wheel_angle_rad
 
 
@@ -429,3 +432,93 @@ def test_a_wheel_that_is_beyond_what_the_speed_allows_may_go_back_as_fast_as_it_
         wish(front_wheel_angle_rad=wanted_rad), state(0.6, speed_mps=12.0), now_ns=101 * 10_000_000, reversing=False
     )
     assert safe.front_wheel_angle_rad == pytest.approx(0.592)
+
+
+# A stop brakes by itself
+
+
+@given(
+    st.lists(st.tuples(wishes(), ANY_STEP_NS, st.floats(-30.0, 30.0), st.booleans(), st.booleans()), max_size=30),
+    st.booleans(),
+)
+def test_no_order_of_events_makes_a_stop_push_the_vehicle_along(
+    steps: list[tuple[Command, int, float, bool, bool]], starts: bool
+) -> None:
+    """Wishes and stops in turn, speeds that jump, permissions that are not sent, and new beginnings."""
+    gate, now_ns = new_gate(), 10**9
+    for command, step_ns, speed_mps, is_lost, begins in steps:
+        now_ns += step_ns
+        if begins and starts:
+            gate.start_from(state(speed_mps=speed_mps), now_ns)
+        safe = gate.permit(command, state(speed_mps=speed_mps), now_ns=now_ns, reversing=speed_mps < 0.0)
+        if safe.safe_stop:
+            assert safe.accel_mps2 * speed_mps <= 0.0
+            assert abs(safe.accel_mps2) <= min(3.0, abs(speed_mps) / 0.1) + 1e-9
+        if is_lost:
+            gate.take_back()
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("wished_mps2", [0.0, 3.0, -0.001, -6.0, math.nan, math.inf])
+def test_how_hard_a_stop_brakes_is_not_up_to_who_wishes_it(wished_mps2: float, sign: int) -> None:
+    stop = wish(accel_mps2=wished_mps2, reason=Reason.DEVIATION)
+    answers = driven(new_gate(), stop, sign * 5.0, 12)
+    expected = [-sign * min(0.3 * (k + 1), 3.0) for k in range(12)]
+    assert [answer.accel_mps2 for answer in answers] == pytest.approx(expected)
+    assert driven(new_gate(), stop, sign * 0.1, 12)[-1].accel_mps2 == pytest.approx(-sign * 0.5)
+
+
+def test_a_stop_is_not_counted_as_a_wish_that_was_cut() -> None:
+    gate = new_gate()
+    driven(gate, wish(accel_mps2=9.0, reason=Reason.DEVIATION), 5.0, 12)
+    assert not any(gate.limited.values())
+
+
+@pytest.mark.parametrize("reversing", [False, True])
+def test_a_vehicle_that_stands_is_held_against_its_gear_where_the_profile_wants_it_held(reversing: bool) -> None:
+    behavior = msgspec.structs.replace(reference().profile.behavior, hold_deceleration_mps2=0.5)
+    profile = msgspec.structs.replace(reference().profile, behavior=behavior)
+    gate = Gate(
+        gate_channels(profile.limits, lambda field: LSB[field]),
+        profile.limits,
+        wheelbase_m=WHEELBASE_M,
+        stop=stop_shape(profile, BehaviorConfig()),
+    )
+    stop = wish(reason=Reason.NO_TRAJECTORY)
+    answers = [gate.permit(stop, state(), now_ns=k * 10_000_000, reversing=reversing) for k in range(4)]
+    sign = 1.0 if reversing else -1.0
+    assert [answer.accel_mps2 for answer in answers] == pytest.approx([0.0, sign * 0.3, sign * 0.5, sign * 0.5])
+
+
+def test_a_stop_that_was_not_sent_does_not_move_the_ramp() -> None:
+    gate, stop = new_gate(), wish(reason=Reason.LINK_DOWN)
+    gate.start_from(state(speed_mps=5.0), 0)
+    gate.permit(stop, state(speed_mps=5.0), now_ns=10_000_000, reversing=False)
+    gate.take_back()
+    again = gate.permit(stop, state(speed_mps=5.0), now_ns=20_000_000, reversing=False)
+    assert again.accel_mps2 == pytest.approx(-0.6)
+
+
+def test_after_a_stop_driving_begins_from_the_brake_that_was_on() -> None:
+    gate = new_gate()
+    driven(gate, wish(reason=Reason.STATE_STALE), 5.0, 12)
+    on = gate.permit(wish(accel_mps2=1.0), state(speed_mps=5.0), now_ns=13 * 10_000_000, reversing=False)
+    assert (on.accel_mps2, on.safe_stop) == (pytest.approx(-2.7), False)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_wheel_that_is_a_little_beyond_what_the_speed_allows_may_go_back_to_well_within_it(sign: int) -> None:
+    gate = new_gate()
+    beyond = state(sign * 0.0582, speed_mps=12.0)  # 3 m/s² are at 0.0562 rad
+    gate.start_from(beyond, 0)
+    safe = gate.permit(wish(), beyond, now_ns=10_000_000, reversing=False)
+    assert safe.front_wheel_angle_rad == pytest.approx(sign * 0.0502)
+
+
+@pytest.mark.parametrize(("speed_mps", "granted_rad"), [(0.0999, 0.008), (0.1, 0.0027), (-0.1, 0.0027)])
+def test_from_a_tenth_of_a_metre_per_second_on_the_lateral_jerk_counts(speed_mps: float, granted_rad: float) -> None:
+    gate = new_gate(lateral_jerk_mps3=0.001)
+    answers = driven(gate, wish(front_wheel_angle_rad=0.6), speed_mps, 2)
+    assert answers[-1].front_wheel_angle_rad - answers[0].front_wheel_angle_rad == pytest.approx(
+        granted_rad, abs=1.0001e-4
+    )

@@ -39,7 +39,7 @@ class StopSteering(StrEnum):
     HOLD = "hold"
     """They stay where the state says they are."""
     TRACK = "track"
-    """Where the controller would steer, as long as it can; straight when it cannot."""
+    """Where the controller would steer, as long as it can and the state is good; straight otherwise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,16 +130,19 @@ class ControllerBase(ABC):
         return self._stamped(self.compute_command_impl(state), state.stamp_ns)
 
     @final
-    def compute_stop_command(self, state: VehicleState, reason: Reason | None = None) -> Command:
+    def compute_stop_command(
+        self, state: VehicleState, reason: Reason | None = None, *, may_track: bool = True
+    ) -> Command:
         """The command that stops the vehicle, wheels by `BehaviorConfig.stop_steering`. Always an answer.
 
-        Needs no trajectory and looks at no frame. `reason` says why; without one (or with `NOMINAL`, which
+        Needs no trajectory and stops in any frame. `reason` says why; without one (or with `NOMINAL`, which
         no stop can have) it is `NO_TRAJECTORY` or `EMPTY_TRAJECTORY` where that is so, and `SHUTDOWN`
-        otherwise: somebody ordered it.
+        otherwise: somebody ordered it. `may_track` is false where the state, or the controller, is not to be
+        steered by: then a tracking stop is a straight one.
         """
         if reason is None or reason is Reason.NOMINAL:
             reason = self._reason_to_stop()
-        front_rad, rear_rad = self._stop_steering(state)
+        front_rad, rear_rad = self._stop_steering(state, may_track=may_track)
         self._is_stopping = True
         return Command(
             stamp_ns=state.stamp_ns,
@@ -218,17 +221,19 @@ class ControllerBase(ABC):
     def stop_steering_impl(self, state: VehicleState) -> tuple[float, float]:  # noqa: ARG002  # a hook
         """Front and rear road-wheel angle (rad, positive to the left) of a stop with `StopSteering.TRACK`.
 
-        Called at any time, also without a trajectory or with one in another frame. Straight by default, and
+        Called at any time, also without a trajectory, but not with one in another frame. Straight by default, and
         straight as well when this raises one of this package's errors or an arithmetic one, or returns what
         is not finite.
         """
         return 0.0, 0.0
 
-    def _stop_steering(self, state: VehicleState) -> tuple[float, float]:
-        if self.behavior.stop_steering is StopSteering.STRAIGHT:
-            return 0.0, 0.0
-        if self.behavior.stop_steering is StopSteering.HOLD:
+    def _stop_steering(self, state: VehicleState, *, may_track: bool) -> tuple[float, float]:
+        policy, trajectory = self.behavior.stop_steering, self.trajectory
+        if policy is StopSteering.HOLD:
             return state.front_wheel_angle_rad, state.rear_wheel_angle_rad
+        in_frame = trajectory is None or trajectory.frame_id == state.frame_id
+        if policy is StopSteering.STRAIGHT or not (may_track and in_frame):
+            return 0.0, 0.0
         try:
             front_rad, rear_rad = self.stop_steering_impl(state)
             return checks.finite("front_wheel_angle_rad", front_rad), checks.finite("rear_wheel_angle_rad", rear_rad)

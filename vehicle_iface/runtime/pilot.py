@@ -69,10 +69,15 @@ class Pilot:
 
         While another commander takes the vehicle over, a shadow's answer is within the limits of engaging.
         """
-        if link_is_stalled and self._engagement.mode is not Mode.ENDING:
-            wish = self.controller.compute_stop_command(sample.state, Reason.LINK_DOWN)
+        fault = self._fault(sample, status, now_ns)
+        if self._engagement.mode is Mode.ENDING:
+            wish = self._stop(sample.state, Reason.SHUTDOWN, may_track=fault is None)
+        elif link_is_stalled:
+            wish = self._stop(sample.state, Reason.LINK_DOWN, may_track=fault is None)
+        elif fault is not None:
+            wish = self._stop(sample.state, fault)
         else:
-            wish = self._wish(sample, status, now_ns)
+            wish = self._wish(sample.state, now_ns)
         return self._permitted(wish, sample.state, status, now_ns, other_takes_over=other_takes_over)
 
     def answer_without_sample(
@@ -81,18 +86,24 @@ class Pilot:
         """A stop from the last known state, because no sample came that can be believed."""
         if self._engagement.mode is Mode.ENDING:
             reason = Reason.SHUTDOWN
-        return self._permitted(self.controller.compute_stop_command(last, reason), last, status, now_ns)
+        return self._permitted(self._stop(last, reason), last, status, now_ns)
 
-    def _wish(self, sample: Sample, status: VehicleStatus | None, now_ns: int) -> Command:
-        state, stop = sample.state, self.controller.compute_stop_command
-        if self._engagement.mode is Mode.ENDING:
-            return stop(state, Reason.SHUTDOWN)
+    def _stop(self, state: VehicleState, reason: Reason, *, may_track: bool = False) -> Command:
+        """Steered along the path only where nothing is wrong but what it stops for."""
+        return self.controller.compute_stop_command(state, reason, may_track=may_track)
+
+    def _fault(self, sample: Sample, status: VehicleStatus | None, now_ns: int) -> Reason | None:
+        """Why the state is not to be driven by; None when it is good."""
         if not sample.pose_valid:
-            return stop(state, Reason.STATE_INVALID)
+            return Reason.STATE_INVALID
         if not sample.others_fresh:
-            return stop(state, Reason.STATE_STALE)
+            return Reason.STATE_STALE
         if status is not None and now_ns - status.stamp_ns > self._status_stale_ns:
-            return stop(state, Reason.STATE_STALE)
+            return Reason.STATE_STALE
+        return None
+
+    def _wish(self, state: VehicleState, now_ns: int) -> Command:
+        stop = self._stop
         try:
             wish = self.controller.compute_command(state)
         except FrameMismatchError:

@@ -10,6 +10,7 @@ from vehicle_iface.profile import Limits
 from vehicle_iface.reason import Reason
 from vehicle_iface.safety.lateral import SLOW_MPS, curvature_per_m, front_angle_rad
 from vehicle_iface.safety.limits import Channel, by_speed, limited_raw, within_both
+from vehicle_iface.safety.stop import StopShape, braked_raw
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_S
@@ -40,16 +41,17 @@ class _Sent(NamedTuple):
 class Gate:
     """Limits each command in range and rate, on the value as encoded. It always answers and never raises.
 
-    Rates are taken from the last value that was sent; before the first one, from what was measured. Only the drive
-    is dropped at once by a stop; from there the brake is ramped up like everything else. The front wheels are held
+    Rates are taken from the last value that was sent; before the first one, from what was measured. How hard a stop
+    brakes is not wished but a manoeuvre of its own, see `stop.braked_raw`. The front wheels are held
     back besides by the lateral acceleration and jerk at the measured speed, by a table over speed, and by how far
     they may be from where they are measured: where speed has risen or the measured angle has gone away, they are
     led back as fast as they may turn. `limits.limited_raw` has the proof that none of these breaks another.
     """
 
-    def __init__(self, channels: GateChannels, limits: Limits, *, wheelbase_m: float) -> None:
+    def __init__(self, channels: GateChannels, limits: Limits, *, wheelbase_m: float, stop: StopShape) -> None:
         self._channels = channels
         self._limits = limits
+        self._stop = stop
         self._wheelbase_m = wheelbase_m
         self._backwards = _mirrored(channels.accel_mps2)
         self._last = self._before = _Sent()
@@ -86,12 +88,17 @@ class Gate:
         numbers = (wish.accel_mps2, wish.front_wheel_angle_rad, wish.rear_wheel_angle_rad, wish.speed_mps)
         finite = all(map(math.isfinite, numbers))
         reason = wish.reason if finite else Reason.CONTROLLER_ERROR
-        accel, front, rear, speed = numbers if finite else (0.0, 0.0, 0.0, 0.0)
+        front, rear, speed = numbers[1:] if finite else (0.0, 0.0, 0.0)
         self.limited["not_finite"] += not finite
         channels, last = self._channels, self._last
         dt_s = min(LONGEST_STEP_S, max(0.0, (now_ns - last.at_ns) / NS_PER_S))
         is_stop = reason is not Reason.NOMINAL
-        accel_raw = self._accel_raw(accel, state.speed_mps, dt_s, reversing, engaging=engaging, is_stop=is_stop)
+        if is_stop:
+            accel_raw = braked_raw(
+                self._stop, self._backwards, last.accel_raw, state.speed_mps, dt_s, reversing=reversing
+            )
+        else:
+            accel_raw = self._accel_raw(wish.accel_mps2, state.speed_mps, dt_s, reversing, engaging=engaging)
         rear_raw = self._plainly(channels.rear_wheel_angle_rad, rear, last.rear_raw, dt_s)
         front_raw = self._front_raw(front, rear_raw, state, dt_s, engaging=engaging)
         speed_raw = self._plainly(channels.speed_mps, speed, 0, dt_s)
@@ -126,21 +133,17 @@ class Gate:
             gear_request=Gear.NO_REQUEST,
         )
 
-    def _accel_raw(
-        self, accel: float, speed_mps: float, dt_s: float, reversing: bool, *, engaging: bool, is_stop: bool
-    ) -> int:
-        channels, limits, last_raw = self._channels, self._limits, self._last.accel_raw
+    def _accel_raw(self, accel: float, speed_mps: float, dt_s: float, reversing: bool, *, engaging: bool) -> int:
+        channels, limits = self._channels, self._limits
         if abs(speed_mps) >= channels.speed_mps.highest and accel * speed_mps > 0.0:
             self.limited["overspeed"] += 1
             accel = 0.0
-        if is_stop and (last_raw < 0 if reversing else last_raw > 0):
-            last_raw = 0  # a stop does not go on driving while the rate limit ramps it down
         drive = by_speed(limits.accel_max_by_speed, speed_mps)
         if engaging:
             drive = min(drive, limits.engaging.accel_max_mps2)
         lowest, highest = (-drive, math.inf) if reversing else (-math.inf, drive)
         channel = self._backwards if reversing else channels.accel_mps2
-        raw = limited_raw(channel, accel, last_raw, dt_s, lowest=lowest, highest=highest)
+        raw = limited_raw(channel, accel, self._last.accel_raw, dt_s, lowest=lowest, highest=highest)
         return self._counted(channel, accel, raw)
 
     def _front_raw(self, wanted: float, rear_raw: int, state: VehicleState, dt_s: float, *, engaging: bool) -> int:

@@ -92,6 +92,11 @@ _BEYOND = 1e15
 """Counts that no signal has, and that still are whole numbers."""
 
 
+def at_most_raw(channel: Channel, value: float) -> int:
+    """The greatest wire value in range that says no more than `value` (SI, not below 0); what is no number is much."""
+    return _floor(min(float(channel.highest_raw), value / channel.lsb))
+
+
 def within_both(first: tuple[float, float], second: tuple[float, float]) -> tuple[float, float]:
     """Where two intervals overlap; the second one where they do not."""
     low = first[0] if first[0] > second[0] else second[0]
