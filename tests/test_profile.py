@@ -80,6 +80,18 @@ FAULTS = [
     ("status_stale_s = 0.2", "status_stale_s = 0.01", "$.timing.status_stale_s: 0.01: must be above status_period_s"),
     ("length_m = 4.6", "length_m = 3.0", "$.geometry.length_m: 3.0: must be at least"),
     ("safe_deceleration_mps2 = 3.0", "safe_deceleration_mps2 = 7.0", "$.behavior.safe_deceleration_mps2: 7.0: must be at most 6.0"),
+    ("stop_jerk_mps3 = 30.0", "", "$.behavior: Object missing required field stop_jerk_mps3"),
+    ("stop_jerk_mps3 = 30.0", "stop_jerk_mps3 = 0.0", "$.behavior.stop_jerk_mps3: Expected float > 0"),
+    ("stop_jerk_mps3 = 30.0", "stop_jerk_mps3 = 14.9", "$.behavior.stop_jerk_mps3: 14.9: must be at least safe_deceleration_mps2 / stop_ease_s = 15.0"),
+    ("stop_ease_s = 0.2", "", "$.behavior: Object missing required field stop_ease_s"),
+    ("stop_ease_s = 0.2", "stop_ease_s = -0.2", "$.behavior.stop_ease_s: Expected float > 0"),
+    ("hold_deceleration_mps2 = 0.0", "", "$.behavior: Object missing required field hold_deceleration_mps2"),
+    ("hold_deceleration_mps2 = 0.0", "hold_deceleration_mps2 = -0.5", "$.behavior.hold_deceleration_mps2: Expected float >= 0"),
+    ("hold_deceleration_mps2 = 0.0", "hold_deceleration_mps2 = nan", "$.behavior.hold_deceleration_mps2: nan: must be finite"),
+    ('stop_steering = "straight"', 'stop_steering = "left"', "$.behavior.stop_steering: Invalid enum value 'left'"),
+    ("warning_s = 3.0", "", "$.handover: Object missing required field warning_s"),
+    ("warning_s = 3.0", "warning_s = 10.0", "$.handover.warning_s: 10.0: must be below $.timing.shutdown_s = 10.0"),
+    ("warning_s = 3.0", "warning_s = -1.0", "$.handover.warning_s: Expected float >= 0"),
     ("profile = 1 ", "profile = 4 ", "$.e2e.profile: Invalid enum value 4"),
     ('data_id_mode = "BOTH"', 'data_id_mode = "HIGH"', "$.e2e.data_id_mode: Invalid enum value 'HIGH'"),
     ("max_counter_step = 3", "max_counter_step = 0", "$.e2e.max_counter_step: Expected int >= 1"),
@@ -104,6 +116,22 @@ def test_a_fault_is_refused_with_file_and_place(edited, old, new, text):
     with pytest.raises(ConfigError) as refused:
         load_profile(edited(old, new))
     assert str(refused.value).startswith(f"reference.toml: {text}")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("stop_jerk_mps3 = 30.0", "stop_jerk_mps3 = 15.0"), ("warning_s = 3.0", "warning_s = 9.9")]
+)
+def test_at_the_bound_of_two_numbers_a_profile_is_taken(edited, old, new):
+    assert load_profile(edited(old, new)).name == "reference"
+
+
+def test_without_a_word_about_it_stops_are_straight_and_nobody_is_warned_ahead(tmp_path):
+    text = REFERENCE.replace('stop_steering = "straight"', "").replace("[handover]", "").replace("warning_s = 3.0", "")
+    path = tmp_path / "plain.toml"
+    path.write_text(text.replace("holds = false", ""), encoding="utf-8")
+    profile = load_profile(path)
+    assert profile.behavior.stop_steering == "straight"
+    assert (profile.handover.warning_s, profile.handover.holds) == (0.0, False)
 
 
 def test_a_file_that_is_not_text_is_refused(tmp_path):

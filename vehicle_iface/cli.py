@@ -241,6 +241,7 @@ def _run_for(loop: Loop, duration_s: float | None) -> None:
         loop.run()
         return
     deadline_ns = clock.monotonic_ns() + ns_from_s(duration_s)
+    loop.plan_end(deadline_ns)
     while not loop.done and clock.monotonic_ns() < deadline_ns:
         loop.step()
     loop.request_end()

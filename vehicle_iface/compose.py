@@ -33,6 +33,7 @@ from vehicle_iface.runtime.teller import Teller
 from vehicle_iface.safety.deviation import DeviationMonitor
 from vehicle_iface.safety.engagement import Engagement, EngagementTiming
 from vehicle_iface.safety.gate import Gate, gate_channels
+from vehicle_iface.safety.handover import Handover
 from vehicle_iface.safety.outlet import Outgoing, Outlet
 from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.safety.stop import StopShape
@@ -199,6 +200,7 @@ def build_loop(
             teller=Teller(telemetry, controller, counts),
             counts=counts,
             timing=timing,
+            handover=Handover(ns_from_s(profile.handover.warning_s), holds=profile.handover.holds),
             names={(m.can_id, m.is_extended): m.name for m in (*database.received, *database.sent)},
             command_ids=frozenset((message.can_id, message.is_extended) for message in database.sent),
             body_message=database.body.name if database.body else None,

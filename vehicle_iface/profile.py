@@ -162,6 +162,15 @@ class Behavior(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """`control.StopSteering`: where the wheels go meanwhile."""
 
 
+class Handover(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How control is given back at a planned end."""
+
+    warning_s: NonNegative
+    """The person is told so long before."""
+    holds: bool = False
+    """Whether the vehicle is held at standstill until that is over; otherwise it is let go when it stands."""
+
+
 class Bus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The bus that the vehicle is on."""
 
@@ -281,6 +290,8 @@ class ReportSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     ref_spatial_index: SignalNames | None = None
     ref_temporal_index: SignalNames | None = None
     deadline_misses: SignalNames | None = None
+    handover: SignalNames | None = None
+    """1: control is about to be given back."""
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -308,6 +319,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     limits: Limits
     timing: Timing
     behavior: Behavior
+    handover: Handover = Handover(warning_s=0.0)
     deviation: Deviation
     plausibility: Plausibility
     bus: Bus
@@ -497,6 +509,9 @@ def _order_faults(profile: Profile) -> Iterator[str]:
         low, high = getattr(timing, smaller), getattr(timing, greater)
         if not low < high:
             yield f"$.timing.{greater}: {high}: must be above {smaller} = {low}"
+    warning_s = profile.handover.warning_s
+    if not warning_s < timing.shutdown_s:
+        yield f"$.handover.warning_s: {warning_s}: must be below $.timing.shutdown_s = {timing.shutdown_s}"
     geometry = profile.geometry
     shortest_m = geometry.wheelbase_m + geometry.rear_overhang_m
     if geometry.length_m < shortest_m:

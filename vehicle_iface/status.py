@@ -75,3 +75,5 @@ class ControllerReport:
     """Saturated at the signal's greatest value."""
     deadline_misses: int
     """Saturated at the signal's greatest value."""
+    handover: bool = False
+    """Whether control is about to be given back."""

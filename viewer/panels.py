@@ -187,7 +187,7 @@ def banner_html(view: View | None) -> str:
     snapshot = view.snapshot
     state, reason = _named(ControllerState, snapshot.controller_state), _named(Reason, snapshot.reason)
     color = _GREY if view.is_stale else _STATE_COLORS.get(snapshot.controller_state, _RED)  # type: ignore[call-overload]
-    lines = [*_staleness(view), *_session_lines(view), _rates(view)]
+    lines = [*_staleness(view), *_handover(view), *_session_lines(view), _rates(view)]
     return _banner(color, state, reason, lines, state=state, reason=reason, stale=view.is_stale)
 
 
@@ -201,6 +201,15 @@ def _banner(color: str, title: str, subtitle: str, lines: list[str], *, state: s
         f'<span id="reason" style="font-size:15px;font-weight:600">{plain(subtitle)}</span></div>'
         f"{''.join(lines)}</div>"
     )
+
+
+def _handover(view: View) -> Iterator[str]:
+    """Words for the person who has to take over."""
+    assert view.snapshot is not None
+    if view.snapshot.hands_over and not view.is_stale:
+        left_s = view.snapshot.handover_ns / NS_PER_S
+        when = f"in {left_s:.1f} s at the earliest" if left_s > 0.0 else "at standstill"
+        yield f'<div id="handover" style="font-weight:700;font-size:15px">TAKE OVER: control is given back {when}</div>'
 
 
 def _staleness(view: View) -> Iterator[str]:

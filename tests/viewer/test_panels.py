@@ -120,6 +120,14 @@ def test_engaged_stopping_fault_shadow_and_old_differ_in_colour() -> None:
     assert len({panels.banner_html(v).split("background:")[1][:7] for v in views}) == 5
 
 
+@pytest.mark.parametrize(("left_ns", "when"), [(2_140_000_000, "in 2.1 s at the earliest"), (0, "at standstill")])
+def test_who_has_to_take_over_is_told_so(left_ns: int, when: str) -> None:
+    shown = driving(hands_over=True, handover_ns=left_ns)
+    assert f"TAKE OVER: control is given back {when}" in _Words(panels.banner_html(view(shown))).text
+    assert "TAKE OVER" not in _Words(panels.banner_html(view(shown, age_s=1.0))).text
+    assert "TAKE OVER" not in _Words(panels.banner_html(view(driving(handover_ns=left_ns)))).text
+
+
 def test_old_data_is_called_old() -> None:
     words = _Words(panels.banner_html(view(driving(), age_s=1.2))).text
     assert "no data for 1.2 s" in words

@@ -23,6 +23,7 @@ from vehicle_iface.runtime.rate import Grid
 from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.runtime.teller import Teller
 from vehicle_iface.safety.engagement import Engagement, Event, Mode
+from vehicle_iface.safety.handover import Handover
 from vehicle_iface.safety.outlet import Outlet
 from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.status import BodyRequest, ControllerReport, VehicleMode
@@ -57,6 +58,7 @@ class Parts:
     teller: Teller
     counts: Counts
     timing: Timing
+    handover: Handover
     names: dict[tuple[int, bool], str]
     """Of the messages of the profile, by identifier and whether it is extended."""
     command_ids: frozenset[tuple[int, bool]]
@@ -79,7 +81,7 @@ class Loop:
         self._parts = parts
         self._decoder, self._tracker, self._engagement = parts.decoder, parts.tracker, parts.engagement
         self._pilot, self._encoder, self._counts = parts.pilot, parts.encoder, parts.counts
-        self._now_ns = parts.now_ns
+        self._now_ns, self._handover = parts.now_ns, parts.handover
         self.link = Link(
             parts.open_bus,
             parts.counts,
@@ -144,6 +146,10 @@ class Loop:
         """Stop the vehicle and end; asked a second time, let it go at once. Safe in a signal handler."""
         self._end_requests += 1
 
+    def plan_end(self, at_ns: int) -> None:
+        """`request_end` will be called then: the person is warned before."""
+        self._handover.plan(at_ns)
+
     def request_arming(self) -> None:
         """Engage (again) when everything is well. Safe in a signal handler."""
         self._arm_requested = True
@@ -204,7 +210,8 @@ class Loop:
         if self._answer is None:
             self._take_trajectory(sample)
         self._standing = self._standing + 1 if abs(sample.state.speed_mps) <= AT_REST_MPS else 0
-        if self._engagement.mode is Mode.ENDING and self._standing >= AT_REST_SAMPLES:
+        stands = self._standing >= AT_REST_SAMPLES
+        if self._is_ending and stands and self._handover.may_let_go(now_ns):
             self._engagement.happened(Event.STANDSTILL, now_ns)
         status, shadow = self._tracker.status, self._parts.shadow
         self._answer = self._pilot.answer(
@@ -294,6 +301,8 @@ class Loop:
         self._hear_requests(now_ns)
         self.link.watch(now_ns)
         self._engagement.see_time(now_ns)
+        if self._handover.look(now_ns, is_driven=self._engagement.enables, is_ending=self._is_ending):
+            log.warning("HANDOVER: control is about to be given back")
         self.account.note(self._engagement, self.reason)
         newest = self._newest
         implausible = self._parts.plausibility.persists
@@ -333,12 +342,17 @@ class Loop:
                 ref_spatial_index=min(spatial, MAX_INDEX),
                 ref_temporal_index=min(temporal, MAX_INDEX),
                 deadline_misses=min(self._counts.deadline_misses, MAX_MISSES),
+                handover=self._handover.warns,
             )
             self._hand_over((self._encoder.encode(report, content),))
 
     @property
     def _is_stopping(self) -> bool:
         return self._answer is not None and self._answer.safe.safe_stop
+
+    @property
+    def _is_ending(self) -> bool:
+        return self._engagement.mode is Mode.ENDING
 
     def _hear_requests(self, now_ns: int) -> None:
         if self._arm_requested:
@@ -392,6 +406,8 @@ class Loop:
             sent=sent,
             latency_ns=latency_ns,
             drops=sum(self._decoder.drops.values()),
+            hands_over=self._handover.warns,
+            handover_ns=self._handover.left_ns(now_ns, is_ending=self._is_ending),
         )
 
     def _on_link_lost(self) -> None:

@@ -110,6 +110,11 @@ class Snapshot(NamedTuple):
     """Frames dropped since the start, whatever the cause; `publish_details` has them by cause."""
     deadline_misses: int = 0
 
+    hands_over: bool = False
+    """Control is about to be given back."""
+    handover_ns: int = 0
+    """In so long at the earliest; 0 where only standstill is waited for."""
+
     frame_id: str = "map"
     """Frame of reference of all positions here."""
     sequence: int = 0

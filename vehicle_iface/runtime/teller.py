@@ -58,6 +58,8 @@ class Teller:
         sent: bool = False,
         latency_ns: int = 0,
         drops: int = 0,
+        hands_over: bool = False,
+        handover_ns: int = 0,
     ) -> None:
         """Publish what is known now."""
         if self._writer is None:
@@ -88,6 +90,8 @@ class Teller:
             counts.commands,
             drops,
             counts.deadline_misses,
+            hands_over,
+            handover_ns,
             frame_id,
             0,
         )
