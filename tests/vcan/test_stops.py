@@ -1,13 +1,22 @@
 """Every reason to stop that the controller knows, seen from the bus."""
 
+from itertools import pairwise
+
 import pytest
 
 from .conftest import ROOT, Programs
-from .contract import AUTONOMOUS, MAP, ODOM, Observer, decided
+from .contract import AUTONOMOUS, MAP, MS, ODOM, Observer, S, decided
 from .driving import driven, is_standing, line_file, own_faults, wait_until_driven
 from .peer import Vehicle
 
 POSTER = str(ROOT / "tests" / "vcan" / "poster.py")
+
+SAFE_MPS2, JERK_MPS3, EASE_S = 3.0, 30.0, 0.2
+"""Of the reference vehicle's profile."""
+JITTER_NS = 20 * MS
+"""Between the instant for which a command was computed and its stamp on the wire."""
+SLACK_MPS2 = 0.3
+"""A sample later the vehicle is slower, and this much was asked for less."""
 
 
 def stops(bus: Observer, reason: str, since: int, *, hazard_lights: bool) -> int:
@@ -90,3 +99,27 @@ def test_trajectories_from_another_process_at_10_hz_do_not_disturb_the_drive(pro
     assert decided(record) == ["NOMINAL"]
     assert not record.faults()
     assert loop.is_running
+
+
+def test_on_the_bus_the_brake_comes_on_by_its_jerk_and_is_let_up_with_the_speed(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    _, moving = driven(programs, bus)
+    bus.wait_until("it is fast", lambda told: told.name == "MOTION" and told["SPEED"] > 2.5, since=moving)
+    vehicle.pose_valid = False
+    end = stops(bus, "STATE_INVALID", moving, hazard_lights=True)
+    record = bus.record(moving, end)
+    first = next(k for k, pair in enumerate(record.pairs) if pair.is_stop)
+    for before, after in pairwise(record.pairs[first - 1 :]):
+        last_mps2 = min(before.drive["ACCEL_REQUEST"], 0.0)  # what drives is dropped at once
+        granted_mps2 = JERK_MPS3 * (after.stamp_ns - before.stamp_ns + JITTER_NS) / S
+        assert abs(after.drive["ACCEL_REQUEST"] - last_mps2) <= granted_mps2 + 1e-3
+    accels = [pair.drive["ACCEL_REQUEST"] for pair in record.pairs[first:]]
+    assert min(accels) == pytest.approx(-SAFE_MPS2)
+    assert len({accel for accel in accels[: accels.index(min(accels))] if accel > -SAFE_MPS2}) >= 5
+    speeds_mps = {sample.stamp_ns: sample.speed_mps for sample in record.samples}
+    answers = [(speeds_mps[at_ns], pair) for at_ns, pair in record.answers if pair.is_stop]
+    assert len(answers) > 50
+    for speed_mps, pair in answers:
+        assert abs(pair.drive["ACCEL_REQUEST"]) <= speed_mps / EASE_S + SLACK_MPS2
+    assert accels[-1] == 0.0
