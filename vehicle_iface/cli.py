@@ -38,6 +38,7 @@ from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
 from vehicle_iface.units import ns_from_s
 
 if TYPE_CHECKING:
+    from vehicle_iface.recorder.child import Recording
     from vehicle_iface.sim.model import BicycleState
 
 log = logging.getLogger("vehicle_iface")
@@ -87,25 +88,29 @@ def run(options: argparse.Namespace) -> int:
     database = load_database(profile)
     source = _source(options, database)
     controller = compose.build_controller(options.controller, database.profile)
-    with _telemetry(options, database) as telemetry, Watchdog() as watchdog:
-        loop = compose.build_loop(
-            database=database,
-            open_bus=_bus_opener(options, database),
-            controller=controller,
-            source=source,
-            telemetry=telemetry,
-            armed=options.arm,
-            live=watchdog.live,
-        )
-        signal.signal(signal.SIGUSR1, lambda *_: loop.request_arming())
-        _on_end_signals(loop.request_end)
-        log.info("%s, %s: %s", loop.link.description, _arming(options), _wanted(options))
-        for lack in realtime.claim(cpu=options.cpu):
-            log.warning("%s", lack)
-        _run_for(loop, options.duration)
-        loop.link.close()
-    _on_end_signals(None)  # the vehicle is let go: a terminal that hangs must not keep the program
-    summary = loop.summary()
+    with _telemetry(options, database) as telemetry, _recording(options, database) as recording:
+        with Watchdog() as watchdog:
+            loop = compose.build_loop(
+                database=database,
+                open_bus=_bus_opener(options, database),
+                controller=controller,
+                source=source,
+                telemetry=telemetry,
+                armed=options.arm,
+                live=watchdog.live,
+            )
+            signal.signal(signal.SIGUSR1, lambda *_: loop.request_arming())
+            _on_end_signals(loop.request_end)
+            log.info("%s, %s: %s", loop.link.description, _arming(options), _wanted(options))
+            for lack in realtime.claim(cpu=options.cpu):
+                log.warning("%s", lack)
+            _run_for(loop, options.duration)
+            loop.link.close()
+        _on_end_signals(None)  # the vehicle is let go: neither terminal nor disk that hangs must keep the program
+        summary = loop.summary()
+        if recording is not None:
+            summary["recorder"] = recording.end()
+            recording.save_summary(summary)
     if options.summary:
         save_summary(options.summary, summary)
     _say(table(summary))
@@ -165,6 +170,7 @@ def run_demo(options: argparse.Namespace) -> int:
         port=options.port,
         duration_s=options.duration,
         summary=options.summary,
+        record=options.record,
         viewer=not options.no_viewer,
         open_page=options.open,
     )
@@ -304,10 +310,33 @@ def _telemetry(options: argparse.Namespace, database: VehicleDatabase) -> Iterat
         route=_wanted(options),
         arming=_arming(options),
         period_s=database.profile.timing.sample_period_s,
+        recording=str(Path(options.record).absolute()) if options.record else "",
         shape=compose.vehicle_shape(database.profile),
     )
     with TelemetryWriter(options.telemetry, info) as writer:
         yield writer
+
+
+@contextmanager
+def _recording(options: argparse.Namespace, database: VehicleDatabase) -> "Iterator[Recording | None]":
+    """A recorder at work where one is wanted; it is the last thing that may be refused before the bus is opened."""
+    if not options.record:
+        yield None
+        return
+    from vehicle_iface.recorder.child import Recording
+    from vehicle_iface.recorder.folder import Order
+
+    order = Order(
+        folder=options.record,
+        telemetry=options.telemetry,
+        channel=options.channel if options.interface == "socketcan" else None,
+        profile=database.profile.file,
+        dbc=database.profile.dbc,
+        command_line=[argument.encode(errors="replace").decode() for argument in sys.argv],
+    )
+    with Recording(order) as recording:
+        log.info("recording to %s", options.record)
+        yield recording
 
 
 def _arming(options: argparse.Namespace) -> str:
@@ -419,6 +448,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--telemetry", default="default", metavar="ADDRESS", help="name, or path, that `view` connects to"
     )
+    parser.add_argument("--record", metavar="DIR", help="write frames and telemetry down in this new folder")
     parser.add_argument("--summary", metavar="FILE.json", help="write the run's counts and latencies there")
     parser.add_argument("--cpu", type=int, metavar="N", help="run on this processor only, counted from 0")
     parser.add_argument("--frame", default="map", help="frame of reference of the route")
@@ -449,6 +479,7 @@ def _add_demo(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=int, default=8080, help="TCP port of the page on 127.0.0.1")
     parser.add_argument("--duration", type=_positive, metavar="S", help="end after so many seconds")
     parser.add_argument("--summary", metavar="FILE.json", help="write the run's counts and latencies there")
+    parser.add_argument("--record", metavar="DIR", help="write frames and telemetry down in this new folder")
     parser.add_argument("--no-viewer", action="store_true", help="without the page")
     parser.add_argument("--open", action="store_true", help="open the page in this machine's browser")
     parser.set_defaults(command=run_demo)

@@ -19,8 +19,8 @@ from vehicle_iface.status import ControllerState
 from vehicle_iface.units import s_from_ns
 
 CHANNEL = "vcan0"
-ENDING_S = 15.0
-"""The vehicle has 10 s to stop; what runs longer than this is killed."""
+ENDING_S = 20.0
+"""The vehicle has 10 s to stop, and the recorder 5 s to end; what runs longer than this is killed."""
 PR_SET_PDEATHSIG = 1
 
 
@@ -40,6 +40,7 @@ def run(
     port: int,
     duration_s: float | None,
     summary: str | None,
+    record: str | None,
     viewer: bool,
     open_page: bool,
 ) -> int:
@@ -61,6 +62,7 @@ def run(
         loop += ["--telemetry", address]
         loop += ["--duration", str(duration_s)] if duration_s is not None else []
         loop += ["--summary", str(Path(summary).absolute())] if summary else []
+        loop += ["--record", str(Path(record).absolute())] if record else []
         processes.start("loop", loop)
         _watch(processes, address, ended)
     finally:

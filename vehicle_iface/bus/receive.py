@@ -30,6 +30,7 @@ _CONTROL_BYTES = 64
 _PLACE = struct.Struct(f"@IBB2x64sNii{_TIMESPEC.format[1:]}")
 """Identifier, length, flags and data of a frame, and the control message that usually is alone: the stamp."""
 _STRIDE = CANFD_MTU + _CONTROL_BYTES
+_FLAGS_AT = 5
 
 
 Packet = tuple[int, bytes, bool, int, int, bool]
@@ -83,6 +84,10 @@ class BatchReceiver:
         used = count * MMSGHDR.size
         self._headers[:used] = self._blank[:used]  # the kernel has written lengths into them
         return packets
+
+    def flags(self, place: int) -> int:
+        """The flags byte (<linux/can.h>: BRS 1, ESI 2) of that frame, from 0, of the last call."""
+        return self._places[place * _STRIDE + _FLAGS_AT]
 
     def _ancillary(self, start: int, length: int) -> tuple[int, int]:
         """Stamp and drop counter from the control messages, whatever there are."""

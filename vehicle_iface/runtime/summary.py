@@ -53,6 +53,8 @@ def table(summary: dict[str, Any]) -> str:
     ):
         if summary["counts"][name]:
             rows.append((name.replace("_", " "), str(summary["counts"][name])))
+    if "recorder" in summary:
+        rows.append(("recorder", summary["recorder"]["text"]))
     width = max(len(name) for name, _ in rows)
     return "\n".join(f"  {name:<{width}}  {value}" for name, value in rows)
 

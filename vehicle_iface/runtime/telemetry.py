@@ -153,6 +153,8 @@ class SessionInfo:
     arming: str = "listen-only"
     """"armed", "shadow" or "listen-only"."""
     period_s: float = 0.01
+    recording: str = ""
+    """The folder that a recorder writes this down in; empty when there is none."""
     shape: VehicleShape = VehicleShape()
 
 

@@ -1,0 +1,184 @@
+"""The recorder at a loop's telemetry: everything, in order, and the numbers of what was lost."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vehicle_iface import Trajectory
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.profile import load_profile
+from vehicle_iface.recorder.files import SNAPSHOT_HEADER, snapshot_of
+from vehicle_iface.recorder.folder import Order
+from vehicle_iface.recorder.recorder import Recorder
+from vehicle_iface.runtime.telemetry import RING_LENGTH, SessionInfo, Snapshot, TelemetryWriter
+from vehicle_iface.units import NS_PER_S
+
+INFO = SessionInfo(channel="embedded", bus="embedded bus", profile="reference")
+COLUMNS = SNAPSHOT_HEADER.decode().strip().split(",")
+PATH = Trajectory(
+    stamp_ns=5,
+    time_from_start_ns=np.arange(3),
+    x_m=np.array([0.0, 1.23456789, 2.0]),
+    y_m=np.zeros(3),
+    heading_rad=np.zeros(3),
+    speed_mps=np.ones(3),
+)
+
+
+@pytest.fixture
+def writer(tmp_path: Path) -> Iterator[TelemetryWriter]:
+    with TelemetryWriter(str(tmp_path / "loop"), INFO) as opened:
+        yield opened
+
+
+@pytest.fixture
+def order(tmp_path: Path) -> Order:
+    profile = load_profile("reference")
+    return Order(
+        folder=str(tmp_path / "folder"),
+        telemetry=str(tmp_path / "loop"),
+        channel=None,
+        profile=profile.file,
+        dbc=profile.dbc,
+        command_line=["vehicle-iface", "run"],
+    )
+
+
+@pytest.fixture
+def said() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def recorder(writer: TelemetryWriter, order: Order, said: list[str]) -> Iterator[Recorder]:  # noqa: ARG001
+    made = Recorder(order, said.append)
+    yield made
+    made.close(0)
+
+
+def rows(order: Order) -> list[Snapshot]:
+    header, *lines = (Path(order.folder) / "snapshots.csv").read_text().splitlines()
+    assert header.split(",") == COLUMNS
+    found = [snapshot_of(COLUMNS, line) for line in lines]
+    assert None not in found
+    return [snapshot for snapshot in found if snapshot is not None]
+
+
+def report(order: Order) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((Path(order.folder) / "recorder.json").read_text())
+    return content
+
+
+def test_every_snapshot_is_written_once_and_in_full(writer: TelemetryWriter, recorder: Recorder, order: Order) -> None:
+    sent = [Snapshot(k, 3, 0, x_m=k / 3.0, has_state=True) for k in range(1, 100)]
+    for k, snapshot in enumerate(sent):
+        writer.publish(snapshot)
+        if k % 7 == 0:
+            recorder.step(k)
+    recorder.step(100)
+    recorder.step(101)
+    assert rows(order) == [snapshot._replace(sequence=k + 1) for k, snapshot in enumerate(sent)]
+
+
+def test_who_comes_too_late_counts_what_is_gone_and_says_so(
+    writer: TelemetryWriter, recorder: Recorder, order: Order, said: list[str]
+) -> None:
+    late = 100
+    for k in range(RING_LENGTH + late):
+        writer.publish(Snapshot(k, 3, 0))
+    recorder.step(NS_PER_S)
+    numbers = [snapshot.sequence for snapshot in rows(order)]
+    assert numbers == list(range(late + 1, RING_LENGTH + late + 1))
+    assert report(order)["lost"]["snapshots"] == late
+    assert report(order)["written"]["snapshots"] == RING_LENGTH
+    assert said == [f"too slow: {late} snapshots lost; the drive goes on"]
+    recorder.step(3 * NS_PER_S)
+    assert len(said) == 1
+
+
+def test_trajectories_are_written_as_drawn_and_those_that_came_too_fast_are_counted(
+    writer: TelemetryWriter, recorder: Recorder, order: Order
+) -> None:
+    for count in (1, 4):
+        version = 0
+        for _ in range(count):
+            version = writer.publish_trajectory(PATH)
+        writer.publish(Snapshot(1, 3, 0, trajectory_version=version))
+        recorder.step(1)
+    lines = [json.loads(line) for line in (Path(order.folder) / "trajectories.jsonl").read_text().splitlines()]
+    assert [line["version"] for line in lines] == [1, 4, 5]
+    assert lines[0]["x_m"] == [0.0, 1.234568, 2.0]
+    assert (lines[0]["stamp_ns"], lines[0]["original_count"]) == (5, 3)
+    assert recorder.report(1).lost["trajectories"] == 2
+
+
+def test_counters_are_written_twice_a_second(writer: TelemetryWriter, recorder: Recorder, order: Order) -> None:
+    writer.publish_details({"loop": {"samples": 7}})
+    for tenth in range(20):
+        recorder.step(tenth * NS_PER_S // 10)
+    lines = [json.loads(line) for line in (Path(order.folder) / "counters.jsonl").read_text().splitlines()]
+    assert [line["at_ns"] for line in lines] == [0, NS_PER_S // 2, NS_PER_S, 3 * NS_PER_S // 2]
+    assert lines[0]["counters"] == {"loop": {"samples": 7}}
+
+
+def test_another_run_at_the_same_address_is_not_mixed_in(
+    writer: TelemetryWriter, recorder: Recorder, order: Order
+) -> None:
+    writer.publish(Snapshot(1, 3, 0))
+    recorder.step(1)
+    writer.close()
+    with TelemetryWriter(order.telemetry, INFO) as other:
+        for _ in range(5):
+            other.publish(Snapshot(2, 3, 0))
+        recorder.step(2)
+    assert len(rows(order)) == 1
+    assert recorder.report(2).lost["snapshots"] == 0
+
+
+def test_the_folder_says_what_was_recorded_and_has_the_profile_with_its_hashes(
+    recorder: Recorder,  # noqa: ARG001
+    order: Order,
+) -> None:
+    folder = Path(order.folder)
+    meta = json.loads((folder / "meta.json").read_text())
+    assert meta["frames"] == "none: embedded bus has no frames on a socket"
+    assert not (folder / "frames.log").exists()
+    assert meta["command_line"] == ["vehicle-iface", "run"]
+    assert meta["session"]["profile"] == "reference"
+    assert meta["wall_ns"] > 10**18
+    assert 0 < meta["monotonic_ns"] < 10**18
+    assert {"python", "numpy", "kernel"} <= set(meta["versions"])
+    copies = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (folder / "profile").iterdir()}
+    assert copies == meta["sha256"]
+    assert (folder / "profile" / "reference.dbc").read_bytes() == Path(order.dbc).read_bytes()
+    assert (folder / "profile" / "reference.toml").read_bytes() == Path(order.profile).read_bytes()
+
+
+@pytest.mark.usefixtures("writer")
+def test_a_folder_with_something_in_it_is_refused_and_stays_as_it_is(order: Order, said: list[str]) -> None:
+    folder = Path(order.folder)
+    folder.mkdir()
+    (folder / "notes").write_text("mine")
+    with pytest.raises(ConfigError, match=r"--record .*: is not an empty folder; nothing is overwritten: choose"):
+        Recorder(order, said.append)
+    assert [path.name for path in folder.iterdir()] == ["notes"]
+
+
+@pytest.mark.usefixtures("writer")
+@pytest.mark.parametrize("folder", ["/proc/nowhere/drive", "/dev/null/drive"])
+def test_a_folder_that_cannot_be_made_is_refused_with_what_helps(order: Order, said: list[str], folder: str) -> None:
+    with pytest.raises(ConfigError, match=rf"--record {folder}: cannot be written: .*; choose a folder that this user"):
+        Recorder(
+            Order(**{name: getattr(order, name) for name in order.__struct_fields__} | {"folder": folder}), said.append
+        )
+
+
+def test_without_a_loop_there_is_nothing_to_record(order: Order, said: list[str]) -> None:
+    with pytest.raises(ConfigError, match="nothing to record there"):
+        Recorder(order, said.append)
+    assert not Path(order.folder).exists()

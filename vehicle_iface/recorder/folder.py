@@ -1,0 +1,86 @@
+"""Makes a recording's folder: nothing is overwritten, and a disk that takes nothing is found out before the drive."""
+
+import contextlib
+import errno
+import hashlib
+import os
+import platform
+import shutil
+from importlib import metadata
+from pathlib import Path
+
+import msgspec
+
+from vehicle_iface import clock
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.recorder.files import FORMAT, META, PROFILE, Meta
+from vehicle_iface.runtime.telemetry import SessionInfo
+
+_MENDS = {
+    errno.ENOSPC: "make room there (`df -h {0}`), or choose a folder on another disk",
+    errno.EDQUOT: "make room there (`quota`), or choose a folder on another disk",
+    errno.EROFS: "`mount -o remount,rw` what it is on, or choose a folder on another disk",
+}
+_MEND = "choose a folder that this user may write to"
+_PACKAGES = ("vehicle-iface", "numpy", "cantools", "msgspec")
+
+
+class Order(msgspec.Struct, kw_only=True, frozen=True):
+    """What the loop wants recorded."""
+
+    folder: str
+    telemetry: str
+    channel: str | None
+    """The SocketCAN interface; None where the bus has no frames on a socket."""
+    profile: str
+    """The profile's file."""
+    dbc: str
+    command_line: list[str]
+
+
+def refused(folder: Path, error: OSError) -> ConfigError:
+    """Why there can be no recording, with what helps."""
+    mend = _MENDS.get(error.errno or 0, _MEND).format(folder)
+    return ConfigError(f"--record {folder}: cannot be written: {error.strerror or error}; {mend}")
+
+
+def made(order: Order, info: SessionInfo) -> Path:
+    """The folder, with `meta.json` and the profile in it; `OSError`, or `ConfigError` when it is not empty."""
+    folder = Path(order.folder)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError(f"--record {folder}: is not an empty folder; nothing is overwritten: choose another name")
+    folder.mkdir(parents=True, exist_ok=True)
+    copies = folder / PROFILE
+    copies.mkdir()
+    for file in (order.profile, order.dbc):
+        shutil.copyfile(file, copies / Path(file).name)
+    meta = Meta(
+        format=FORMAT,
+        session=info,
+        wall_ns=clock.wall_ns(),
+        monotonic_ns=clock.monotonic_ns(),
+        frames=f"SocketCAN {order.channel}" if order.channel else f"none: {info.bus} has no frames on a socket",
+        command_line=order.command_line,
+        versions=_versions(),
+        sha256={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(copies.iterdir())},
+    )
+    text = msgspec.json.format(msgspec.json.encode(meta)) + b"\n"
+    (folder / META).write_bytes(text)
+    return folder
+
+
+def emptied(folder: Path) -> None:
+    """Take back what `made` has begun, so that the same name can be given again."""
+    with contextlib.suppress(OSError):
+        for entry in os.scandir(folder):
+            shutil.rmtree(entry.path, ignore_errors=True) if entry.is_dir() else os.unlink(entry.path)
+
+
+def _versions() -> dict[str, str]:
+    versions = {"python": platform.python_version(), "kernel": platform.release(), "machine": platform.machine()}
+    for name in _PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "not installed as a package"
+    return versions
