@@ -16,15 +16,16 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.runtime.telemetry import telemetry_path
 from viewer.access import Access
 from viewer.app import App
+from viewer.recording import SPEEDS, Recording
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Serve the page until SIGINT or SIGTERM. 0: ended as told; 2: an option that does not fit."""
     options = _parser().parse_args(arguments)
     try:
-        path = telemetry_path(options.connect)
         access = Access(host=options.host, port=options.port, token=options.token, allow_remote=options.allow_remote)
-        app = App(access, options.connect)
+        source, shown = _source(options)
+        app = App(access, source)
     except ConfigError as error:
         print(f"viewer: {error}", file=sys.stderr)
         return 2
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     warnings.filterwarnings("ignore", message=r"Queued a \w+ on a closed connection")
     stop = _StopFlag()
     url = _url(options.host, app.port, options.token)
-    print(f"viewer: {url}  (telemetry {options.connect!r}: {path})", flush=True)
+    print(f"viewer: {url}  ({shown})", flush=True)
     if options.open:
         webbrowser.open(url)
     try:
@@ -43,6 +44,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
             app.close()
     print("viewer: ended", flush=True)
     return 0
+
+
+def _source(options: argparse.Namespace) -> tuple[str | Recording, str]:
+    """What is shown, and that in words."""
+    if options.recording is None:
+        address = options.connect if options.connect is not None else "default"
+        return address, f"telemetry {address!r}: {telemetry_path(address)}"
+    if options.connect is not None:
+        raise ConfigError("--connect is for a running loop: leave it out, or the recording")
+    if not SPEEDS[0] <= options.speed <= SPEEDS[1]:
+        raise ConfigError(f"--speed {options.speed:g}: must be within {SPEEDS[0]:g} … {SPEEDS[1]:g}")
+    begin_s: float = getattr(options, "from")
+    recording = Recording(options.recording, speed=options.speed, begin_s=begin_s)
+    if not 0.0 <= begin_s <= recording.length_s:
+        raise ConfigError(f"--from {begin_s:g}: must be within 0 … {recording.length_s:.1f}, what was recorded")
+    return recording, f"recording {options.recording}, {recording.length_s:.1f} s"
 
 
 class _StopFlag:
@@ -66,12 +83,19 @@ def _url(host: str, port: int, token: str | None) -> str:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="viewer",
-        description="Show a running loop in the browser. It reads the loop's telemetry and cannot answer it. "
-        "Replaying a recording is not part of it yet.",
+        description="Show a running loop in the browser, or a drive that `run --record` has written down. It reads the "
+        "loop's telemetry and cannot answer it.",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
+    parser.add_argument("recording", nargs="?", metavar="RECORDING", help="the folder of a drive to play back")
     parser.add_argument(
-        "--connect", metavar="ADDRESS", default="default", help="telemetry to show: a name, or a path with a '/'"
+        "--connect", metavar="ADDRESS", help="telemetry to show: a name ('default'), or a path with a '/'"
+    )
+    parser.add_argument(
+        "--speed", type=float, default=1.0, help="of a recording: multiple of the drive's own, 0.1 … 10"
+    )
+    parser.add_argument(
+        "--from", type=float, default=0.0, metavar="S", help="of a recording: begin at that second of it"
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen at")
     parser.add_argument("--port", type=int, default=8080, help="TCP port to listen at; 0 takes a free one")

@@ -2,7 +2,8 @@
 
 viser itself listens to everybody, checks no Origin, takes messages of 50 MB, and lets any client upload files, press
 any button and ask for a public tunnel. Here the socket is bound by this module, each request is judged before viser
-sees it, and of all messages of a browser only two are heard: where its camera is, and the one switch of the page.
+sees it, and of all messages of a browser only two are heard: where its camera is, and the one switch of the page. The
+page of a recording has three more controls; behind it there is no loop.
 
 This leans on private names of exactly viser 1.1.1; `tests/viewer/test_access.py` says so when they change.
 """
@@ -152,6 +153,21 @@ def allow_switch(client: viser.ClientHandle, uuid: str, changed: Callable[[bool]
         value = message.updates.get("value") if isinstance(message.updates, dict) else None
         if message.uuid == uuid and isinstance(value, bool):
             changed(value)
+
+    client._websock_connection.register_handler(messages.GuiUpdateMessage, judged)
+
+
+def allow_number(
+    client: viser.ClientHandle, uuid: str, lowest: float, highest: float, changed: Callable[[float], None]
+) -> None:
+    """Hear one slider of this client in the same way, within its range."""
+
+    def judged(_: int, message: Any) -> None:
+        value = message.updates.get("value") if isinstance(message.updates, dict) else None
+        if message.uuid != uuid or isinstance(value, bool) or not isinstance(value, int | float):
+            return
+        if lowest <= value <= highest:  # NaN is not
+            changed(float(value))
 
     client._websock_connection.register_handler(messages.GuiUpdateMessage, judged)
 

@@ -4,22 +4,39 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Protocol
 
 from vehicle_iface.runtime.telemetry import (
     DrawnTrajectory,
     SessionInfo,
     Snapshot,
-    TelemetryReader,
     WriterState,
 )
 from vehicle_iface.units import NS_PER_S, s_from_ns
+from viewer.recorder import RecorderState, RecorderWatch
 
 STALE_AFTER_S = 0.5
 """Data older than this is shown as old."""
 _DETAILS_PERIOD_NS = NS_PER_S // 2
 _RATE_STEP_NS = NS_PER_S // 20
 _RATE_POINTS = 32
+
+
+class Source(Protocol):
+    """A `TelemetryReader`, or what answers as one does."""
+
+    @property
+    def address(self) -> str: ...
+    @property
+    def problem(self) -> str: ...
+    @property
+    def session(self) -> int: ...
+    @property
+    def info(self) -> SessionInfo | None: ...
+    def poll(self) -> WriterState: ...
+    def newest(self) -> Snapshot | None: ...
+    def trajectory(self, version: int) -> DrawnTrajectory | None: ...
+    def details(self) -> dict[str, Any]: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,6 +57,10 @@ class View:
     details: dict[str, Any] = field(default_factory=dict)
     sample_rate_hz: float = 0.0
     command_rate_hz: float = 0.0
+    recorder: RecorderState | None = None
+    """Of the process that writes this drive down; None: nobody does."""
+    recording: str = ""
+    """Of a recording: which part of it this is, in words. Empty: this is the present."""
 
     @property
     def data_age_s(self) -> float:
@@ -60,13 +81,14 @@ class View:
 class Feed:
     """Reads the newest and forgets the rest; a new session starts it afresh."""
 
-    def __init__(self, reader: TelemetryReader) -> None:
+    def __init__(self, reader: Source) -> None:
         self._reader = reader
         self._session = 0
         self._snapshot: Snapshot | None = None
         self._trajectory: DrawnTrajectory | None = None
         self._details: dict[str, Any] = {}
         self._details_due_ns = 0
+        self._recorder = RecorderWatch()
         self._counts: deque[tuple[int, int, int]] = deque(maxlen=_RATE_POINTS)
 
     def view(self, now_ns: int) -> View:
@@ -88,6 +110,7 @@ class Feed:
             problem=self._reader.problem,
             session=self._session,
             info=self._reader.info,
+            recorder=self._recorder.state(self._reader.info.recording, now_ns) if self._reader.info else None,
             snapshot=self._snapshot,
             trajectory=self._trajectory,
             details=self._details,

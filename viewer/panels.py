@@ -25,6 +25,7 @@ OLD_STATE_S = 0.1
 """A state older than this is marked: the loop stops at half of it, the rest is the page's own delay."""
 _MAX_TEXT = 160
 _GREEN, _AMBER, _RED, _BLUE, _TEAL, _GREY = "#2b8a3e", "#e67700", "#c92a2a", "#1864ab", "#0b7285", "#495057"
+_PURPLE, _LILAC = "#43305c", "#d0b8f5"
 _STATE_COLORS = {
     ControllerState.ENGAGED: _GREEN,
     ControllerState.ENGAGING: _TEAL,
@@ -135,12 +136,12 @@ class Plots:
     def extend(self, view: View) -> None:
         """Add the newest values; old data adds nothing, and the curves stand still."""
         snapshot = view.snapshot
+        if view.session != self._session:
+            self._session, self._due_ns = view.session, 0
+            self._times_ns[:], self._values[:] = 0.0, np.nan
         if snapshot is None or view.is_stale or view.now_ns < self._due_ns:
             return
         self._due_ns = view.now_ns + _PLOT_STEP_NS
-        if view.session != self._session:
-            self._session = view.session
-            self._values[:] = np.nan
         self._times_ns = np.roll(self._times_ns, -1)
         self._values = np.roll(self._values, -1, axis=1)
         self._times_ns[-1] = snapshot.published_ns
@@ -183,12 +184,27 @@ def banner_html(view: View | None) -> str:
         lines = [f"<div>{plain(view.problem or 'no snapshot yet')}</div>"] if view else []
         if view and view.link is WriterState.ABSENT:
             lines.append(f"<div>waiting for a loop at {plain(view.address)}</div>")
-        return _banner(_GREY, title, "", lines, state="", reason="", stale=True)
+        return _recording_box(view) + _banner(_GREY, title, "", lines, state="", reason="", stale=True)
     snapshot = view.snapshot
     state, reason = _named(ControllerState, snapshot.controller_state), _named(Reason, snapshot.reason)
     color = _GREY if view.is_stale else _STATE_COLORS.get(snapshot.controller_state, _RED)  # type: ignore[call-overload]
+    if view.recording:
+        color = f"repeating-linear-gradient(135deg,{color} 0 16px,{_PURPLE} 16px 32px)"
     lines = [*_staleness(view), *_handover(view), *_session_lines(view), _rates(view)]
-    return _banner(color, state, reason, lines, state=state, reason=reason, stale=view.is_stale)
+    banner = _banner(color, state, reason, lines, state=state, reason=reason, stale=view.is_stale)
+    return _recording_box(view) + banner
+
+
+def _recording_box(view: View | None) -> str:
+    """Above everything else: this is not now."""
+    if view is None or not view.recording:
+        return ""
+    return (
+        f'<div id="recording" style="border:3px solid {_LILAC};background:{_PURPLE};color:#fff;border-radius:8px;'
+        'padding:8px 14px;margin:4px 8px;line-height:1.45;font-size:13px;font-variant-numeric:tabular-nums">'
+        f'<div style="font-size:25px;font-weight:750;letter-spacing:2px;color:{_LILAC}">RECORDING, NOT LIVE</div>'
+        f"<div>{plain(view.recording)}</div></div>"
+    )
 
 
 def _banner(color: str, title: str, subtitle: str, lines: list[str], *, state: str, reason: str, stale: bool) -> str:
@@ -236,6 +252,10 @@ def _session_lines(view: View) -> Iterator[str]:
     yield from _shadow_lines(view)
     if info.bus_hint:
         yield f'<div style="opacity:.85;font-size:12px">{plain(info.bus_hint)}</div>'
+    if view.recorder is not None and view.recorder.fault:
+        yield f'<div id="recorder" style="font-weight:700">RECORDER: {plain(view.recorder.fault)}</div>'
+    elif view.recorder is not None:
+        yield f'<div id="recorder">recorded to {plain(view.recorder.folder)}</div>'
     yield f"<div>profile {plain(info.profile or '–')} · route {plain(info.route or '–')}</div>"
 
 

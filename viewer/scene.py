@@ -24,11 +24,13 @@ from viewer.feed import View
 ROOT = "/world"
 
 BACKGROUND = (23, 27, 33)
+RECORDED_BACKGROUND = (44, 26, 58)
 SPATIAL_COLOR = (255, 169, 77)
 TEMPORAL_COLOR = (230, 110, 255)
 LOOKAHEAD_COLOR = (102, 217, 232)
 TRAIL_COLOR = (222, 226, 230)
 PAINT_COLOR = (236, 240, 245)
+RECORDED_COLOR = (190, 150, 235)
 STALE_COLOR = (108, 117, 125)
 
 _CELL_M, _SECTION_M = 1.0, 10.0
@@ -53,7 +55,7 @@ _NOTHING = np.zeros((1, 2, 3))
 class Scene:
     """All nodes of the picture."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
+    def __init__(self, server: viser.ViserServer, *, is_recording: bool = False) -> None:
         self._origin: tuple[float, float] | None = None
         self._session = 0
         self._ground = _Ground(server.scene)
@@ -63,7 +65,8 @@ class Scene:
         self._vehicle = _Vehicle(server.scene)
         server.scene.set_up_direction("+z")
         server.scene.configure_default_lights(True, cast_shadow=False)
-        server.scene.set_background_image(np.full((2, 2, 3), BACKGROUND, dtype=np.uint8), format="png")
+        background = RECORDED_BACKGROUND if is_recording else BACKGROUND
+        server.scene.set_background_image(np.full((2, 2, 3), background, dtype=np.uint8), format="png")
         server.initial_camera.position = (-11.0, -11.0, 12.0)
         server.initial_camera.look_at = (0.0, 0.0, 0.0)
 
@@ -76,13 +79,14 @@ class Scene:
             if view.info is not None:
                 self._vehicle.reshape(view.info.shape)
         if snapshot is None or not snapshot.has_state or not _is_near(snapshot.x_m, snapshot.y_m, 1e9):
-            self._vehicle.show(None, is_stale=True)
+            self._vehicle.show(None)
             self._markers.show(None, (0.0, 0.0))
             return None
         origin = self._anchored(snapshot)
         self._path.show(view.trajectory, origin, snapshot.frame_id)
         self._markers.show(snapshot, origin)
-        self._vehicle.show(snapshot, is_stale=view.is_stale, origin=origin)
+        paint = STALE_COLOR if view.is_stale else RECORDED_COLOR if view.recording else PAINT_COLOR
+        self._vehicle.show(snapshot, paint=paint, origin=origin)
         self._trail.extend(snapshot, origin, view.now_ns)
         return snapshot.x_m - origin[0], snapshot.y_m - origin[1]
 
@@ -178,6 +182,7 @@ class _Trail:
     def clear(self) -> None:
         self._points.clear()
         self._line.visible = False
+        self._due_ns = 0
 
     def extend(self, snapshot: Snapshot, origin: tuple[float, float], now_ns: int) -> None:
         here = (snapshot.x_m - origin[0], snapshot.y_m - origin[1])
@@ -254,11 +259,16 @@ class _Vehicle:
             handle.vertices = mesh[0].astype(np.float32)
         self._place_wheels()
 
-    def show(self, snapshot: Snapshot | None, *, is_stale: bool, origin: tuple[float, float] = (0.0, 0.0)) -> None:
+    def show(
+        self,
+        snapshot: Snapshot | None,
+        *,
+        paint: tuple[int, int, int] = STALE_COLOR,
+        origin: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         if snapshot is None or not math.isfinite(snapshot.heading_rad):
             _assign(self._frame, visible=False)
             return
-        paint = STALE_COLOR if is_stale else PAINT_COLOR
         _assign(self._body, color=paint)
         _assign(self._roof, color=paint)
         self._frame.wxyz = shapes.quaternion_z(snapshot.heading_rad)

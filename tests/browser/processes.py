@@ -53,3 +53,11 @@ class Viewer(_Process):
     def __init__(self, address: str, *options: str) -> None:
         super().__init__("viewer", "--connect", address, "--port", "0", *options)
         self.url = self.greeting.partition(" ")[2].partition(" ")[0]
+
+
+class Replay(_Process):
+    """A viewer process that plays a recording back, with the address of its page."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        super().__init__("viewer", str(folder), "--port", "0", *options)
+        self.url = self.greeting.partition(" ")[2].partition(" ")[0]

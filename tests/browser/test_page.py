@@ -6,10 +6,11 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, Request, expect
-from processes import ROOT, Publisher, Viewer
+from processes import ROOT, Publisher, Replay, Viewer
 
 from viewer.access import Access
 from viewer.app import App
@@ -227,3 +228,23 @@ def run_viewer(*options: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "viewer", *options], capture_output=True, text=True, cwd=ROOT, timeout=60, check=False
     )
+
+
+def test_a_recording_is_told_from_a_live_drive_and_can_be_paused_and_wound_back(page: Page, tmp_path: Path) -> None:
+    drive = ("run", "--interface", "embedded", "--route", "figure8", "--arm", "--duration", "3")
+    where = ("--telemetry", str(tmp_path / "loop"), "--record", str(tmp_path / "drive"))
+    subprocess.run([sys.executable, "-m", "vehicle_iface", *drive, *where], cwd=ROOT, check=True, capture_output=True)
+    replay = Replay(tmp_path / "drive", "--from", "1", "--speed", "0.1")
+    try:
+        page.goto(replay.url)
+        shown = page.locator("#recording")
+        expect(shown).to_contain_text("RECORDING, NOT LIVE")
+        banner(page, "ENGAGED", "NOMINAL")
+        page.get_by_label("Pause").click(force=True)
+        expect(shown).to_contain_text("paused")
+        page.get_by_role("slider").first.press("End")
+        expect(shown).to_contain_text("at its end")
+        page.get_by_role("slider").first.press("Home")
+        expect(shown).to_contain_text("0.0 s of")
+    finally:
+        replay.close()
