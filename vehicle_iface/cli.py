@@ -30,7 +30,6 @@ from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.summary import check_writable, save_summary, table
 from vehicle_iface.runtime.telemetry import SessionInfo, TelemetryWriter
 from vehicle_iface.runtime.watchdog import Watchdog
-from vehicle_iface.trajectories.csv_file import load_csv
 from vehicle_iface.trajectories.mailbox import PostedTrajectories
 from vehicle_iface.trajectories.receding import RecedingRoute
 from vehicle_iface.trajectories.shapes import ROUTES
@@ -275,7 +274,7 @@ def _say(text: str) -> None:
 
 def _source(options: argparse.Namespace, database: VehicleDatabase) -> TrajectorySource:
     if options.trajectory:
-        return FixedTrajectory(load_csv(options.trajectory))
+        return FixedTrajectory(compose.load_trajectory(options.trajectory, database.profile))
     if options.trajectory_post:
         return PostedTrajectories(options.trajectory_post)
     return RecedingRoute(compose.build_route(options.route, database.profile), frame_id=options.frame)

@@ -32,6 +32,7 @@ from vehicle_iface.runtime.telemetry import TelemetryWriter, VehicleShape
 from vehicle_iface.runtime.teller import Teller
 from vehicle_iface.safety.deviation import DeviationMonitor
 from vehicle_iface.safety.engagement import Engagement, EngagementTiming
+from vehicle_iface.safety.feasible import refusal
 from vehicle_iface.safety.gate import Gate, gate_channels
 from vehicle_iface.safety.handover import Handover
 from vehicle_iface.safety.outlet import Outgoing, Outlet
@@ -39,9 +40,11 @@ from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.safety.stop import StopShape
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.tracker import Tracker
+from vehicle_iface.trajectories.csv_file import load_csv
 from vehicle_iface.trajectories.route import Route, RouteConfig
 from vehicle_iface.trajectories.shapes import make_route
 from vehicle_iface.trajectories.source import TrajectorySource
+from vehicle_iface.trajectory import Trajectory
 from vehicle_iface.units import ns_from_s
 
 UNBOUND_LSB = 1e-6
@@ -127,6 +130,7 @@ def build_route(name: str, profile: Profile) -> Route:
         name,
         RouteConfig(
             speed_mps=min(usual.speed_mps, limits.speed_max_mps),
+            lateral_accel_mps2=min(usual.lateral_accel_mps2, limits.lateral_accel_mps2),
             accel_mps2=min(usual.accel_mps2, limits.accel_max_mps2),
             decel_mps2=min(usual.decel_mps2, -limits.accel_min_mps2),
             vehicle_width_m=geometry.width_m,
@@ -139,7 +143,19 @@ def build_route(name: str, profile: Profile) -> Route:
             f"route {name!r} needs front wheels at {needed_rad:.3f} rad: "
             f"{profile.name} allows {limits.front_wheel_angle_rad} rad"
         )
+    text = refusal(route.to_trajectory(), limits, geometry.wheelbase_m)
+    if text:
+        raise ConfigError(f"route {name!r}: {text}")
     return route
+
+
+def load_trajectory(file: str, profile: Profile) -> Trajectory:
+    """The CSV file's trajectory; `ConfigError` when the vehicle cannot follow it, and what `load_csv` raises."""
+    trajectory = load_csv(file)
+    text = refusal(trajectory, profile.limits, profile.geometry.wheelbase_m)
+    if text:
+        raise ConfigError(f"{file}: {text}")
+    return trajectory
 
 
 def build_loop(
@@ -195,7 +211,9 @@ def build_loop(
             encoder=Encoder(database.sent),
             plausibility=PlausibilityCheck(plausibility, wheelbase_m=profile.geometry.wheelbase_m),
             outlet=Outlet(_outgoing(database)),
-            intake=TrajectoryIntake(source, controller, counts, limits=profile.limits),
+            intake=TrajectoryIntake(
+                source, controller, counts, limits=profile.limits, wheelbase_m=profile.geometry.wheelbase_m
+            ),
             shadow=None if armed else _shadow(database),
             teller=Teller(telemetry, controller, counts),
             counts=counts,

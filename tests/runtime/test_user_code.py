@@ -3,7 +3,7 @@
 from collections import Counter
 
 import pytest
-from harness import Drive
+from harness import Drive, straight
 
 from vehicle_iface import BehaviorConfig, Command, ControllerBase, Reason, StopSteering, Trajectory, VehicleState
 from vehicle_iface.safety.engagement import Mode
@@ -38,6 +38,30 @@ def test_a_source_that_raises_stops_the_vehicle_and_not_the_loop() -> None:
     drive.run_s(1.0)
     assert drive.last()["SAFE_STOP"] == 1
     assert drive.loop.reason is Reason.NO_TRAJECTORY
+
+
+class _Worse(_Broken):
+    """Gives something too fast twice before it breaks."""
+
+    def __init__(self) -> None:
+        self.left = 2
+
+    def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:
+        self.left -= 1
+        return straight(speed_mps=25.0) if self.left >= 0 else super().next(now_ns, state)
+
+    def restart(self) -> None:
+        """As if nothing had been."""
+
+
+def test_the_first_thing_that_a_source_raises_is_logged_with_its_place_whatever_was_refused_before(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    drive = Drive(_Worse())
+    drive.run_s(1.0)
+    assert drive.loop.details()["loop"]["trajectories_rejected"] > 10
+    assert caplog.text.count("no new trajectory; the old one stays in force") == 1
+    assert "raise ValueError(now_ns, state)" in caplog.text
 
 
 @pytest.mark.parametrize("seconds", [0.07, 0.09, 2.0])

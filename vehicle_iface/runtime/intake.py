@@ -9,6 +9,7 @@ from vehicle_iface.runtime.counts import Counts
 from vehicle_iface.safety.feasible import refusal
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectories.source import TrajectorySource
+from vehicle_iface.trajectory import FloatArray
 
 log = logging.getLogger(__name__)
 
@@ -16,9 +17,20 @@ log = logging.getLogger(__name__)
 class TrajectoryIntake:
     """Asks the source once per sample; a trajectory that is refused leaves the old one in force."""
 
-    def __init__(self, source: TrajectorySource, controller: ControllerBase, counts: Counts, *, limits: Limits) -> None:
+    def __init__(
+        self,
+        source: TrajectorySource,
+        controller: ControllerBase,
+        counts: Counts,
+        *,
+        limits: Limits,
+        wheelbase_m: float,
+    ) -> None:
         """What asks for more than `limits` is refused before the controller sees it."""
-        self._source, self._controller, self._counts, self._limits = source, controller, counts, limits
+        self._source, self._controller, self._counts = source, controller, counts
+        self._limits, self._wheelbase_m = limits, wheelbase_m
+        self._feasible: FloatArray | None = None
+        self._has_raised = False
 
     def take(self, now_ns: int, state: VehicleState, *, restart: bool) -> bool:
         """Whether the controller has a new trajectory now; with `restart` the source's time begins now."""
@@ -28,9 +40,12 @@ class TrajectoryIntake:
             trajectory = self._source.next(now_ns, state)
             if trajectory is None:
                 return False
-            text = refusal(trajectory, self._limits)
-            if text:
-                raise TrajectoryRejectedError(text)
+            # The same points at another time, as at engagement, are not looked at again: arrays are locked.
+            if trajectory.x_m is not self._feasible:
+                text = refusal(trajectory, self._limits, self._wheelbase_m)
+                if text:
+                    raise TrajectoryRejectedError(text)
+                self._feasible = trajectory.x_m
             self._controller.set_trajectory(trajectory)
         except TrajectoryRejectedError as error:
             self._counts.trajectories_rejected += 1
@@ -38,7 +53,8 @@ class TrajectoryIntake:
             return False
         except Exception:  # source and controller are the user's code: they may raise anything
             self._counts.trajectories_rejected += 1
-            if self._counts.trajectories_rejected == 1:
+            if not self._has_raised:
+                self._has_raised = True
                 log.exception("no new trajectory; the old one stays in force (further ones are counted)")
             return False
         self._counts.trajectories += 1
