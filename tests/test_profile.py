@@ -77,7 +77,7 @@ FAULTS = [
     ("accel_min_mps2 = -6.0", "accel_min_mps2 = 6.0", "$.limits.accel_min_mps2: Expected float < 0"),
     ("state_stale_s = 0.05", "state_stale_s = 0", "$.timing.state_stale_s: Expected float > 0"),
     ("state_stale_s = 0.05", "state_stale_s = 0.7", "$.timing.state_silent_s: 0.5: must be above state_stale_s = 0.7"),
-    ("status_stale_s = 0.2", "status_stale_s = 0.01", "$.timing.status_stale_s: 0.01: must be above status_period_s"),
+    ("status_stale_s = 0.1 ", "status_stale_s = 0.01 ", "$.timing.status_stale_s: 0.01: must be above status_period_s"),
     ("length_m = 4.6", "length_m = 3.0", "$.geometry.length_m: 3.0: must be at least"),
     ("safe_deceleration_mps2 = 3.0", "safe_deceleration_mps2 = 7.0", "$.behavior.safe_deceleration_mps2: 7.0: must be at most 6.0"),
     ("stop_jerk_mps3 = 30.0", "", "$.behavior: Object missing required field stop_jerk_mps3"),

@@ -119,7 +119,11 @@ class Plausibility(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     yaw_rate_apart_radps: Positive
     """Between the measured yaw rate and the one that speed and front wheels make."""
     frozen_m: Positive
-    """A position that stands still while the speed makes this way is frozen."""
+    """A position that stands still while the speed makes this way is frozen …"""
+    frozen_s: Positive
+    """… and so is one that stands still for so long …"""
+    frozen_above_mps: Positive
+    """… at more than this speed."""
 
 
 class Timing(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -232,7 +232,7 @@ def test_a_message_outside_the_sample_that_comes_too_seldom_to_be_fresh_is_refus
     rest = ("BO_ 384 CONTROLLER_STATUS", 'BO_ 259 REAR: 8 VEHICLE\n SG_ FAULT : 16|8@1+ (1,0) [0|255] "" CONTROLLER\n\n'
             'BO_ 384 CONTROLLER_STATUS')  # fmt: skip
     toml = (("VEHICLE_STATUS.FAULT_CODE", "REAR.FAULT"), ("ignored = []", 'ignored = ["VEHICLE_STATUS.FAULT_CODE"]'))
-    for cycle_ms, fits in ((199, True), (200, False)):
+    for cycle_ms, fits in ((99, True), (100, False)):
         cycle = (
             'BA_ "GenMsgCycleTime" BO_ 384',
             f'BA_ "GenMsgCycleTime" BO_ 259 {cycle_ms};\nBA_ "GenMsgCycleTime" BO_ 384',
@@ -240,7 +240,7 @@ def test_a_message_outside_the_sample_that_comes_too_seldom_to_be_fresh_is_refus
         if fits:
             assert [message.name for message in variant(toml=toml, dbc=(rest, cycle)).extra] == ["REAR"]
         else:
-            with pytest.raises(ConfigError, match=r"\$\.timing\.status_stale_s: 0\.2 s: must be above .* REAR, 200 ms"):
+            with pytest.raises(ConfigError, match=r"\$\.timing\.status_stale_s: 0\.1 s: must be above .* REAR, 100 ms"):
                 variant(toml=toml, dbc=(rest, cycle))
 
 

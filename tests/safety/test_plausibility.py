@@ -130,8 +130,47 @@ def test_a_position_that_stands_while_the_speed_says_otherwise_is_frozen(speed_m
     checked, states = check(), drive(40, speed_mps)
     frozen = [replace(state, x_m=0.0) for state in states]
     believed = [checked.believes(state, pose_valid=True) for state in frozen]
-    assert believed == [True] * 12 + [False] * 28
-    assert doubts(checked) == {Doubt.FROZEN.value: 28}
+    assert believed == [True] * 10 + [False] * 30
+    assert doubts(checked) == {Doubt.FROZEN.value: 30}
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "believed"),
+    [(20.0, 4), (6.0, 10), (0.51, 10), (0.5, 102), (-0.5, 102), (-0.51, 10), (0.25, 202)],
+)
+def test_a_frozen_position_is_found_out_by_its_way_where_it_is_fast_or_slow_and_else_by_its_time(
+    speed_mps: float, believed: int
+) -> None:
+    checked = check()
+    samples = (still(tick * PERIOD_NS, speed_mps=speed_mps) for tick in range(300))
+    assert [checked.believes(state, pose_valid=True) for state in samples].index(False) == believed
+
+
+@given(st.floats(-20.0, 20.0), st.floats(-math.pi, math.pi), st.floats(0.0, 0.004))
+def test_however_slowly_a_vehicle_moves_and_however_coarsely_it_says_so_it_is_not_frozen(
+    speed_mps: float, heading_rad: float, start_m: float
+) -> None:
+    """The reference vehicle tells its position in steps of 5 mm, its speed in steps of 5 mm/s."""
+    checked = check()
+    for tick in range(400):
+        way_m = start_m + speed_mps * tick * 0.01
+        x_m, y_m = (round(way_m * part / 0.005) * 0.005 for part in (math.cos(heading_rad), math.sin(heading_rad)))
+        told = still(tick * PERIOD_NS, x_m=x_m, y_m=y_m, heading_rad=heading_rad, speed_mps=round(speed_mps, 2))
+        assert checked.believes(told, pose_valid=True)
+
+
+@pytest.mark.parametrize("brake_mps2", [0.5, 3.0, 6.0])
+@pytest.mark.parametrize("lag_s", [0.0, 0.1])
+def test_a_vehicle_that_comes_to_a_stop_and_whose_speed_lags_behind_is_not_frozen(
+    brake_mps2: float, lag_s: float
+) -> None:
+    checked, x_m, speed_mps, told_mps = check(), 0.0, 2.0, 2.0
+    for tick in range(600):
+        told_mps += (speed_mps - told_mps) * (0.01 / lag_s if lag_s else 1.0)
+        told = still(tick * PERIOD_NS, x_m=round(x_m / 0.005) * 0.005, speed_mps=round(told_mps / 0.005) * 0.005)
+        assert checked.believes(told, pose_valid=True)
+        speed_mps = max(0.0, speed_mps - brake_mps2 * 0.01)
+        x_m += speed_mps * 0.01
 
 
 def test_a_vehicle_that_stands_may_send_the_same_for_ever() -> None:

@@ -116,8 +116,11 @@ class PlausibilityCheck:
 
     def _is_frozen(self, state: VehicleState) -> bool:
         """Whether the vehicle should have come further by its speed since its position last changed."""
-        since = self._moved_from
+        since, limits = self._moved_from, self._limits
         if since is None or (state.x_m, state.y_m) != (since.x_m, since.y_m) or state.frame_id != since.frame_id:
             self._moved_from = state
             return False
-        return abs(state.speed_mps) * s_from_ns(state.stamp_ns - since.stamp_ns) > self._limits.frozen_m
+        stood_s, speed_mps = s_from_ns(state.stamp_ns - since.stamp_ns), abs(state.speed_mps)
+        if speed_mps > limits.frozen_above_mps and stood_s >= limits.frozen_s:
+            return True
+        return speed_mps * stood_s > limits.frozen_m
