@@ -8,6 +8,7 @@ import dataclasses
 import json
 import logging
 import logging.handlers
+import math
 import os
 import queue
 import signal
@@ -29,6 +30,7 @@ from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.summary import check_writable, save_summary, table
 from vehicle_iface.runtime.telemetry import SessionInfo, TelemetryWriter
+from vehicle_iface.runtime.waiting import can_be_opened
 from vehicle_iface.runtime.watchdog import Watchdog
 from vehicle_iface.trajectories.mailbox import PostedTrajectories
 from vehicle_iface.trajectories.receding import RecedingRoute
@@ -87,11 +89,14 @@ def run(options: argparse.Namespace) -> int:
     database = load_database(profile)
     source = _source(options, database)
     controller = compose.build_controller(options.controller, database.profile)
+    open_bus = _bus_opener(options, database)
+    if options.wait is not None and not _is_there(open_bus, options.wait):
+        return DONE
     with _telemetry(options, database) as telemetry, _recording(options, database) as recording:
         with Watchdog() as watchdog:
             loop = compose.build_loop(
                 database=database,
-                open_bus=_bus_opener(options, database),
+                open_bus=open_bus,
                 controller=controller,
                 source=source,
                 telemetry=telemetry,
@@ -238,6 +243,20 @@ class _Flag:
 
     def set(self) -> None:
         self.is_set = True
+
+
+def _is_there(open_bus: Callable[[], Bus], limit_s: float) -> bool:
+    """Whether the bus is there by now; False when somebody ended the waiting for it."""
+    end = _Flag()
+    _on_end_signals(end.set)
+    signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # nothing is there yet to be armed
+    return can_be_opened(
+        open_bus,
+        limit_s=limit_s,
+        is_over=lambda: end.is_set,
+        now_ns=clock.monotonic_ns,
+        sleep_until=clock.sleep_until,
+    )
 
 
 def _run_for(loop: Loop, duration_s: float | None) -> None:
@@ -443,6 +462,14 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--duration", type=_positive, metavar="S", help="stop the vehicle and end after so many seconds"
+    )
+    parser.add_argument(
+        "--wait",
+        nargs="?",
+        type=_positive,
+        const=math.inf,
+        metavar="S",
+        help="wait for a bus that is absent or down, and say so; for so many seconds at most",
     )
     parser.add_argument(
         "--telemetry", default="default", metavar="ADDRESS", help="name, or path, that `view` connects to"
