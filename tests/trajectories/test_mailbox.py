@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from vehicle_iface import Trajectory, VehicleState
 from vehicle_iface.errors import TrajectoryFileError
-from vehicle_iface.trajectories.mailbox import Mailbox, PostedTrajectories, fetch, post
+from vehicle_iface.trajectories import mailbox
+from vehicle_iface.trajectories.mailbox import MAX_POINTS, Mailbox, PostedTrajectories, fetch, post
 
 STATE = VehicleState(stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0)
 
@@ -102,6 +103,43 @@ def test_a_path_that_cannot_be_looked_at_is_said_once_and_ends_nothing(
     trajectory = source.next(0, STATE)
     assert trajectory is not None
     assert (trajectory.stamp_ns, source.unreachable, source.refused) == (7, 3, 0)
+
+
+def long_line(points: int) -> Trajectory:
+    columns = {name: np.zeros(points) for name in ("x_m", "y_m", "heading_rad", "speed_mps")}
+    return Trajectory(stamp_ns=1, frame_id="m" * 64, time_from_start_ns=np.zeros(points, dtype=np.int64), **columns)
+
+
+def test_a_post_has_no_more_points_than_can_be_read_while_the_vehicle_drives(tmp_path: Path) -> None:
+    post(tmp_path / "t", long_line(MAX_POINTS))
+    assert len(fetch(tmp_path / "t")) == MAX_POINTS
+    with pytest.raises(TrajectoryFileError, match=f"{MAX_POINTS + 1} points: a post must have at most {MAX_POINTS}"):
+        post(tmp_path / "t", long_line(MAX_POINTS + 1))
+    with (tmp_path / "t").open("ab") as file:
+        file.write(b"\0")
+    with pytest.raises(TrajectoryFileError, match=f"t: a post must have at most {MAX_POINTS} points"):
+        fetch(tmp_path / "t")
+
+
+def no_memory(_: object) -> Trajectory:
+    raise MemoryError
+
+
+def test_a_post_that_there_is_no_memory_for_is_refused_and_the_next_one_is_read(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = PostedTrajectories(tmp_path / "t")
+    source.close()  # its thread: here the test looks
+    post(tmp_path / "t", line(7))
+    size = (tmp_path / "t").stat().st_size
+    with monkeypatch.context() as little:
+        little.setattr(mailbox, "fetch", no_memory)
+        source._look()
+    assert caplog.messages == [f"posted trajectory refused: {tmp_path / 't'}: there is no memory for its {size} bytes"]
+    assert source.refused == 1
+    post(tmp_path / "t", line(8))
+    source._look()
+    assert source.next(0, STATE) is not None
 
 
 @given(st.binary(max_size=300))

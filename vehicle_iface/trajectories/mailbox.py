@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vehicle_iface import checks
 from vehicle_iface.errors import TrajectoryFileError
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
@@ -21,6 +22,8 @@ log = logging.getLogger(__name__)
 
 LOOK_S = 0.02
 """How often the file is looked at."""
+MAX_POINTS = 20_000
+"""Of a posted trajectory: it is read while the vehicle drives, and takes 3 ms of a pass then."""
 _ARRAYS = (
     "time_from_start_ns",
     "x_m",
@@ -36,6 +39,7 @@ _HEAD = struct.Struct("@8sI4x")
 """Magic and the CRC-32 of all that follows."""
 _SIZES = struct.Struct("@qII")
 """Stamp, points, bytes of the frame's name; then the name and the arrays, in this machine's byte order."""
+_MAX_BYTES = _HEAD.size + _SIZES.size + checks.FRAME_ID_BYTES + MAX_POINTS * 8 * len(_ARRAYS)
 
 
 class Mailbox:
@@ -99,8 +103,13 @@ class PostedTrajectories(Mailbox):
         try:
             self.put(fetch(self._path))
         except TrajectoryFileError as error:
-            self.refused += 1
-            log.error("posted trajectory refused: %s", error)
+            self._refuse(str(error))
+        except MemoryError:
+            self._refuse(f"{self._path}: there is no memory for its {found.st_size} bytes")
+
+    def _refuse(self, why: str) -> None:
+        self.refused += 1
+        log.error("posted trajectory refused: %s", why)
 
     def _note_unreachable(self, error: OSError) -> None:
         """Count it, and say each cause once: the thread looks fifty times a second."""
@@ -111,8 +120,13 @@ class PostedTrajectories(Mailbox):
 
 
 def post(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
-    """Give `trajectory` to the loop that was started with `--trajectory-post PATH`; whole or not at all."""
+    """Give `trajectory` to the loop that was started with `--trajectory-post PATH`; whole or not at all.
+
+    `TrajectoryFileError` when it has more than `MAX_POINTS`.
+    """
     target = Path(path)
+    if len(trajectory) > MAX_POINTS:
+        raise TrajectoryFileError(f"{target}: {len(trajectory)} points: a post must have at most {MAX_POINTS}")
     frame = trajectory.frame_id.encode()
     body = _SIZES.pack(trajectory.stamp_ns, len(trajectory), len(frame)) + frame
     body += b"".join(getattr(trajectory, name).tobytes() for name in _ARRAYS)
@@ -124,7 +138,10 @@ def post(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
 def fetch(path: str | os.PathLike[str]) -> Trajectory:
     """The trajectory in a posted file; `TrajectoryFileError` naming the file and what is wrong in it."""
     try:
-        content = Path(path).read_bytes()
+        with Path(path).open("rb") as file:
+            if os.fstat(file.fileno()).st_size > _MAX_BYTES:
+                raise TrajectoryFileError(f"{os.fspath(path)}: a post must have at most {MAX_POINTS} points")
+            content = memoryview(file.read())
     except OSError as error:
         raise TrajectoryFileError(f"{os.fspath(path)}: cannot be read: {error.strerror}") from error
     body = content[_HEAD.size :]
@@ -140,7 +157,7 @@ def fetch(path: str | os.PathLike[str]) -> Trajectory:
         for k, (name, kind) in enumerate(zip(_ARRAYS, kinds, strict=True))
     }
     try:
-        frame_id = body[_SIZES.size : start].decode()
+        frame_id = bytes(body[_SIZES.size : start]).decode()
         return Trajectory(stamp_ns=stamp_ns, frame_id=frame_id, **arrays)  # type: ignore[arg-type]
     except ValueError as error:  # InvalidValueError and UnicodeDecodeError are such
         raise TrajectoryFileError(f"{os.fspath(path)}: {error}") from error
