@@ -15,6 +15,7 @@ import pytest
 from .cable import LOOP_END, VEHICLE_END, Cable
 from .contract import CHANNEL, PATIENCE_S, Observer
 from .peer import Vehicle
+from .verdict import breaches
 
 ROOT = Path(__file__).resolve().parents[2]
 IFF_UP = 1
@@ -175,6 +176,13 @@ def bus(vcan0: None) -> Iterator[Observer]:  # noqa: ARG001
     observer.close()
     if not _link_is_up():
         set_link("up")
+    _judge(observer)
+
+
+def _judge(observer: Observer) -> None:
+    """However the test ended: from its first frame to its last the controller kept to the bus contract."""
+    found = breaches(frame for frame in observer.frames if not observer.is_strangers(frame))
+    assert not found, "\n".join(found)
 
 
 @pytest.fixture
@@ -210,6 +218,7 @@ def loop_end(cable: Cable) -> Iterator[Observer]:  # noqa: ARG001
     observer = Observer(LOOP_END)
     yield observer
     observer.close()
+    _judge(observer)
 
 
 @pytest.fixture
@@ -231,7 +240,11 @@ def far_vehicle(vehicle_end: Observer) -> Iterator[Vehicle]:
 
 
 @pytest.fixture
-def cable_programs(request: pytest.FixtureRequest, cable: Cable, tmp_path: Path) -> Iterator[Programs]:  # noqa: ARG001
+def cable_programs(
+    request: pytest.FixtureRequest,
+    loop_end: Observer,  # noqa: ARG001
+    tmp_path: Path,
+) -> Iterator[Programs]:
     """Starts programs at the loop's end of the cable, and ends them all."""
     started = Programs(tmp_path, LOOP_END)
     request.node.stash[_PROGRAMS] = started

@@ -160,6 +160,8 @@ class Observer:
         self.frames: list[Frame] = []
         self.on_failure: Callable[[], str] = lambda: ""
         """More to say when something does not come."""
+        self.is_strangers: Callable[[Frame], bool] = lambda _: False
+        """Of frames with the controller's identifiers: those that the test itself has somebody else send."""
         self._channel, self._can_ids = channel, can_ids
         self._raws = [raw_socket(channel, can_ids)]
         self._news = threading.Condition()

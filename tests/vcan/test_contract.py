@@ -10,6 +10,7 @@ import pytest
 
 from .conftest import ROOT
 from .contract import COUNTERS, DRIVE, MS, SAMPLE, Frame, S, examine, lateral_errors_m, pack
+from .verdict import breaches
 
 BEGIN_NS = 1_700_000_000 * S
 CHECK_DRIVE = str(ROOT / "tools" / "check_drive.py")
@@ -169,6 +170,79 @@ def test_each_fault_is_found(fault: Callable[[Frames], None], said: str) -> None
     frames = steady()
     fault(frames)
     assert any(said in text for text in examine(frames).faults()), examine(frames).faults()
+
+
+def silence_the_vehicle(frames: Frames) -> None:
+    """No sample from 1.5 s on, and the commands go on."""
+    state = {pack(name, 0)[0] for name in SAMPLE}
+    begin = index(frames, "POSE")
+    frames[begin:] = [frame for frame in frames[begin:] if frame.can_id not in state]
+
+
+def stop_in_vain(frames: Frames) -> None:
+    """The same, and the commands are stops."""
+    silence_the_vehicle(frames)
+    for i, frame in enumerate(frames):
+        if frame.can_id == 0x080 and frame.stamp_ns - BEGIN_NS > 1.55 * S:
+            signals = {"ENABLE": 1, "SAFE_STOP": 1, "REASON": 6, "GEAR_REQUEST": 7}
+            frames[i] = _frame(frame.stamp_ns, "DRIVE_COMMAND", frame.data[1] & 15, **signals)
+
+
+def damage_a_command(frames: Frames) -> None:
+    """One bit of one command turned over."""
+    i = index(frames, "STEER_COMMAND")
+    frames[i] = Frame(frames[i].stamp_ns, frames[i].can_id, frames[i].data[:7] + b"\1")
+
+
+def shorten_a_command(frames: Frames) -> None:
+    """One command without its last byte."""
+    i = index(frames, "STEER_COMMAND")
+    frames[i] = Frame(frames[i].stamp_ns, frames[i].can_id, frames[i].data[:7])
+
+
+def lose_the_other_half(frames: Frames) -> None:
+    """A pair without its STEER_COMMAND."""
+    del frames[index(frames, "STEER_COMMAND")]
+
+
+def lose_a_pair(frames: Frames) -> None:
+    """One pair less, and the counters show it."""
+    i = index(frames, "DRIVE_COMMAND")
+    del frames[i : i + 2]
+
+
+BREACHES: dict[str, tuple[Callable[[Frames], None], str]] = {
+    "driven without state": (silence_the_vehicle, "old state: NOMINAL at 1.74"),
+    "stopped without end": (stop_in_vain, "old state: STATE_STALE at 2.0"),
+    "a damaged command": (damage_a_command, "damaged: STEER_COMMAND at 1.50"),
+    "a short command": (shorten_a_command, "malformed: STEER_COMMAND at 1.50"),
+    "a lost pair": (lose_a_pair, "counter: DRIVE_COMMAND at 1.51"),
+    "half a pair": (lose_the_other_half, "alone: DRIVE_COMMAND alone at 1.501"),
+    "a stop without a reason": (drive(SAFE_STOP=1), "command: 1.501 s: SAFE_STOP 1 with NOMINAL"),
+    "lights without a stop": FAULTS["lights without a stop"],
+}
+
+
+@pytest.mark.parametrize(("breach", "said"), BREACHES.values(), ids=BREACHES)
+def test_each_breach_of_the_controllers_is_found(breach: Callable[[Frames], None], said: str) -> None:
+    frames = steady()
+    breach(frames)
+    found = breaches(frames)
+    assert any(said in text for text in found), found
+
+
+def test_a_clock_that_is_set_back_and_forth_is_no_breach_and_hides_none() -> None:
+    hours_ago = [Frame(frame.stamp_ns - 3600 * S, frame.can_id, frame.data) for frame in steady()]
+    assert breaches([*steady(), *hours_ago, *steady()]) == []
+    lose_a_pair(hours_ago)
+    assert len(breaches([*steady(), *hours_ago, *steady()])) == 2
+
+
+def test_what_the_vehicle_does_wrong_is_no_breach_of_the_controllers() -> None:
+    frames = steady()
+    for fault in (corrupt, shorten, lose_a_frame, lose_answers):
+        fault(frames)
+    assert breaches(frames) == []
 
 
 def test_late_answers_are_neither_missing_nor_doubled() -> None:

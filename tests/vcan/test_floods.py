@@ -7,9 +7,10 @@ from statistics import median
 import pytest
 
 from .conftest import ROOT, Programs
-from .contract import CONTROLLER_IDS, FAULT, NAMES, PAIR, Observer, Record, decided
+from .contract import CONTROLLER_IDS, FAULT, NAMES, PAIR, Observer, Record, decided, intact
 from .driving import driven, summary, wait_until_driven
 from .peer import Vehicle
+from .verdict import breaches
 
 FLOODER = str(ROOT / "tests" / "vcan" / "flooder.py")
 STRANGERS = tuple(f"{can_id:X}" for can_id in (0x000, 0x07F, 0x101, 0x113, 0x200, 0x7FF))
@@ -23,6 +24,7 @@ def listener(vcan0: None) -> Iterator[Observer]:  # noqa: ARG001
     observer = Observer(can_ids=NAMES)
     yield observer
     observer.close()
+    assert breaches(observer.frames) == []
 
 
 def latency_ns(record: Record) -> float:
@@ -78,6 +80,7 @@ def test_a_flood_of_our_own_identifiers_silences_the_loop_until_it_is_over_and_a
 ) -> None:
     loop, moving = driven(programs, bus)
     own = [f"{can_id:X}" for can_id in sorted(CONTROLLER_IDS)]
+    bus.is_strangers = lambda frame: frame.can_id in CONTROLLER_IDS and intact(frame) is None
     flooder = programs.start_python(FLOODER, "1000", "500", *own, name="flooder")
     loop.says("SILENT .DUPLICATE_COMMANDER")
     loop.tell(signal.SIGUSR1)  # in vain while it lasts

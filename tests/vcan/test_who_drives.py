@@ -74,8 +74,10 @@ def test_a_second_commander_silences_the_controller_until_it_is_armed_again(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop, moving = driven(programs, bus)
+    strange = Frame(0, *pack("STEER_COMMAND", 3, ENABLE=1))
+    bus.is_strangers = lambda frame: (frame.can_id, frame.data) == (strange.can_id, strange.data)
     with raw_socket() as raw:
-        assert send(raw, Frame(0, *pack("STEER_COMMAND", 3, ENABLE=1)))
+        assert send(raw, strange)
         intruder = bus.now()
         fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
     ours = [frame for frame in bus.sent_by_controller(intruder, fault) if frame.can_id in (0x080, 0x081)]
