@@ -25,6 +25,15 @@ FAULTS = {
 HEADER = ["#", "failure", "noticed by", "reaction and time limit", "reason", "tests"]
 NONE = "–"
 BUDGET = ["fault is in", "terms", "ms"]
+OFF_THE_BUS = ["#", "why"]
+ON_THE_BUS = "tests/vcan/"
+JUDGED_FIXTURES = {"bus", "programs", "loop_end", "cable_programs"}
+"""Whoever asks for one of these is judged by the bus contract from the first frame to the last, see `tests/vcan`."""
+JUDGED_BY_ITSELF = {
+    "tests/vcan/test_drive.py::test_a_viewer_that_is_killed_and_restarted_changes_nothing_on_the_bus",
+    "tests/vcan/test_fd.py::test_frames_of_another_kind_or_a_wrong_checksum_change_nothing",
+}
+"""A part of one long drive, and a test on the layout for CAN FD."""
 ALLOWED_MS = 150.0
 
 
@@ -42,15 +51,19 @@ def tables(page: str, header: list[str]) -> Iterator[list[str]]:
 
 
 @cache
-def named_in(file: str) -> frozenset[str]:
-    """Names of the test functions in a file below the root; none when there is no such file."""
+def functions_in(file: str) -> dict[str, frozenset[str]]:
+    """Test functions in a file below the root, each with what it asks for; none when there is no such file."""
     path = ROOT / file
     if not path.is_file() or not path.name.startswith("test_"):
-        return frozenset()
+        return {}
     tree = ast.parse(path.read_text(encoding="utf-8"))
     bodies = [tree.body, *(node.body for node in tree.body if isinstance(node, ast.ClassDef))]
     functions = (node for body in bodies for node in body if isinstance(node, ast.FunctionDef))
-    return frozenset(function.name for function in functions if function.name.startswith("test_"))
+    return {
+        function.name: frozenset(argument.arg for argument in function.args.args)
+        for function in functions
+        if function.name.startswith("test_")
+    }
 
 
 def faults_of(page: str) -> list[str]:
@@ -67,6 +80,19 @@ def faults_of(page: str) -> list[str]:
     return found + [f"{number}: no row" for number in sorted(FAULTS - seen)]
 
 
+def faults_off_the_bus(page: str) -> list[str]:
+    """Rows that no test injects on a bus and that are not listed as such, and the other way round."""
+    rows: dict[str, bool] = {}
+    for number, *_, tests in tables(page, HEADER):
+        rows[number] = rows.get(number, False) or f"`{ON_THE_BUS}" in tests
+    listed = {number for number, why in tables(page, OFF_THE_BUS) if why}
+    missing = {number for number, is_on_the_bus in rows.items() if not is_on_the_bus}
+    return [
+        *(f"{number}: not injected on a bus" for number in sorted(missing - listed)),
+        *(f"{number}: listed for nothing" for number in sorted(listed - missing)),
+    ]
+
+
 def _faults_of_reason(cell: str) -> Iterator[str]:
     names = [] if cell == NONE else cell.split(", ")
     yield from (f"no reason {name}" for name in names if name.strip("`") not in Reason.__members__)
@@ -78,17 +104,22 @@ def _faults_of_tests(cell: str) -> Iterator[str]:
         yield "no test"
     for name in names:
         file, _, function = name.partition("::")
-        if function not in named_in(file):
+        if function not in functions_in(file):
             yield f"no test {name}"
+        elif file.startswith(ON_THE_BUS) and not (
+            name in JUDGED_BY_ITSELF or functions_in(file)[function] & JUDGED_FIXTURES
+        ):
+            yield f"not judged by the bus contract: {name}"
 
 
 def faults_of_budget(page: str) -> list[str]:
     """Sums that are wrong or too great, and terms that are not the profile's."""
-    found, timing = [], load_profile("reference").timing
+    found, profile = [], load_profile("reference")
     for _, terms, total in tables(page, BUDGET):
         figures = [float(term.rsplit(" ", 1)[1]) for term in terms.split(" + ")]
         for times, name, figure in re.findall(r"(?:(\d) × )?`(\w+)` ([\d.]+)", terms):
-            of_profile = float(times or 1) * getattr(timing, name) * 1000.0
+            table = profile.timing if hasattr(profile.timing, name) else profile.plausibility
+            of_profile = float(times or 1) * getattr(table, name) * 1000.0
             if float(figure) != pytest.approx(of_profile):
                 found.append(f"{name}: {figure} instead of {of_profile:g}")
         if sum(figures) != float(total) or float(total) > ALLOWED_MS:
@@ -98,6 +129,10 @@ def faults_of_budget(page: str) -> list[str]:
 
 def test_every_fault_has_a_row_and_every_row_names_reasons_and_tests_that_exist() -> None:
     assert faults_of(PAGE) == []
+
+
+def test_every_row_is_injected_on_a_bus_but_for_those_that_the_page_gives_a_reason_for() -> None:
+    assert faults_off_the_bus(PAGE) == []
 
 
 def test_the_time_budgets_sums_are_right_within_what_is_allowed_and_made_of_the_profiles_figures() -> None:
@@ -130,12 +165,43 @@ def page_of(row: str) -> str:
             f"| B1 | x | x | x | – | {GOOD}<br>`tests/test_failures.py::test_nothing` |",
             ["B1: no test tests/test_failures.py::test_nothing"],
         ),
+        (
+            "| B1 | x | x | x | – | `tests/vcan/test_contract.py::test_a_faultless_record_is_found_faultless` |",
+            [
+                "B1: not judged by the bus contract: "
+                "tests/vcan/test_contract.py::test_a_faultless_record_is_found_faultless"
+            ],
+        ),
         ("| B1 | x | x | x | – | `tests/test_none.py::test_a` |", ["B1: no test tests/test_none.py::test_a"]),
         ("| B1 | x | x | x | – | `tests/test_failures.py::page_of` |", ["B1: no test tests/test_failures.py::page_of"]),
     ],
 )
 def test_a_row_that_breaks_its_word_is_found(row: str, found: list[str]) -> None:
     assert faults_of(page_of(row)) == found
+
+
+VCAN = "tests/vcan/test_stops.py::test_an_invalid_pose_stops_the_vehicle_until_it_is_valid"
+
+
+@pytest.mark.parametrize(
+    ("rows", "listed", "found"),
+    [
+        ([("B1", VCAN)], [], []),
+        ([("B1", "tests/test_cli.py::test_a")], [("B1", "nobody can")], []),
+        ([("B1", "tests/test_cli.py::test_a")], [], ["B1: not injected on a bus"]),
+        ([("B1", "tests/test_cli.py::test_a")], [("B1", "")], ["B1: not injected on a bus"]),
+        ([("B1", "tests/test_cli.py::test_a"), ("B1", VCAN)], [], []),
+        ([("B1", VCAN)], [("B1", "nobody can")], ["B1: listed for nothing"]),
+        ([("B1", VCAN)], [("B2", "nobody can")], ["B2: listed for nothing"]),
+    ],
+)
+def test_a_row_that_is_not_injected_on_a_bus_is_found(
+    rows: list[tuple[str, str]], listed: list[tuple[str, str]], found: list[str]
+) -> None:
+    head = [f"| {' | '.join(HEADER)} |", "|---|---|---|---|---|---|"]
+    lines = [f"| {number} | x | x | x | {NONE} | `{test}` |" for number, test in rows]
+    off = [f"| {' | '.join(OFF_THE_BUS)} |", "|---|---|", *(f"| {number} | {why} |" for number, why in listed)]
+    assert faults_off_the_bus("\n".join([*head, *lines, "", *off])) == found
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,12 @@ def jumped_ns(record: Record) -> int:
     return next(after.stamp_ns for before, after in places if after.x_m - before.x_m > JUMP_M / 2.0)
 
 
+def frozen_ns(record: Record) -> int:
+    """When the last sample came whose place was another one than before."""
+    places = zip(record.samples, record.samples[1:], strict=False)
+    return [after.stamp_ns for before, after in places if after.x_m != before.x_m][-1]
+
+
 @pytest.mark.parametrize("jumps", [1, 2])
 def test_a_position_that_jumps_and_comes_back_is_dropped_and_the_vehicle_drives_on(
     programs: Programs, bus: Observer, doubtful: Doubtful, jumps: int
@@ -108,6 +114,8 @@ def test_frozen_values_with_live_counters_stop_a_vehicle_that_moves(
     fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=frozen)
     record = bus.record(moving, fault)
     assert reasons(record.pairs) == ["NOMINAL", "STATE_INVALID"]
+    stop = next(pair for pair in record.pairs if pair.is_stop)
+    assert stop.stamp_ns - frozen_ns(record) <= STOP_WITHIN_NS + SLACK_NS
     assert not record.counter_gaps
     assert bus.sent_by_controller(fault, bus.wait_samples(30, since=fault)) == []
     loop.tell(signal.SIGTERM)

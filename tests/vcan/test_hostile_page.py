@@ -1,0 +1,56 @@
+"""Everything that can be done to the viewer at once, looked at from the bus: nothing of it is to be seen there."""
+
+import signal
+import urllib.request
+
+from .conftest import ROOT, Programs
+from .contract import Observer, decided
+from .driving import driven, line_file, wait_until_driven
+from .peer import Vehicle
+from .verdict import breaches
+
+VCAN = ROOT / "tests" / "vcan"
+TOKEN = "sixteen-characters-and-more"
+SECOND_VIEWERS = """
+import sys
+from viewer.__main__ import main
+assert main(["--port", sys.argv[1]]) == main(["--port", "0", "--host", "0.0.0.0"]) == 2
+"""
+
+
+def test_a_page_that_is_attacked_flooded_and_told_nonsense_changes_nothing_on_the_bus(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    connected = ("view", "--connect", str(programs.folder / "telemetry"))
+    viewer = programs.start(*connected, "--port", "0", "--token", TOKEN)
+    port = viewer.says(r"viewer: http://127\.0\.0\.1:(\d+)").group(1)
+    second = programs.start_python("-c", SECOND_VIEWERS, port, name="view")
+    assert second.ends() == 0
+    taken, remote = second.lines
+    assert f"--port {port} on 127.0.0.1" in taken
+    assert "--allow-remote and --token" in remote
+    posted = programs.folder / "<img src=x onerror=alert(1)>"
+    programs.start_python(str(VCAN / "poster.py"), str(posted), "far", name="poster")
+    loop, moving = driven(programs, bus, "--trajectory-post", str(posted))
+
+    attacker = programs.start_python(str(VCAN / "hostile.py"), port, TOKEN, name="hostile")
+    assert attacker.ends(60.0) == 0
+    assert attacker.lines == ["another host name: 403", "a foreign Origin: 403", "no token: 401", "done"]
+    attacked = bus.wait_samples(10)
+    loop.kill()
+    bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=3, since=attacked)
+    vehicle.make_ready()
+    again = bus.now()
+    assert breaches(bus.frames[:again]) == []
+    again_ns = bus.frames[again - 1].stamp_ns
+    bus.is_strangers = lambda frame: frame.stamp_ns <= again_ns  # the next loop counts from 0
+    loop = programs.run("--arm", "--trajectory", line_file(programs.folder))
+    driving = wait_until_driven(bus, since=again)
+    end = bus.wait_samples(50, since=driving)
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/?token={TOKEN}", timeout=20.0) as page:
+        assert page.status == 200
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    for record in (bus.record(moving, attacked), bus.record(driving, end)):
+        assert decided(record) == ["NOMINAL"]
+        assert record.faults() == []

@@ -1,0 +1,92 @@
+"""Files that a loop on a live bus must refuse: with one clear line, before its first frame."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from .conftest import ROOT, Programs
+from .contract import READY, Observer
+from .peer import Vehicle
+
+REFUSED = str(ROOT / "tests" / "vcan" / "refused.py")
+BAD_USAGE = 2
+HEADER = "time_s,x_m,y_m,heading_rad,speed_mps\n"
+
+DBC: dict[str, tuple[str, str, str]] = {
+    "cut short": ("BO_ 256 VEHICLE_STATUS", "\0", "reference.dbc"),
+    "one identifier twice": ("BO_ 273 MOTION", "BO_ 272 MOTION", "id 272 is already in line"),
+    "one name twice": ("BO_ 273 MOTION", "BO_ 273 POSE", "message POSE is already in line"),
+    "overlapping signals": ("SPEED : 32|16", "SPEED : 31|16", "overlapping"),
+    "factor 0": ("YAW_RATE : 48|16@1- (0.0002,0)", "YAW_RATE : 48|16@1- (0,0)", "MOTION.YAW_RATE: factor 0"),
+    "no range": ("[-6.5536|6.5534]", "[0|0]", "MOTION.YAW_RATE: no range"),
+    "garbage": ("BU_:", "%%PDF-1.7", "reference.dbc"),
+    "another encoding": ("BO_ 256 VEHICLE_STATUS", "BO_ 256 VEHICLE_STATUS\udcff", "reference.dbc"),
+}
+"""What is replaced by what (`\\0`: cut off there), and what is said."""
+PROFILE: dict[str, tuple[str, str, str]] = {
+    "no number": ("speed_max_mps = 20.0", "speed_max_mps = nan", "$.limits.speed_max_mps"),
+    "a misspelt key": ("wheelbase_m = 2.7", "wheelbas_m = 2.7", "wheelbas_m"),
+    "a wrong type": ("speed_max_mps = 20.0", 'speed_max_mps = "fast"', "$.limits.speed_max_mps: Expected"),
+    "a missing limit": ("lateral_accel_mps2 = 3.0", "", "lateral_accel_mps2"),
+    "an unknown signal": ("POSE.POS_X", "POSE.POSX", "no signal 'POSX' in POSE"),
+    "two fields on one signal": ('"MOTION.SPEED"', '"MOTION.HEADING"', "MOTION.HEADING is already bound"),
+}
+CSV: dict[str, tuple[str, str]] = {
+    "text in a cell": (HEADER + "0,0,0,0,1\n1,1,zero,0,1\n", "line 3, column 3 (y_m): 'zero' is not a number"),
+    "decimal commas": (HEADER + "0,0,1,5,2,5,0,1,3,0\n", "line 2, column 6: "),
+    "a missing column": ("time_s,x_m,y_m,speed_mps\n0,1,2,3\n", "line 1: missing column heading_rad"),
+    "nothing": ("", "line 1: the file is empty"),
+    "another delimiter": (HEADER.replace(",", ";") + "0;0;0;0;1\n", "line 1: "),
+    "no number": (HEADER + "0,nan,0,0,1\n", "line 2, column 2 (x_m): 'nan' is not finite"),
+    "time that goes back": (HEADER + "1,0,0,0,1\n0,1,0,0,1\n", "line 3, column 1 (time_s)"),
+    "too fast": (HEADER + "0,0,0,0,25\n1,25,0,0,25\n", "speed_mps[0] = 25: must be in [-20.0, 20.0]"),
+    "too sharp": (
+        HEADER + "".join(f"{i},{min(i, 8)},{max(0, i - 8)},0,1\n" for i in range(17)),
+        "the path turns by 0.7071 rad/m at point 8: must be at most 0.2534 rad/m at 1 m/s",
+    ),
+}
+"""What is in the file, and what is said."""
+
+
+def damaged(folder: Path, old: str, new: str, name: str) -> list[str]:
+    """Arguments with a copy of the reference profile and its DBC, in one of which this is replaced."""
+    folder.mkdir()
+    for each in ("reference.dbc", "reference.toml"):
+        text = (ROOT / "dbc" / each).read_text(encoding="utf-8")
+        if each == name:
+            assert old in text
+            text = text.partition(old)[0] if new == "\0" else text.replace(old, new, 1)
+        (folder / each).write_text(text, encoding="utf-8", errors="surrogateescape")
+    return ["--profile", str(folder / "reference.toml"), "--route", "line"]
+
+
+@pytest.fixture
+def cases(tmp_path: Path) -> dict[str, tuple[list[str], str]]:
+    """Arguments of the loop, and what it must say."""
+    found: dict[str, tuple[list[str], str]] = {}
+    for name, faults in (("reference.dbc", DBC), ("reference.toml", PROFILE)):
+        for what, (old, new, said) in faults.items():
+            found[f"{name}: {what}"] = damaged(tmp_path / f"{name} {what}", old, new, name), said
+    for what, (content, said) in CSV.items():
+        path = tmp_path / f"{what}.csv"
+        path.write_text(content, encoding="utf-8")
+        found[f"CSV: {what}"] = ["--trajectory", str(path)], said
+    found["a controller that is none"] = ["--route", "line", "--controller", "none.py:None"], "no such file none.py"
+    return found
+
+
+def test_bad_databases_profiles_and_trajectories_are_each_refused_by_name_before_the_first_frame(
+    programs: Programs, bus: Observer, vehicle: Vehicle, cases: dict[str, tuple[list[str], str]]
+) -> None:
+    file, telemetry = programs.folder / "cases.json", str(programs.folder / "telemetry")
+    usual = ["run", "--arm", "--duration", "1", "--telemetry", telemetry]
+    file.write_text(json.dumps([[*usual, *arguments] for arguments, _ in cases.values()]), encoding="utf-8")
+    loop = programs.start_python(REFUSED, str(file), name="run")
+    assert loop.ends(60.0) == 0
+    assert len(loop.lines) == 2 * len(cases), loop.text
+    for (what, (_, said)), line, status in zip(cases.items(), loop.lines[::2], loop.lines[1::2], strict=True):
+        assert said in line, (what, line)
+        assert status == f"status {BAD_USAGE}", (what, line)
+    assert bus.sent_by_controller() == []
+    assert vehicle.mode == READY

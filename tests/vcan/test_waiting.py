@@ -1,0 +1,42 @@
+"""`run --wait`: an interface that is down or absent at the start is waited for, in plain sight."""
+
+import signal
+
+import pytest
+
+from .conftest import Program, Programs, set_link
+from .contract import Observer
+from .driving import line_file, wait_until_driven
+
+NO_BUS = 3
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_a_link_that_is_down_at_the_start_is_waited_for_and_then_the_vehicle_is_driven(
+    programs: Programs, bus: Observer
+) -> None:
+    set_link("down")
+    loop = programs.run("--arm", "--wait", "--trajectory", line_file(programs.folder))
+    loop.says("waiting for 0 s by now: .*sudo ip link set vcan0 up")
+    up = bus.now()
+    set_link("up")
+    driving = wait_until_driven(bus, since=up)
+    assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+
+
+def test_waiting_goes_on_being_said_and_ends_with_its_time_in_status_3_or_when_told(programs: Programs) -> None:
+    def start(*wait: str) -> Program:
+        return programs.start("run", "--channel", "vcan7", "--route", "line", "--arm", "--wait", *wait)
+
+    limited, patient = start("1"), start()
+    for loop in (limited, patient):
+        loop.says("waiting for 0 s by now: .*sudo ip link add dev vcan7 type vcan")
+    assert limited.ends() == NO_BUS
+    assert limited.lines[-1].startswith("vehicle-iface: ")
+    assert "sudo ip link add dev vcan7 type vcan" in limited.lines[-1]
+    patient.tell(signal.SIGUSR1)
+    patient.says(r"waiting for [5-9] s by now")
+    patient.tell(signal.SIGTERM)
+    assert patient.ends() == 0
