@@ -79,8 +79,8 @@ class Notes:
 
     def is_excused(self, at_ns: int) -> bool:
         """Whether what happens then is a flap's doing, or a stall's."""
-        stalls = self.stalls[-RECENT:]
-        return self.is_flap(at_ns) or any(a - JITTER_NS <= at_ns <= b + SETTLING_NS for a, b in stalls)
+        place = bisect(self.stalls, (at_ns + JITTER_NS, at_ns + JITTER_NS))
+        return self.is_flap(at_ns) or (place > 0 and at_ns <= self.stalls[place - 1][1] + SETTLING_NS)
 
     def went_down(self, before_ns: int) -> int:
         """When the link went down last before that; 0 if it never did."""
@@ -394,7 +394,7 @@ class Judge:
         self.pairs += 1
         self.reasons[f"{pair.reason}, {'enabled' if pair.is_enabled else 'released'}"] += 1
         if pair.reason not in ROUTINE:
-            self.blame(f"{at}: a command that says {pair.reason}")
+            self._blame_at(pair.stamp_ns, f"a command that says {pair.reason}")
         waited_ns = pair.drive.stamp_ns - self._newest.first_ns
         if pair.is_enabled and not pair.is_stop and waited_ns > OLDEST_ANSWERED_NS:
             self.stale_commands += 1
