@@ -197,7 +197,7 @@ def keep_a_command_back(scene: Scene) -> None:
         (send_a_command_again, "DRIVE_COMMAND with the counter of the one before it, 0"),
         (give_new_values_an_old_counter, "STEER_COMMAND with the counter of the one before it, 14"),
         (answer_twice, "a pair that answers nothing, NOMINAL"),
-        (leave_a_sample_unanswered, "or one shortly before it, is not answered"),
+        (leave_a_sample_unanswered, "1.531 s: a sample shortly before this is not answered"),
         (leave_a_sample_unanswered, "DRIVE_COMMAND counts from 14 to 1"),
         (drive_on_blindly, "driven on without a sample for 101 ms"),
         (accelerate_too_much, "ACCEL_REQUEST 3.500 m/s²"),

@@ -247,8 +247,8 @@ class Judge:
         self._pair_ns = self._settled_ns = self._crossed_ns = 0
         self._debts: deque[Sample] = deque()
         """Samples that wait for their answers."""
-        self._left: deque[int] = deque(maxlen=100)
-        """How many still waited after each of the last pairs."""
+        self._left: deque[tuple[int, int]] = deque(maxlen=100)
+        """How many still waited after each of the last pairs: its stamp, and their number."""
         self._newest = self._before = Sample(0, 0)
         self._enabled_ns: int | None = None
         """Of the last command that was enabled."""
@@ -415,11 +415,14 @@ class Judge:
             self._left.clear()
             return
         sent_ns = pair.drive.stamp_ns
-        is_one_too_many = len(self._left) == self._left.maxlen and min(self._left) > 0
-        while self._debts and (is_one_too_many or sent_ns - self._debts[0].stamp_ns > OLDEST_ANSWERED_NS):
-            self._blame_at(self._debts.popleft().stamp_ns, "this sample, or one shortly before it, is not answered")
+        while self._debts and sent_ns - self._debts[0].stamp_ns > OLDEST_ANSWERED_NS:
+            self._blame_at(self._debts.popleft().stamp_ns, "a sample that is not answered")
+        never_paid = min((count for _, count in self._left), default=0) if len(self._left) == self._left.maxlen else 0
+        for _ in range(min(never_paid, len(self._debts))):
+            self._debts.popleft()
+            self._blame_at(self._left[0][0], "a sample shortly before this is not answered")
+        if never_paid:
             self._left.clear()
-            is_one_too_many = False
         is_stale = sent_ns - self._newest.first_ns > LEAST_LOSS_NS
         is_crossing = self._newest.first_ns - self._before.first_ns > LEAST_LOSS_NS
         if pair.reason == "STATE_STALE" and pair.is_enabled:
@@ -429,7 +432,7 @@ class Judge:
         if self._debts:
             delay_ns = pair.stamp_ns - self._debts.popleft().stamp_ns
             self.delays_ms[round(delay_ns / MS, 1)] += 1
-            self._left.append(len(self._debts))
+            self._left.append((pair.stamp_ns, len(self._debts)))
             self._crossed_ns = pair.stamp_ns if pair.is_stop and is_crossing else self._crossed_ns
         elif pair.is_stop and is_stale:
             return
