@@ -6,6 +6,7 @@ is not here. Times are those of the bus contract.
 
 import signal
 from collections.abc import Callable
+from dataclasses import replace
 
 from bus_contract import Frame
 
@@ -18,6 +19,7 @@ from hil.expect import (
     EndsOrderly,
     FallsSilent,
     FollowsGaps,
+    GivesUp,
     HazardLights,
     LetsGo,
     MomentaryAtMost,
@@ -656,7 +658,7 @@ DRIVER = (
         at_mps=-1.0,
         inject=f.attribute(engages=False),
         for_s=12.0,
-        see=(),
+        see=(GivesUp(3.0),),
         then=Then.REARM,
         needs=(Need.REARM, Need.START),
         answers_in_time=False,
@@ -807,6 +809,10 @@ FILES = (
     _refused("with-nan", "with a number that is none", _cell(20, 3, "nan"), "T2"),
     _refused("with-decreasing-time", "whose time goes back", _cell(20, 0, "0.001"), "T2"),
     _refused("too-fast", "that is faster than the vehicle may be driven", _cell(20, 4, "35.0"), "T2"),
+    replace(
+        _refused("too-sharp", "that turns sharper than the wheels can", lambda text: text, "T2"),
+        route=lambda: routes.route("sharp", [(20.0, 0.0), (5.0, 0.6), (20.0, 0.0)], 3.0),
+    ),
     _spoilt("without-a-limit", "that lacks a limit", "F8", lambda toml, dbc: (_without(toml, "accel_rate_mps3"), dbc)),
     _spoilt("with-nan", "with a limit that is no number", "F8", lambda t, d: (t.replace("= -6.0", "= nan"), d)),
     _spoilt(
@@ -982,7 +988,7 @@ MANOEUVRES = (
         name="drive-from-the-side",
         tags=("manoeuvre", "limits"),
         proves="Begun 1.8 m beside the path and turned away, the device steers hard, and never beyond a limit.",
-        route=lambda: routes.straight(60.0, 4.0),
+        route=lambda: routes.straight(36.0, 4.0),
         setup={"y_m": 1.8, "heading_rad": 0.6},
         see=(ReachesEnd(),),
         then=Then.END_OF_ROUTE,

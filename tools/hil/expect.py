@@ -234,6 +234,27 @@ class NeverEnables:
 
 
 @dataclass(frozen=True)
+class GivesUp:
+    """Asks for so long, and then no more until the operator acts."""
+
+    after_s: float
+    slack_s: float = 0.3
+
+    def judge(self, seen: Seen) -> tuple[Check, list[Event]]:
+        text = f"asks the vehicle for {self.after_s:.0f} s, then no more until it is armed again"
+        asked = [pair for pair in seen.between(seen.begin_ns, seen.then_ns) if pair.is_enabled]
+        if not asked:
+            return check(text, ["it never asked"]), []
+        first_ns, last_ns = asked[0].stamp_ns, asked[-1].stamp_ns
+        asked_s = (last_ns - first_ns) / S
+        wrong = [f"gave up after {asked_s:.2f} s"] if asked_s < self.after_s - self.slack_s else []
+        if seen.then_ns - last_ns < S:
+            wrong.append("it still asked at the end")
+        event = Event(at_s=seen.at_s(last_ns), kind=EventKind.REACTION, text="the last ENABLE = 1")
+        return check(text, wrong, asked_s, self.after_s + self.slack_s), [event]
+
+
+@dataclass(frozen=True)
 class StaysOut:
     """From the end of the injection until the operator acts, no ENABLE = 1."""
 

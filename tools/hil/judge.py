@@ -55,7 +55,7 @@ def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
         "command": record.violations,
         "dynamics": list(_dynamics(rig.wire, record)),
     }
-    from_s = (seen.inject_ns - record.begin_ns) / S - JUST_BEFORE_S if seen.inject_ns else math.inf
+    from_s = (rig.touched_ns - record.begin_ns) / S - JUST_BEFORE_S if rig.touched_ns else math.inf
     until_ns = rig.healthy_ns - round(HEALTHY_S * S) if case.then is Then.REARM else seen.then_ns or seen.end_ns
     to_s = (until_ns - record.begin_ns) / S + SLACK_AFTER_S
     checks = []

@@ -98,6 +98,8 @@ class Rig:
         self.late: list[str] = []
         """Ticks of the bench that came too late."""
         self.begin_ns = self.inject_ns = self.end_ns = self.then_ns = self.healthy_ns = self.exit_ns = 0
+        self.touched_ns = 0
+        """The bench began to do something; the fault may come a little later."""
         self.exit_status: int | None = None
         self._next_ns = 0
         self._device_ids = {wire.ids[name] for name in (*wire.command, "BODY_COMMAND", "CONTROLLER_STATUS")}

@@ -116,6 +116,7 @@ def _inject(rig: Rig, case: Case) -> None:
     if case.inject is None and case.at_mps >= 0.0:
         return
     rig.injects()
+    rig.touched_ns = rig.inject_ns
     with (case.inject or nothing)(rig):
         rig.run_for(case.for_s)
         if case.samples:

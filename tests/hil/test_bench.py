@@ -1,0 +1,404 @@
+"""The bench without a bus: its catalogue, its vehicle, its own decoding, and that each of its checks can fail."""
+
+import ast
+import json
+import math
+import random
+import re
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "tools"))
+
+from bus_contract import AUTONOMOUS, FAULT, MANUAL, MS, READY, REFERENCE, Frame, S  # noqa: E402
+from bus_contract_fd import REFERENCE_FD  # noqa: E402
+from bus_contract_judge import Pair  # noqa: E402
+from hil import bench, cli, expect, judge, routes  # noqa: E402
+from hil.case import Case, Need, Then  # noqa: E402
+from hil.cases import CATALOGUE, FILES  # noqa: E402
+from hil.device import Commands  # noqa: E402
+from hil.expect import Expectation, Seen  # noqa: E402
+from hil.plant import Plant  # noqa: E402
+from hil.result import Verdict  # noqa: E402
+from hil.vehicle import Instant, Vehicle  # noqa: E402
+from hil.wire import ProfileError, Wire  # noqa: E402
+
+from vehicle_iface.profile import load_profile  # noqa: E402
+from vehicle_iface.safety.feasible import refusal  # noqa: E402
+from vehicle_iface.trajectories.csv_file import load_csv  # noqa: E402
+
+WIRE = Wire("reference")
+PROFILE = load_profile("reference")
+NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "P6", "P7", *(f"W{n}" for n in range(1, 9))}
+"""Rows of the catalogue of faults that are inside a controller, or not on a bus."""
+
+
+def rows() -> set[str]:
+    """Every row of the failures' page."""
+    page = (ROOT / "vehicle_iface" / "FAILURES.md").read_text()
+    return set(re.findall(r"^\| ([BFSTCVPW]\d+) \|", page, re.MULTILINE))
+
+
+def test_it_shares_no_code_with_the_controller() -> None:
+    for path in sorted((ROOT / "tools" / "hil").rglob("*.py")) + sorted((ROOT / "tools").glob("bus_contract*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            assert not [name for name in names if name.split(".")[0] in ("vehicle_iface", "viewer", "e2e")], path
+
+
+def test_every_row_that_can_be_injected_from_outside_has_a_case() -> None:
+    covered = {row for case in CATALOGUE for row in case.fault.split()}
+    assert covered <= rows()
+    assert not rows() - covered - NOT_FROM_OUTSIDE
+    assert not covered & NOT_FROM_OUTSIDE
+
+
+def test_the_catalogue_has_sixty_cases_each_with_a_name_of_its_own_and_something_that_must_be_seen() -> None:
+    assert len(CATALOGUE) >= 60
+    assert len({case.name for case in CATALOGUE}) == len(CATALOGUE)
+    for case in CATALOGUE:
+        assert case.see, case.name
+        assert case.proves.endswith("."), case.name
+        assert case.allow <= set(judge.KINDS), case.name
+        assert case.injected or case.inject is None, case.name
+        assert Need.REARM in case.needs or case.then is not Then.REARM, case.name
+    assert {case.name for case in bench.chosen((), (), quick=True)} < {case.name for case in CATALOGUE}
+
+
+@pytest.mark.parametrize("case", CATALOGUE, ids=lambda case: case.name)
+def test_every_trajectory_is_one_that_the_program_takes_but_those_that_are_spoilt(case: Case, tmp_path: Path) -> None:
+    path = case.route().write(tmp_path / "route.csv", case.frame_id)
+    refused = refusal(load_csv(path), PROFILE.limits, PROFILE.geometry.wheelbase_m)
+    assert bool(refused) == (case.name == "trajectory-too-sharp"), refused
+    if case.breaks is not None and not refused:
+        assert case.breaks(path.read_text()) != path.read_text()
+
+
+def test_spoilt_profiles_are_spoilt() -> None:
+    toml, dbc = WIRE.path.read_text(), WIRE.dbc.read_text()
+    spoilt = [case.profile(toml, dbc) for case in FILES if case.profile is not None]
+    assert len(spoilt) >= 4
+    assert all(texts != (toml, dbc) for texts in spoilt)
+
+
+# Its own decoding.
+
+
+@pytest.mark.parametrize(("wire", "contract"), [(WIRE, REFERENCE), (Wire("reference_fd"), REFERENCE_FD)])
+@given(st.randoms(use_true_random=False))
+@settings(max_examples=30, deadline=None)
+def test_frames_are_those_of_the_contracts_page(wire: Wire, contract: object, chance: random.Random) -> None:
+    assert isinstance(contract, type(REFERENCE))
+    for name, (can_id, _, layout) in contract.messages.items():
+        values = {
+            signal: chance.randrange(-(1 << length - 1) if signed else 0, 1 << length - 1) * factor
+            for signal, (_, length, signed, factor) in layout.items()
+            if signal != "COUNTER"
+        }
+        counter = chance.randrange(contract.counters)
+        frame = wire.pack(name, counter, **values)
+        assert (frame.can_id, frame.data) == (can_id, contract.pack(name, counter, **values)[1])
+        told, theirs = wire.intact(frame), contract.intact(frame)
+        assert told is not None
+        assert theirs is not None
+        assert {word: told[word] for word in theirs.signals} == pytest.approx(dict(theirs.signals))
+
+
+@given(st.integers(0, 63), st.sampled_from(["POSE", "DRIVE_COMMAND", "VEHICLE_STATUS"]))
+def test_a_frame_with_one_bit_that_is_wrong_is_not_intact(bit: int, name: str) -> None:
+    frame = WIRE.pack(name, 3)
+    data = bytearray(frame.data)
+    data[bit // 8] ^= 1 << bit % 8
+    assert WIRE.intact(replace(frame, data=bytes(data))) is None
+    assert WIRE.intact(WIRE.seal(replace(frame, data=bytes(data)))) is not None
+    assert WIRE.intact(WIRE.seal(frame, data_id=0x3F0)) is None
+
+
+def test_a_profile_that_cannot_be_benched_is_refused_with_its_name(tmp_path: Path) -> None:
+    with pytest.raises(ProfileError, match="no-such"):
+        Wire("no-such")
+    text = WIRE.path.read_text()
+    (tmp_path / "reference.dbc").write_text(WIRE.dbc.read_text())
+    for spoilt, why in (
+        (text.replace('accel_mps2 = "DRIVE_COMMAND.ACCEL_REQUEST"', ""), "accel_mps2 is missing"),
+        (text.replace('data_id_mode = "BOTH"', 'data_id_mode = "ALT"'), "not 1 \\(ALT\\)"),
+    ):
+        path = tmp_path / "mine.toml"
+        path.write_text(spoilt)
+        with pytest.raises(ProfileError, match=why):
+            Wire(str(path))
+
+
+# Its vehicle.
+
+
+class Ride:
+    """The bench's vehicle with somebody who commands it, in made-up time."""
+
+    def __init__(self) -> None:
+        self.vehicle = Vehicle(WIRE, Plant(wheelbase_m=2.7))
+        self.now_ns, self.counter = S, 0
+
+    def pair(self, *, enable: int = 1, accel: float = 1.0, wheel: float = 0.0, stop: int = 0, gear: int = 3) -> None:
+        self.counter = (self.counter + 1) % 15
+        drive = {"ENABLE": enable, "SAFE_STOP": stop, "ACCEL_REQUEST": accel, "GEAR_REQUEST": gear}
+        self.say(WIRE.pack("DRIVE_COMMAND", self.counter, **drive))
+        self.say(WIRE.pack("STEER_COMMAND", self.counter, ENABLE=enable, FRONT_WHEEL_ANGLE_REQUEST=wheel))
+
+    def say(self, frame: Frame) -> None:
+        self.vehicle.hear(frame, self.now_ns)
+
+    def tick(self, count: int = 1, **wish: float) -> None:
+        for _ in range(count):
+            if wish:
+                self.pair(**wish)  # type: ignore[arg-type]
+            self.vehicle.move(0.01, self.now_ns)
+            self.now_ns += 10 * MS
+
+
+def test_it_engages_with_the_third_intact_pair_and_lets_go_with_enable_0() -> None:
+    ride = Ride()
+    for _ in range(2):
+        ride.pair()
+    assert ride.vehicle.mode == READY
+    ride.pair()
+    assert ride.vehicle.mode == AUTONOMOUS
+    ride.pair(enable=0)
+    assert ride.vehicle.mode == READY
+
+
+def test_it_obeys_and_its_watchdog_stops_it_after_100_ms_of_silence() -> None:
+    ride = Ride()
+    ride.tick(200, accel=2.0)
+    assert ride.vehicle.plant.speed_mps == pytest.approx(3.8, abs=0.2)
+    ride.tick(10)
+    assert ride.vehicle.mode == AUTONOMOUS
+    ride.tick(2)
+    assert ride.vehicle.mode == FAULT
+    ride.tick(200)
+    assert ride.vehicle.plant.speed_mps == 0.0
+
+
+def test_repeated_counters_feed_no_watchdog() -> None:
+    ride = Ride()
+    ride.tick(50, accel=2.0)
+    for _ in range(15):
+        ride.say(WIRE.pack("DRIVE_COMMAND", ride.counter, ENABLE=1))
+        ride.say(WIRE.pack("STEER_COMMAND", ride.counter, ENABLE=1))
+        ride.tick()
+    assert ride.vehicle.mode == FAULT
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value"), [("driver_brake", True), ("driver_throttle", True), ("driver_torque_nm", -3.0)]
+)
+def test_the_driver_has_it_at_once(attribute: str, value: object) -> None:
+    ride = Ride()
+    ride.tick(20, accel=1.0)
+    setattr(ride.vehicle, attribute, value)
+    ride.tick(1, accel=1.0)
+    assert ride.vehicle.mode == MANUAL
+    ride.tick(10, accel=1.0)
+    assert ride.vehicle.mode == MANUAL
+
+
+def test_a_stop_holds_it_and_never_pulls_it_backwards_and_gears_change_only_at_rest() -> None:
+    ride = Ride()
+    ride.tick(150, accel=2.0)
+    ride.tick(20, accel=-3.0, gear=1)
+    assert ride.vehicle.gear == 3
+    ride.tick(300, accel=-3.0, stop=1, gear=7)
+    assert ride.vehicle.plant.speed_mps == 0.0
+    assert min(instant.speed_mps for instant in ride.vehicle.history) >= 0.0
+    ride.tick(100, accel=-1.0, gear=1)
+    assert ride.vehicle.gear == 1
+    assert ride.vehicle.plant.speed_mps < -0.5
+
+
+# What must be seen.
+
+
+def pair(at_s: float, *, enable: int = 1, stop: int = 0, reason: str = "NOMINAL", accel: float = 0.0) -> Pair:
+    number = WIRE.number("REASON", reason)
+    values = {"ENABLE": enable, "SAFE_STOP": stop, "REASON": number, "ACCEL_REQUEST": accel}
+    drive = WIRE.intact(replace(WIRE.pack("DRIVE_COMMAND", 1, **values), stamp_ns=round(at_s * S)))
+    steer = WIRE.intact(replace(WIRE.pack("STEER_COMMAND", 1, ENABLE=enable), stamp_ns=round(at_s * S)))
+    assert drive is not None
+    assert steer is not None
+    return Pair(drive, steer)
+
+
+def seen(*pairs: Pair, samples: Sequence[float] = (), history: Sequence[Instant] = (), status: int | None = 0) -> Seen:
+    """A case of 10 s, with something injected from 5 s to 6 s, and the operator at 8 s."""
+    return Seen(
+        begin_ns=0,
+        inject_ns=5 * S,
+        end_ns=6 * S,
+        then_ns=8 * S,
+        samples_ns=[round(at_s * S) for at_s in samples],
+        pairs=pairs,
+        told=[pair.drive for pair in pairs],
+        frames=[Frame(pair.stamp_ns, 0x080, b"") for pair in pairs],
+        history=history,
+        exit_status=status,
+        exit_ns=9 * S,
+    )
+
+
+def steady(begin_s: float, end_s: float, make: Callable[[float], Pair] = pair) -> list[Pair]:
+    return [make(begin_s + 0.01 * i) for i in range(round((end_s - begin_s) / 0.01))]
+
+
+def stop(at_s: float) -> Pair:
+    return pair(at_s, stop=1, reason="STATE_STALE", accel=-3.0)
+
+
+def released(at_s: float) -> Pair:
+    return pair(at_s, enable=0, reason="DRIVER_OVERRIDE")
+
+
+def at(at_s: float, speed_mps: float, mode: int = AUTONOMOUS) -> Instant:
+    return Instant(round(at_s * S), 0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, mode)
+
+
+DRIVES, STOPS, SILENT = [*steady(0, 10)], [*steady(0, 5.06), *steady(5.06, 6, stop), *steady(6, 10)], [*steady(0, 5.05)]
+LETS_GO = [*steady(0, 5.02), *steady(5.02, 8, released), *steady(8, 10)]
+JUDGED: list[tuple[Expectation, Seen, Seen]] = [
+    (expect.Stops(("STATE_STALE",)), seen(*STOPS), seen(*DRIVES)),
+    (expect.Stops(("STATE_STALE",)), seen(*STOPS), seen(*steady(0, 5.3), *steady(5.3, 6, stop))),
+    (expect.Stops(("STATE_STALE",)), seen(*STOPS), seen(*steady(0, 5.06), *steady(5.06, 5.5, stop), *steady(5.5, 6))),
+    (expect.Stops(("STATE_STALE",)), seen(*STOPS), seen(*LETS_GO)),
+    (expect.FallsSilent(), seen(*SILENT), seen(*DRIVES)),
+    (expect.FallsSilent(), seen(*SILENT), seen(*SILENT, pair(7.0))),
+    (expect.LetsGo(("DRIVER_OVERRIDE",), 0.06), seen(*LETS_GO), seen(*DRIVES)),
+    (expect.LetsGo(("DRIVER_OVERRIDE",), 0.06), seen(*LETS_GO), seen(*LETS_GO[:600], pair(7.5))),
+    (expect.LetsGo(("DRIVER_OVERRIDE",), 0.01), seen(*steady(5, 8, released)), seen(*LETS_GO)),
+    (expect.DrivesOn(), seen(*DRIVES), seen(*STOPS)),
+    (expect.DrivesOn(), seen(*DRIVES), seen()),
+    (expect.MomentaryAtMost(("STATE_STALE",), 0.2), seen(*DRIVES, stop(5.5)), seen(*STOPS)),
+    (expect.MomentaryAtMost(("STATE_STALE",), 0.2), seen(*DRIVES), seen(*LETS_GO)),
+    (expect.Standstill(2.0), seen(history=[at(5.5, 1.0), at(6.5, 0.0)]), seen(history=[at(7.5, 0.0)])),
+    (expect.Standstill(2.0), seen(history=[at(6.5, 0.0)]), seen(history=[at(6.5, 1.0)])),
+    (expect.NeverEnables(), seen(*steady(0, 8, released)), seen(*steady(0, 7, released), pair(7.5))),
+    (expect.NeverEnables(at_all=True), seen(), seen(released(3.0))),
+    (expect.StaysOut(), seen(*SILENT), seen(*SILENT, pair(7.0))),
+    (expect.GivesUp(3.0), seen(*steady(1, 4)), seen(*steady(1, 7.9))),
+    (expect.GivesUp(3.0), seen(*steady(1, 4)), seen(*steady(1, 2))),
+    (expect.GivesUp(3.0), seen(*steady(1, 4)), seen()),
+    (expect.Refuses(2), seen(status=2), seen(status=0)),
+    (expect.Refuses(2), seen(status=2), seen(released(2.0), status=2)),
+    (expect.Refuses(2), seen(status=2), seen(status=None)),
+    (expect.Ends((0,), 5.0), seen(), seen(status=4)),
+    (expect.Ends((0,), 5.0), seen(), seen(status=None)),
+    (expect.Ends((-9,), 5.0), seen(status=-9), replace(seen(status=-9), exit_ns=11 * S)),
+    (expect.EndsOrderly(), seen(*steady(5, 7, stop), released(7.0)), seen(*steady(5, 7, stop))),
+    (expect.EndsOrderly(), seen(*steady(5, 7, stop), released(7.0)), seen(*steady(5, 7), released(7.0))),
+    (
+        expect.EndsOrderly(),
+        seen(*steady(5, 7, stop), released(7.0), history=[at(7.1, 0.0)]),
+        seen(*steady(5, 7, stop), released(7.0), history=[at(7.1, 2.0)]),
+    ),
+    (expect.WatchdogActs(), seen(history=[at(5.1, 3.0, FAULT)]), seen(history=[at(5.5, 3.0, FAULT)])),
+    (expect.WatchdogActs(), seen(history=[at(5.1, 3.0, FAULT)]), seen(history=[at(5.1, 3.0)])),
+    (
+        expect.ReachesEnd(),
+        seen(*steady(0, 7), pair(7.0, stop=1, reason="PAST_END_SPACE"), history=[at(7.5, 0.0)]),
+        seen(*steady(0, 7), stop(7.0), history=[at(7.5, 0.0)]),
+    ),
+    (
+        expect.ReachesEnd(),
+        seen(*steady(0, 7), pair(7.0, stop=1, reason="PAST_END_SPACE"), history=[at(7.5, 0.0)]),
+        seen(*steady(0, 7), pair(7.0, stop=1, reason="PAST_END_SPACE"), history=[at(7.5, 1.0)]),
+    ),
+    (
+        expect.FollowsGaps(),
+        seen(*steady(5.001, 5.101), *steady(5.121, 6), samples=[5.08, 5.09, 5.1 - 0.0005, 5.12, 5.13]),
+        seen(*steady(5.001, 5.131), *steady(5.151, 6), samples=[5.08, 5.09, 5.1 - 0.0005, 5.12, 5.13]),
+    ),
+    (
+        expect.FollowsGaps(),
+        seen(*steady(5.001, 5.09), samples=[5.08, 5.1 - 0.0005]),
+        seen(*DRIVES, samples=[5.1, 5.11]),
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("expectation", "right", "wrong"), JUDGED, ids=[f"{type(row[0]).__name__}-{i}" for i, row in enumerate(JUDGED)]
+)
+def test_what_must_be_seen_passes_where_it_is_there_and_fails_where_it_is_not(
+    expectation: Expectation, right: Seen, wrong: Seen
+) -> None:
+    passed, _ = expectation.judge(right)
+    failed, _ = expectation.judge(wrong)
+    assert (passed.verdict, failed.verdict) == (Verdict.PASS, Verdict.FAIL), (passed, failed)
+    assert failed.found
+
+
+def test_every_expectation_of_the_catalogue_is_judged_here() -> None:
+    assert {type(e) for case in CATALOGUE for e in case.see} - {type(row[0]) for row in JUDGED} == {expect.HazardLights}
+
+
+@given(st.lists(st.floats(0.0, 1e4), min_size=1, max_size=300))
+def test_a_distribution_counts_everything_once_and_its_quantiles_are_measurements(values: list[float]) -> None:
+    found = judge.distribution("x", values)
+    assert sum(found.counts) == found.count == len(values)
+    assert len(found.edges) == len(found.counts) + 1
+    assert found.p50 <= found.p95 <= found.p99 <= found.max == pytest.approx(max(values), abs=1e-4)
+
+
+# The bench as a whole.
+
+
+def test_a_case_that_lacks_something_says_what() -> None:
+    everywhere = Commands(start="")
+    own = Commands()
+    for case in CATALOGUE:
+        why = bench.missing(case, everywhere, "no-such-interface")
+        of_device = {Need.OWN_PROCESS, Need.START, Need.REARM} & set(case.needs)
+        assert not (of_device or case.breaks or case.profile or case.setup) or why, case.name
+        assert not why or case.needs or case.setup, case.name
+    door = Commands(start="ssh bench2 run", is_here=False, rearm="ssh bench2 rearm")
+    killed = next(case for case in CATALOGUE if case.name == "killed")
+    assert "on this computer" in bench.missing(killed, door, "no-such-interface")
+    assert not bench.missing(killed, own, "no-such-interface")
+
+
+def test_the_command_line_refuses_what_it_does_not_know(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "index.html").write_text("")
+    for arguments, why in (
+        (["--channel", "vcan9", "--out", str(tmp_path / "old")], "is not empty"),
+        (["--channel", "vcan9", "--out", str(tmp_path / "new"), "--case", "no-such"], "no such case or tag: no-such"),
+        (["--channel", "vcan9", "--out", str(tmp_path / "new"), "--compare", "no.json"], "--compare no.json"),
+        (["--out", str(tmp_path / "new")], "--channel and --out"),
+    ):
+        assert cli.main(arguments) == cli.BAD_USAGE
+        assert why in capsys.readouterr().err
+
+
+def test_the_list_names_every_case_and_what_it_proves(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["--list", "--json"]) == cli.PASSED
+    listed = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in listed] == [case.name for case in CATALOGUE]
+    assert cli.main(["--list"]) == cli.PASSED
+    text = capsys.readouterr().out
+    assert all(case.name in text and case.proves in text for case in CATALOGUE)
+
+
+def test_routes_begin_at_the_origin_along_x_and_their_time_grows() -> None:
+    for make in (routes.step, routes.slalom, routes.double_lane_change, routes.stop_and_go, routes.reverse_bay):
+        route = make()
+        assert (route.x_m[0], route.y_m[0], route.heading_rad[0]) == (0.0, 0.0, 0.0)
+        assert all(b > a for a, b in zip(route.time_s, route.time_s[1:], strict=False))
+        for i in range(1, len(route.x_m)):
+            step_m = math.hypot(route.x_m[i] - route.x_m[i - 1], route.y_m[i] - route.y_m[i - 1])
+            assert 0.0 <= step_m < 0.6

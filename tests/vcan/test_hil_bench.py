@@ -1,0 +1,102 @@
+"""The bench judges: a sound stranger passes, each of ten defects turns it red in the case that is there for it."""
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from hil import result
+from hil.result import Evidence, Run, Verdict
+
+from .contract import CHANNEL
+
+ROOT = Path(__file__).resolve().parents[2]
+MINIMAL = f"{sys.executable} {ROOT}/tests/hil/minimal_controller.py --channel {{channel}} --route {{trajectory}}"
+LONGEST_S = 280.0
+
+DEFECTS = {
+    "timeout_removed": ("state-lost", "a stop with STATE_STALE"),
+    "crc_unchecked": ("crc-always-wrong", "a stop with STATE_STALE"),
+    "steer_sign_swapped": ("drive-from-the-side", "comes to the end"),
+    "nan_path": ("drive-from-the-side", "comes to the end"),
+    "limit_off_by_10_percent": ("drive-from-the-side", "every value within the limits"),
+    "counter_repeated_with_fresh_crc": ("end-of-space", "its counters step by one"),
+    "stop_without_reason": ("state-lost", "a stop with STATE_STALE"),
+    "late_by_30_ms": ("latency-at-0-percent-load", "a sample that is left out"),
+    "commands_after_override": ("driver-brakes", "ENABLE = 0 with DRIVER_OVERRIDE"),
+    "frame_ignored": ("other-frame-of-reference", "a stop with FRAME_MISMATCH"),
+}
+"""Defect → the case that is there for it, and what of it fails."""
+
+
+def bench(tmp_path: Path, cases: Sequence[str], *, device: str = "", listen: str = "") -> tuple[int, Run, str]:
+    command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
+    command += [word for case in cases for word in ("--case", case)]
+    command += ["--device", device] if device else []
+    command += ["--listen-device", listen] if listen else []
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_S, check=False, cwd=ROOT)
+    report = tmp_path / "report" / "results.json"
+    assert report.exists(), done.stdout + done.stderr
+    return done.returncode, result.read(report), done.stdout + done.stderr
+
+
+@pytest.mark.timeout(LONGEST_S)
+def test_a_sound_controller_that_shares_no_code_with_the_program_passes_where_each_defect_does_not(
+    tmp_path: Path,
+) -> None:
+    cases = dict.fromkeys(case for case, _ in DEFECTS.values())
+    status, run, said = bench(tmp_path, list(cases), device=f"{MINIMAL} --arm")
+    assert {case.name: (case.verdict, case.why) for case in run.cases} == dict.fromkeys(cases, (Verdict.PASS, "")), said
+    assert status == 0
+    assert run.evidence is Evidence.VIRTUAL_BUS
+
+
+@pytest.mark.timeout(LONGEST_S)
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_a_defect_turns_the_bench_red_in_the_case_that_is_there_for_it(tmp_path: Path, defect: str) -> None:
+    case, must = DEFECTS[defect]
+    status, run, said = bench(tmp_path, [case], device=f"{MINIMAL} --arm --defect {defect}")
+    failed = [check.text for check in run.cases[0].checks if check.verdict is Verdict.FAIL]
+    assert run.cases[0].verdict is Verdict.FAIL, said
+    assert any(text.startswith(must) for text in failed), failed
+    assert status == 1
+
+
+@pytest.mark.timeout(LONGEST_S)
+def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> None:
+    cases = ["state-lost", "killed", "link-blip", "not-armed", "trajectory-with-nan"]
+    status, run, said = bench(tmp_path, cases)
+    assert {case.name: case.verdict for case in run.cases} == dict.fromkeys(cases, Verdict.PASS), said
+    assert status == 0
+    folder = tmp_path / "report"
+    assert "<title>" in (folder / "index.html").read_text()
+    assert (folder / "junit.xml").read_text().count("<testcase") == len(cases)
+    frames = (folder / next(case for case in run.cases if case.name == "state-lost").candump).read_text()
+    assert f"{CHANNEL} 080#" in frames
+    assert f"{CHANNEL} 110#" in frames
+
+
+def test_on_a_bus_that_is_not_quiet_it_only_listens(tmp_path: Path) -> None:
+    sim = subprocess.Popen([sys.executable, "-m", "vehicle_iface", "sim", "--channel", CHANNEL], cwd=ROOT)
+    try:
+        command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
+        command += ["--case", "state-lost", "--duration", "2", "--despite-traffic", "--type-profile", "another"]
+        while not _is_speaking():
+            assert sim.poll() is None
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=ROOT)
+        still_alone = sim.poll() is None
+    finally:
+        sim.terminate()
+        sim.wait(timeout=10)
+    run = result.read(tmp_path / "report" / "results.json")
+    assert still_alone
+    assert [case.name for case in run.cases] == ["listen-only"]
+    assert run.verdict is Verdict.NOT_EXECUTED
+    assert "only listens" in done.stderr
+    assert done.returncode == 3
+
+
+def _is_speaking() -> bool:
+    heard = subprocess.run(["candump", "-n", "1", "-T", "500", CHANNEL], capture_output=True, check=False)
+    return bool(heard.stdout)
