@@ -172,7 +172,7 @@ def missing(case: Case, commands: Commands, channel: str) -> str:
     """Why a case cannot be executed here; empty when it can."""
     have = {
         Need.OWN_PROCESS: commands.is_ours,
-        Need.START: bool(commands.start) if case.armed else bool(commands.listen),
+        Need.START: bool(commands.start) and (case.armed or bool(commands.listen)),
         Need.REARM: bool(commands.rearm) or commands.is_ours,
         Need.VIRTUAL: is_virtual(channel),
         Need.ROOT: os.geteuid() == 0,
