@@ -362,10 +362,13 @@ def test_a_case_that_lacks_something_says_what() -> None:
     everywhere = Commands(start="")
     own = Commands()
     for case in CATALOGUE:
-        why = bench.missing(case, everywhere, "no-such-interface")
+        why = bench.missing(case, everywhere, "no-such-interface", case.route().name)
         of_device = {Need.OWN_PROCESS, Need.START, Need.REARM} & set(case.needs)
         assert not (of_device or case.breaks or case.profile or case.setup) or why, case.name
         assert not why or case.needs or case.setup, case.name
+    assert "drives the route straight-400-m-at-5" in bench.missing(
+        next(case for case in CATALOGUE if case.name == "half-the-rate"), everywhere, "no-such-interface", "u-turn"
+    )
     door = Commands(start="ssh bench2 run", is_here=False, rearm="ssh bench2 rearm")
     killed = next(case for case in CATALOGUE if case.name == "killed")
     assert "on this computer" in bench.missing(killed, door, "no-such-interface")

@@ -19,7 +19,7 @@ from hil import run_case
 from hil.bus import Bus, is_virtual
 from hil.case import Case, Need
 from hil.cases import CATALOGUE
-from hil.device import ROOT, Commands, DeviceError
+from hil.device import ROOT, Commands
 from hil.result import CaseResult, Evidence, Run, Verdict
 from hil.rig import RigError
 from hil.wire import Wire
@@ -55,8 +55,8 @@ class Plan:
     cases: Sequence[Case]
     repeat: int = 1
     seed: int = 0
-    missing: str = ""
-    """Why nothing may be injected; empty when it may."""
+    route: str = ""
+    """What a device that is there already drives."""
 
 
 def chosen(names: Iterable[str], tags: Iterable[str], *, quick: bool) -> list[Case]:
@@ -155,20 +155,20 @@ def environment(channel: str) -> dict[str, str]:
 
 
 def _executed(bench: run_case.Bench, case: Case, repetition: int, plan: Plan) -> CaseResult:
-    why = plan.missing or missing(case, plan.commands, plan.channel)
+    why = missing(case, plan.commands, plan.channel, plan.route)
     if why:
         return _not_executed(bench, case, repetition, why)
     for attempt in range(ATTEMPTS):
         try:
             found = run_case.run(bench, case, repetition)
-        except (RigError, DeviceError, OSError) as error:
+        except (RigError, OSError) as error:
             return _not_executed(bench, case, repetition, f"the bench could not go on: {error}")
         if found.verdict is not Verdict.NOT_EXECUTED or attempt == ATTEMPTS - 1:
             break
     return found
 
 
-def missing(case: Case, commands: Commands, channel: str) -> str:
+def missing(case: Case, commands: Commands, channel: str, route: str = "") -> str:
     """Why a case cannot be executed here; empty when it can."""
     have = {
         Need.OWN_PROCESS: commands.is_ours,
@@ -181,6 +181,8 @@ def missing(case: Case, commands: Commands, channel: str) -> str:
     lacking = [need.value for need in case.needs if not have[need]]
     if not commands.start and (case.breaks or case.profile or case.setup):
         lacking.append(Need.START.value)
+    if not commands.start and not lacking and case.route().name != route:
+        lacking.append(f"a device that drives the route {case.route().name} (--write-routes, --route)")
     return f"needs {'; '.join(lacking)}" if lacking else ""
 
 

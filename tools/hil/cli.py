@@ -25,6 +25,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
+        if options.write_routes:
+            return _write_routes(Path(options.write_routes))
         if options.list:
             return _list(as_json=options.json)
         return _bench(options)
@@ -39,6 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _bench(options: argparse.Namespace) -> int:
     if not options.channel or not options.out:
         raise bench.BenchError("--channel and --out are needed, or --list")
+    if not options.device and not (options.route and options.rearm):
+        raise bench.BenchError("--device '' (it is there already) needs --route, what it drives, and --rearm")
     folder = Path(options.out)
     if folder.exists() and any(folder.iterdir()):
         raise bench.BenchError(f"--out {folder}: is not empty; name a new folder")
@@ -65,6 +69,7 @@ def _bench(options: argparse.Namespace) -> int:
             cases=cases,
             repeat=options.repeat,
             seed=options.seed,
+            route=options.route,
         )
         run = bench.run(plan, Progress(to_error=options.json))
     return _told(run, folder, old, options)
@@ -121,6 +126,13 @@ def _list(*, as_json: bool) -> int:
     return PASSED
 
 
+def _write_routes(folder: Path) -> int:
+    folder.mkdir(parents=True, exist_ok=True)
+    for route in {case.route().name: case.route() for case in CATALOGUE if case.breaks is None}.values():
+        print(route.write(folder / f"{route.name}.csv"))
+    return PASSED
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="tools/hil_bench.py",
@@ -156,6 +168,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--listen-device", default=own, metavar="COMMAND", help="starts the device without arming it; '' if it cannot")
     add("--stop", default="", metavar="COMMAND", help="ends the device; '' for SIGINT to what --device started")
     add("--rearm", default="", metavar="COMMAND", help="arms the device again; '' for SIGUSR1 to what --device started")
+    add("--route", default="", metavar="NAME", help="of a device that is there already: what it drives")
+    add("--write-routes", default="", metavar="DIR", help="write every trajectory of the catalogue there, and end")
     add("--elsewhere", action="store_true", help="--device only opens a door to another computer (ssh)")
     add("--duration", type=float, default=10.0, metavar="S", help="how long to listen on a bus that is not quiet, s")
     add(

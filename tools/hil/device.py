@@ -10,17 +10,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 OWN = f"{sys.executable} -m vehicle_iface run --channel {{channel}} --profile {{profile}} --trajectory {{trajectory}}"
-LONGEST_COMMAND_S = 10.0
-
-
-class DeviceError(Exception):
-    """The device could not be started, ended or told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,8 +42,11 @@ class Commands:
 class Device:
     """One life of the device."""
 
-    def __init__(self, commands: Commands, log: Path, words: Mapping[str, str]) -> None:
-        self._commands, self._words, self.log = commands, words, log
+    def __init__(
+        self, commands: Commands, log: Path, words: Mapping[str, str], run: Callable[[Sequence[str]], None]
+    ) -> None:
+        """`run` runs a program while the vehicle goes on."""
+        self._commands, self._words, self.log, self._run = commands, words, log, run
         self._process: subprocess.Popen[bytes] | None = None
         self.status: int | None = None
         """Exit status, once it has ended."""
@@ -77,14 +75,14 @@ class Device:
     def rearm(self) -> None:
         """The operator's edge."""
         if self._commands.rearm:
-            self._run(self._commands.rearm)
+            self._run(self._filled(self._commands.rearm))
         else:
             self.send(signal.SIGUSR1)
 
     def stop(self) -> None:
         """Ask it to end in an orderly way; `poll` tells when it has."""
         if self._commands.stop:
-            self._run(self._commands.stop)
+            self._run(self._filled(self._commands.stop))
         elif self._process is not None:
             self.send(signal.SIGINT)
 
@@ -114,17 +112,6 @@ class Device:
             return left
         time.sleep(0.05)
         return left or ["a process that the device had started was still there"]
-
-    def _run(self, template: str) -> None:
-        command = self._filled(template)
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=LONGEST_COMMAND_S, check=False, cwd=ROOT)
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise DeviceError(f"{shlex.join(command)}: {error}") from error
-        if done.returncode:
-            raise DeviceError(
-                f"{shlex.join(command)}: status {done.returncode}: {done.stderr.decode(errors='replace')}"
-            )
 
     def _filled(self, template: str) -> list[str]:
         return [part.format_map(self._words) for part in shlex.split(template)]

@@ -78,7 +78,7 @@ class Hands:
 
 
 class Rig:
-    """Raises `RigError`, `OSError` and `DeviceError` where the bench, not the device, is at fault."""
+    """Raises `RigError` and `OSError` where the bench, not the device, is at fault."""
 
     def __init__(
         self, wire: Wire, channel: str, commands: Commands, folder: Path, words: dict[str, str], seed: int, name: str
@@ -89,7 +89,7 @@ class Rig:
         self.bus = Bus(channel, wire.names)
         self.vehicle = Vehicle(wire, Plant(wheelbase_m=float(wire.profile["geometry"]["wheelbase_m"])))
         self.vehicle_speaks = True
-        self.device = Device(commands, folder / f"{name}.log", words)
+        self.device = Device(commands, folder / f"{name}.log", words, self.command)
         self._hands = Hands()
         self.heard: list[Heard] = []
         self.events: list[Event] = []

@@ -99,7 +99,7 @@ def lane_change(offset_m: float, length_m: float) -> list[Segment]:
 
 def straight(length_m: float = 400.0, speed_mps: float = 5.0) -> Route:
     """Along +x."""
-    return route("straight", [(length_m, 0.0)], speed_mps)
+    return route(f"straight-{length_m:.0f}-m-at-{speed_mps:.0f}", [(length_m, 0.0)], speed_mps)
 
 
 def step(speed_mps: float = 5.0) -> Route:
