@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import cantools
-from bus_contract import Frame, Limits, Told, checksum
+from bus_contract import REASONS, Frame, Limits, Told, checksum
 from bus_contract_fd import checksum as checksum_fd
 from cantools.database.can import Database, Message
 from cantools.database.errors import Error as CantoolsError
@@ -231,4 +231,7 @@ class Wire:
         for word, table in (("MODE", "modes"), ("GEAR", "gears")):
             for theirs, ours in self.profile["status"].get(table, {}).items():
                 numbers[word][ours] = numbers[word][theirs]
+        for name, number in numbers.get("REASON", {}).items():
+            if name not in REASONS or REASONS.index(name) != number:
+                raise ProfileError(f"{self.dbc}: REASON {number} {name}: must be numbered as the reference vehicle's")
         return numbers
