@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Generator, Iterator
@@ -105,6 +106,9 @@ class Programs:
         self.folder = folder
         self.channel = channel
         self.started: list[Program] = []
+        self._memory = tempfile.TemporaryDirectory(dir="/dev/shm")
+        self.telemetry = f"{self._memory.name}/telemetry"
+        """In this kernel's own memory: what one process maps of the host's files, another does not see."""
 
     def start(self, *arguments: str) -> Program:
         """`vehicle-iface ARGUMENTS…`."""
@@ -118,14 +122,15 @@ class Programs:
         return program
 
     def run(self, *arguments: str) -> Program:
-        """The loop, with its telemetry and its summary in the test's folder."""
-        telemetry, summary = str(self.folder / "telemetry"), str(self.folder / "summary.json")
-        return self.start("run", "--channel", self.channel, "--telemetry", telemetry, "--summary", summary, *arguments)
+        """The loop, with its summary in the test's folder."""
+        told = ("--telemetry", self.telemetry, "--summary", str(self.folder / "summary.json"))
+        return self.start("run", "--channel", self.channel, *told, *arguments)
 
     def kill_all(self) -> None:
         """Nothing of ours runs on."""
         for program in self.started:
             program.kill()
+        self._memory.cleanup()
 
     @property
     def text(self) -> str:

@@ -41,7 +41,7 @@ class Drive:
 
 def view(programs: Programs) -> Program:
     """A viewer that serves its page."""
-    viewer = programs.start("view", "--connect", str(programs.folder / "telemetry"), "--port", "0")
+    viewer = programs.start("view", "--connect", programs.telemetry, "--port", "0")
     address = viewer.says(r"viewer: (http://\S+)").group(1)
     with urllib.request.urlopen(address, timeout=20.0) as page:
         assert page.status == 200

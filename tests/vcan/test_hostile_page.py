@@ -21,7 +21,7 @@ assert main(["--port", sys.argv[1]]) == main(["--port", "0", "--host", "0.0.0.0"
 def test_a_page_that_is_attacked_flooded_and_told_nonsense_changes_nothing_on_the_bus(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
-    connected = ("view", "--connect", str(programs.folder / "telemetry"))
+    connected = ("view", "--connect", programs.telemetry)
     viewer = programs.start(*connected, "--port", "0", "--token", TOKEN)
     port = viewer.says(r"viewer: http://127\.0\.0\.1:(\d+)").group(1)
     second = programs.start_python("-c", SECOND_VIEWERS, port, name="view")

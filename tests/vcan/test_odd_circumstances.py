@@ -117,7 +117,7 @@ def test_one_late_pass_is_counted_and_only_young_samples_are_answered_after_it(
 @pytest.mark.usefixtures("vehicle")
 def test_with_more_than_1024_descriptors_open_the_loop_drives_as_ever(programs: Programs, bus: Observer) -> None:
     what = ["run", "--arm", "--trajectory", line_file(programs.folder), "--summary"]
-    telemetry, report = str(programs.folder / "telemetry"), str(programs.folder / "summary.json")
+    telemetry, report = programs.telemetry, str(programs.folder / "summary.json")
     loop = programs.start_python("-c", WITH_MANY_FILES, *what, report, "--telemetry", telemetry, name="run")
     moving = wait_until_driven(bus)
     record = bus.record(moving, bus.wait_samples(50, since=moving))
@@ -169,7 +169,7 @@ def test_a_loop_that_has_too_little_memory_to_begin_with_ends_before_its_first_f
 def test_a_stopped_viewer_and_pages_that_never_read_change_nothing_on_the_bus(
     programs: Programs, bus: Observer
 ) -> None:
-    viewer = programs.start("view", "--connect", str(programs.folder / "telemetry"), "--port", "0")
+    viewer = programs.start("view", "--connect", programs.telemetry, "--port", "0")
     host, port = viewer.says(r"viewer: http://([\d.]+):(\d+)").groups()
     loop, moving = driven(programs, bus)
     with ExitStack() as pages:

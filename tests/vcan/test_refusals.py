@@ -79,7 +79,7 @@ def cases(tmp_path: Path) -> dict[str, tuple[list[str], str]]:
 def test_bad_databases_profiles_and_trajectories_are_each_refused_by_name_before_the_first_frame(
     programs: Programs, bus: Observer, vehicle: Vehicle, cases: dict[str, tuple[list[str], str]]
 ) -> None:
-    file, telemetry = programs.folder / "cases.json", str(programs.folder / "telemetry")
+    file, telemetry = programs.folder / "cases.json", programs.telemetry
     usual = ["run", "--arm", "--duration", "1", "--telemetry", telemetry]
     file.write_text(json.dumps([[*usual, *arguments] for arguments, _ in cases.values()]), encoding="utf-8")
     loop = programs.start_python(REFUSED, str(file), name="run")
