@@ -33,6 +33,7 @@ KINDS = {
 ANSWER_P50_S = 0.010
 """The contract's period: an answer that usually comes after the next sample is late."""
 PLOT_POINTS = 300
+THINNED_M = 0.2
 HEALTHY_S = 0.6
 SLACK_AFTER_S = 0.35
 JUST_BEFORE_S = 0.05
@@ -127,12 +128,22 @@ def path(case: Case, route: Route, history: Sequence[Instant]) -> tuple[list[Che
         return [], drawn
     if not moving:
         return [check("stays near its path", ["it was never driven"])], drawn
-    errors = lateral_errors_m(moving, route.x_m, route.y_m)  # type: ignore[arg-type]
+    errors = lateral_errors_m(moving, *_thinned(route))  # type: ignore[arg-type]
     worst = max(errors)
     verdict = Verdict.PASS if worst <= case.most_path_error_m else Verdict.FAIL
     limit = case.most_path_error_m
     text = "stays near its path"
     return [Check(text=text, verdict=verdict, measured=round(worst, 3), limit=limit, unit="m")], drawn
+
+
+def _thinned(route: Route) -> tuple[list[float], list[float]]:
+    """Points far enough apart to be followed from sample to sample; no corner of a path is sharper than that."""
+    x_m, y_m = [route.x_m[0]], [route.y_m[0]]
+    for x, y in zip(route.x_m, route.y_m, strict=True):
+        if math.hypot(x - x_m[-1], y - y_m[-1]) >= THINNED_M:
+            x_m.append(x)
+            y_m.append(y)
+    return [*x_m, route.x_m[-1]], [*y_m, route.y_m[-1]]
 
 
 def plots(wire: Wire, seen: Seen) -> list[Plot]:
