@@ -525,9 +525,11 @@ STATE = (
         at_mps=4.0,
         inject=f.frozen(),
         for_s=1.0,
-        see=(Stops((*INVALID, *STALE), within_s=0.6, until_end=False),),
-        after_s=0.5,
+        see=(Stops((*INVALID, *STALE), within_s=0.2, until_end=False),),
+        after_s=1.2,
+        then=Then.REARM,
         allow=ANY,
+        needs=(Need.REARM,),
     ),
     Case(
         name="pose-invalid",
