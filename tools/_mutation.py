@@ -220,6 +220,8 @@ def _print_table(results: Sequence[Result]) -> None:
     head = ("module", "mutants", "killed", "equivalent", "survived", "percent", "seconds")
     rows = [
         (r.module, r.mutants, r.killed, r.equivalent, len(r.survivors), f"{r.percent:.1f}", f"{r.took_s:.0f}")
+        if r.mutants
+        else (r.module, 0, 0, 0, 0, "–", "–")  # nothing of it was drawn
         for r in (*results, _total(results))
     ]
     width = max(len(str(row[0])) for row in (head, *rows))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from vehicle_iface.control import ReferencePoint, point_at, tracking_error
@@ -134,6 +134,7 @@ def one_point(x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0, time
 ways = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0))
 
 
+@example(place=(2.0, 3.0), heading_rad=0.7, way=(-0.5, 4.0))
 @given(place=ways, heading_rad=strategies.angles, way=ways)
 def test_past_the_end_is_ahead_of_the_last_point_in_its_own_axes_wherever_to_the_side(
     place: tuple[float, float], heading_rad: float, way: tuple[float, float]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from vehicle_iface import Trajectory, compose
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.safety.feasible import SLACK, refusal
+from vehicle_iface.safety.feasible import SLACK, refusal, sharpest
 from vehicle_iface.trajectories import ROUTES, make_route, save_csv
 from vehicle_iface.trajectories.source import FixedTrajectory
 
@@ -200,3 +200,81 @@ def test_a_route_is_laid_out_for_what_the_vehicle_stands_and_refused_where_that_
     stiff = msgspec.structs.replace(LIMITS, front_wheel_angle_by_speed=((0.0, 0.6), (1.0, 0.05)))
     with pytest.raises(ConfigError, match="route 'u_turn': the path turns by"):
         compose.build_route("u_turn", msgspec.structs.replace(PROFILE, limits=stiff))
+
+
+def bent(turn_rad: float, before_m: float, after_m: float, spacing_m: float = 10.0, **columns: Any) -> Trajectory:
+    """Two straight lines with one corner; headings that say nothing of it."""
+    before = np.append(np.arange(0.0, before_m - 1e-9, spacing_m), before_m)
+    after = np.append(np.arange(spacing_m, after_m - 1e-9, spacing_m), after_m)
+    count = len(before) + len(after)
+    given: dict[str, Any] = {
+        "time_from_start_ns": np.arange(count),
+        "x_m": np.concatenate([before, before_m + np.round(after * math.cos(turn_rad), 12)]),
+        "y_m": np.concatenate([np.zeros(len(before)), np.round(after * math.sin(turn_rad), 12)]),
+        "heading_rad": np.zeros(count),
+        "speed_mps": np.ones(count),
+    }
+    return path(**given | columns)
+
+
+def turned_per_m(text: str) -> float:
+    found = re.match(r"the path turns by (\S+) rad/m", text)
+    assert found, text
+    return float(found[1])
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("turn_deg", "per_m"),
+    [
+        (60.0, 2.0 * math.sin(math.pi / 3) / 3.5),  # of the circle through the three points
+        (80.0, 2.0 * math.sin(math.radians(80.0)) / math.sqrt(8.5 + 7.5 * math.cos(math.radians(80.0)))),
+        (90.0, 2.0 / math.sqrt(8.5)),
+        (120.0, 2.0 * math.sin(math.radians(60.0)) / 2.5),  # of the angle, over the longer line
+        (170.0, 2.0 * math.sin(math.radians(85.0)) / 2.5),
+        (180.0, 2.0 / 2.5),
+    ],
+)
+def test_a_corner_of_three_points_turns_by_its_circle_and_where_it_leads_back_by_its_angle(
+    turn_deg: float, per_m: float, sign: float
+) -> None:
+    text = judged(bent(sign * math.radians(turn_deg), 1.5, 2.5))
+    assert turned_per_m(text) == pytest.approx(per_m, rel=1e-3)
+    assert " at point 1: " in text
+
+
+@pytest.mark.parametrize(("after_m", "is_judged"), [(0.5, False), (0.7, True), (0.9, True)])
+def test_at_the_end_half_a_chord_is_enough_to_tell_a_turn_and_less_is_not(after_m: float, is_judged: bool) -> None:
+    assert bool(judged(bent(math.pi / 2, 1.5, after_m))) is is_judged
+
+
+@pytest.mark.parametrize("speeds_mps", [(1.0, 1.0, 1.0), (-1.0, -1.0, -1.0), (1.0, 0.0, 1.0), (-1.0, 0.0, -1.0)])
+def test_a_corner_where_the_vehicle_stands_is_one_as_long_as_it_goes_on_in_the_same_direction(
+    speeds_mps: tuple[float, ...],
+) -> None:
+    assert judged(bent(math.pi / 2, 1.5, 2.5, speed_mps=np.array(speeds_mps))) != ""
+    assert judged(bent(math.pi / 2, 1.5, 2.5, speed_mps=np.array(speeds_mps) * (1.0, 1.0, -1.0))) == ""
+
+
+@pytest.mark.parametrize(("speed_mps", "chord_m"), [(1.0, WHEELBASE_M / 2), (10.0, 5.0)])
+def test_a_turn_is_told_over_half_a_wheelbase_or_half_a_second_whichever_is_longer(
+    speed_mps: float, chord_m: float
+) -> None:
+    corner = bent(0.45, 20.0, 20.0, 0.05)
+    text = judged(path(**columns_of(corner) | {"speed_mps": np.full(len(corner), speed_mps)}))
+    assert turned_per_m(text) == pytest.approx(2.0 * math.sin(0.225) / chord_m, rel=0.15)
+
+
+def columns_of(trajectory: Trajectory) -> dict[str, Any]:
+    return {name: getattr(trajectory, name) for name in ("time_from_start_ns", "x_m", "y_m", "heading_rad")}
+
+
+def test_a_corner_is_seen_as_near_to_the_first_point_as_a_chord_is_long() -> None:
+    text = judged(bent(0.42, WHEELBASE_M / 2, 20.0, 0.05))
+    assert turned_per_m(text) == pytest.approx(2.0 * math.sin(0.21) / (WHEELBASE_M / 2), rel=0.02)
+
+
+def test_rear_wheels_that_turn_as_well_make_the_sharpest_curve_sharper() -> None:
+    rear = msgspec.structs.replace(LIMITS, rear_wheel_angle_rad=0.1)
+    both_per_m = (math.tan(LIMITS.front_wheel_angle_rad) + math.tan(0.1)) / WHEELBASE_M
+    assert sharpest(np.array([1.0]), rear, WHEELBASE_M) == pytest.approx(both_per_m)
