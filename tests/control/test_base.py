@@ -54,6 +54,20 @@ def test_a_tracking_stop_steers_where_the_child_says() -> None:
     assert (command.front_wheel_angle_rad, command.rear_wheel_angle_rad) == (0.3, -0.1)
 
 
+@pytest.mark.parametrize(
+    ("frame_id", "may_track", "front_rad"),
+    [(None, True, 0.3), ("map", True, 0.3), ("odom", True, 0.0), (None, False, 0.0), ("map", False, 0.0)],
+)
+def test_a_tracking_stop_steers_by_a_good_state_in_the_trajectorys_frame_and_is_straight_otherwise(
+    frame_id: str | None, may_track: bool, front_rad: float
+) -> None:
+    controller = Steering(BehaviorConfig(stop_steering=StopSteering.TRACK))
+    if frame_id is not None:
+        controller.set_trajectory(along_x(frame_id=frame_id))
+    command = controller.compute_stop_command(at(0.0), may_track=may_track)
+    assert command.front_wheel_angle_rad == front_rad
+
+
 @pytest.mark.parametrize("answer", [ConfigError("x"), ZeroDivisionError(), (math.nan, 0.0), (0.0, math.inf)], ids=repr)
 def test_a_tracking_stop_is_straight_when_the_child_cannot_say(answer: object) -> None:
     controller = Steering(BehaviorConfig(stop_steering=StopSteering.TRACK))
