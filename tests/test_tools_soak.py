@@ -228,6 +228,14 @@ def test_a_loop_that_is_armed_again_may_drive_on_after_the_link_was_down(scene: 
     assert not any("armed" in text or "no cause" in text for text in scene.judged().wrong)
 
 
+def test_a_loop_that_was_silent_for_a_moment_and_is_armed_again_owes_no_answers(scene: Scene) -> None:
+    for i in range(MIDDLE, MIDDLE + 4):
+        scene.at_loop[i] = [seen for seen in scene.at_loop[i] if not seen.is_own]
+    assert any("is not answered" in text for text in scene.judged().wrong)
+    scene.notes.armings_ns.append(BEGIN_NS + (MIDDLE + 4) * PERIOD_NS)
+    assert not any("is not answered" in text for text in scene.judged().wrong)
+
+
 def test_a_machine_that_stands_still_again_and_again_is_not_taken_for_a_loop_that_does(scene: Scene) -> None:
     stalls = range(20, SAMPLES - 20, 25)
     for lists in (scene.at_loop, scene.at_vehicle):

@@ -407,7 +407,7 @@ class Judge:
 
         Such a stop may cross the late sample on the wire; then the sample's own answer comes right after it.
         """
-        if pair.stamp_ns - self._pair_ns > SILENT_NS:
+        if pair.stamp_ns - self._pair_ns > SILENT_NS or self.notes.armed_since(self._pair_ns, pair.stamp_ns):
             self._settled_ns = pair.stamp_ns + SETTLING_NS
         self._pair_ns = pair.stamp_ns
         if pair.stamp_ns < self._settled_ns:
