@@ -989,9 +989,9 @@ MANOEUVRES = (
     Case(
         name="drive-from-the-side",
         tags=("manoeuvre", "limits"),
-        proves="Begun 1.8 m beside the path and turned away, the device steers hard, and never beyond a limit.",
+        proves="Begun beside the path and turned away by 0.6 rad, the device steers hard, and never beyond a limit.",
         route=lambda: routes.straight(36.0, 4.0),
-        setup={"y_m": 1.8, "heading_rad": 0.6},
+        setup={"y_m": 0.2, "heading_rad": 0.6},
         see=(ReachesEnd(),),
         then=Then.END_OF_ROUTE,
     ),
