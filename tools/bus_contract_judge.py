@@ -4,6 +4,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Protocol
 
 from bus_contract import (
@@ -272,20 +273,31 @@ def _find_pairs(contract: Judged, record: Record) -> None:
     if len(contract.command) == 1:
         record.pairs += [Pair(told, told) for told in record.told if told.name in contract.command]
         return
+    halves = [told for told in record.told if told.name in contract.command]
+    first = _said_first(halves, contract)
     half: Told | None = None
-    for told in record.told:
-        if told.name not in contract.command:
+    for told in halves:
+        if told.name != first and half is not None:
+            drive, steer = (half, told) if first == contract.command[0] else (told, half)
+            record.pairs.append(Pair(drive, steer))
+            half = None
             continue
-        if half is None or half.name == told.name:
-            if half is not None:
-                record.doubled.append(f"{half.name} alone at {_at(half.stamp_ns, record.begin_ns)}")
-            half = told
-            continue
-        drive, steer = (half, told) if half.name == contract.command[0] else (told, half)
-        record.pairs.append(Pair(drive, steer))
-        half = None
+        alone = half if told.name == first else told
+        if alone is not None:
+            record.doubled.append(f"{alone.name} alone at {_at(alone.stamp_ns, record.begin_ns)}")
+        half = told if told.name == first else None
     if half is not None and record.end_ns - half.stamp_ns > JITTER_NS:
         record.doubled.append(f"{half.name} alone at {_at(half.stamp_ns, record.begin_ns)}")
+
+
+def _said_first(halves: Sequence[Told], contract: Judged) -> str:
+    """The half that begins a pair: the one after which the other usually comes sooner."""
+    waits: dict[str, list[int]] = {name: [] for name in contract.command}
+    for before, after in pairwise(halves):
+        if before.name != after.name:
+            waits[before.name].append(after.stamp_ns - before.stamp_ns)
+    usual = {name: sorted(gaps)[len(gaps) // 2] for name, gaps in waits.items() if gaps}
+    return min(usual, key=lambda name: usual[name], default=contract.command[0])
 
 
 def _judge_answers(record: Record) -> None:

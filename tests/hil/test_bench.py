@@ -19,7 +19,7 @@ sys.path.append(str(ROOT / "tools"))
 
 from bus_contract import AUTONOMOUS, FAULT, MANUAL, MS, READY, REFERENCE, Frame, S  # noqa: E402
 from bus_contract_fd import REFERENCE_FD  # noqa: E402
-from bus_contract_judge import Pair  # noqa: E402
+from bus_contract_judge import Pair, examine  # noqa: E402
 from hil import bench, cli, expect, judge, routes  # noqa: E402
 from hil.case import Case, Need, Then  # noqa: E402
 from hil.cases import CATALOGUE, FILES  # noqa: E402
@@ -405,3 +405,20 @@ def test_routes_begin_at_the_origin_along_x_and_their_time_grows() -> None:
         for i in range(1, len(route.x_m)):
             step_m = math.hypot(route.x_m[i] - route.x_m[i - 1], route.y_m[i] - route.y_m[i - 1])
             assert 0.0 <= step_m < 0.6
+
+
+@pytest.mark.parametrize("order", [("DRIVE_COMMAND", "STEER_COMMAND"), ("STEER_COMMAND", "DRIVE_COMMAND")])
+@pytest.mark.parametrize("missing", [(20, 0), (20, 1)])
+def test_a_half_that_was_lost_makes_one_pair_too_few_and_none_wrong(
+    order: tuple[str, str], missing: tuple[int, int]
+) -> None:
+    frames = [
+        replace(WIRE.pack(name, tick % 15), stamp_ns=S + tick * 10 * MS + half * MS)
+        for tick in range(60)
+        for half, name in enumerate(order)
+        if (tick, half) != missing
+    ]
+    record = examine(frames, WIRE)
+    assert len(record.pairs) == 59
+    assert all(pair.drive.stamp_ns // (10 * MS) == pair.steer.stamp_ns // (10 * MS) for pair in record.pairs)
+    assert [text.split()[:2] for text in record.doubled if "alone" in text] == [[order[1 - missing[1]], "alone"]]
