@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle_iface.codec.e2e import CounterCheck, Protection, Sequence
+from vehicle_iface.codec.e2e import WINDOW, CounterCheck, Protection, Sequence
 from vehicle_iface.errors import ConfigError
 
 P02_IDS = tuple(range(16))
@@ -275,6 +275,16 @@ def test_a_damaged_frame_widens_the_next_step_and_no_other():
     damaged(check, 1)
     assert check.step(4) is Sequence.OK
     assert check.step(8) is Sequence.WRONG
+
+
+def test_however_often_a_frame_is_repeated_after_damage_only_the_next_step_is_widened():
+    check = CounterCheck(15, 3)
+    check.step(0)
+    damaged(check, 1)
+    for _ in range(WINDOW):
+        assert check.step(0) in (Sequence.REPEATED, Sequence.UNTRUSTED)
+    assert check.step(1) is Sequence.OK
+    assert check.step(5) is Sequence.WRONG
 
 
 @pytest.mark.parametrize("bad", [0, 1, 2, 3, 4])

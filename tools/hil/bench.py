@@ -165,7 +165,7 @@ def _executed(bench: run_case.Bench, case: Case, repetition: int, plan: Plan) ->
             return _not_executed(bench, case, repetition, f"the bench could not go on: {error}")
         if found.verdict is not Verdict.NOT_EXECUTED or attempt == ATTEMPTS - 1:
             break
-    return found
+    return msgspec.structs.replace(found, counts=found.counts | {"attempts": attempt + 1})
 
 
 def missing(case: Case, commands: Commands, channel: str, route: str = "") -> str:

@@ -143,7 +143,7 @@ def reverse_bay() -> Route:
 
 def u_turn(speed_mps: float = 3.0) -> Route:
     """Half a circle of 7 m."""
-    return route("u-turn", [(12.0, 0.0), (math.pi * 7.0, 1.0 / 7.0), (15.0, 0.0)], speed_mps)
+    return route("u-turn", [(5.0, 0.0), (math.pi * 7.0, 1.0 / 7.0), (6.0, 0.0)], speed_mps)
 
 
 def circle(speed_mps: float = 4.0) -> Route:

@@ -179,7 +179,7 @@ class CounterCheck:
         """Judge the next frame by its counter, and remember it."""
         last = self._last
         if self._history == _ALL_GOOD and counter == last + 1 < self._states and last >= 0:  # the usual case
-            self._last = counter
+            self._last, self._damaged = counter, 0
             return Sequence.OK
         if not 0 <= counter < self._states:
             return Sequence.INVALID
