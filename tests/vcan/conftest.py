@@ -161,6 +161,18 @@ def _link_is_up() -> bool:
     return bool(int(Path(f"/sys/class/net/{CHANNEL}/flags").read_text(), 16) & IFF_UP)
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--part", default="1/1", metavar="N/M", help="only every M-th test on vcan, from the N-th")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    part, parts = (int(number) for number in config.getoption("--part", "1/1").split("/"))
+    if not 1 <= part <= parts:
+        raise pytest.UsageError(f"--part {part}/{parts}: the first number must be from 1 to the second")
+    config.hook.pytest_deselected(items=[item for i, item in enumerate(items) if i % parts != part - 1])
+    items[:] = items[part - 1 :: parts]
+
+
 @pytest.fixture(scope="module")
 def vcan0() -> Iterator[None]:
     """The interface, up before and after."""
