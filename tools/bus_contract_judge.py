@@ -268,7 +268,7 @@ def _find_samples(accepted: Iterable[Told], contract: Judged, record: Record) ->
 def _find_pairs(contract: Judged, record: Record) -> None:
     """A DRIVE_COMMAND and the next STEER_COMMAND, or the other way round; a half without its other is told.
 
-    A COMMAND on CAN FD is both.
+    Where the record begins or ends, the other may be beyond it. A COMMAND on CAN FD is both.
     """
     if len(contract.command) == 1:
         record.pairs += [Pair(told, told) for told in record.told if told.name in contract.command]
@@ -283,7 +283,8 @@ def _find_pairs(contract: Judged, record: Record) -> None:
             half = None
             continue
         alone = half if told.name == first else told
-        if alone is not None:
+        is_cut = alone is halves[0] and alone.name != first and alone.stamp_ns - record.begin_ns < JITTER_NS
+        if alone is not None and not is_cut:
             record.doubled.append(f"{alone.name} alone at {_at(alone.stamp_ns, record.begin_ns)}")
         half = told if told.name == first else None
     if half is not None and record.end_ns - half.stamp_ns > JITTER_NS:

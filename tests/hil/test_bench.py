@@ -422,3 +422,14 @@ def test_a_half_that_was_lost_makes_one_pair_too_few_and_none_wrong(
     assert len(record.pairs) == 59
     assert all(pair.drive.stamp_ns // (10 * MS) == pair.steer.stamp_ns // (10 * MS) for pair in record.pairs)
     assert [text.split()[:2] for text in record.doubled if "alone" in text] == [[order[1 - missing[1]], "alone"]]
+
+
+def test_a_record_that_begins_within_a_pair_begins_with_the_next_one() -> None:
+    frames = [
+        replace(WIRE.pack(name, tick % 15), stamp_ns=S + tick * 10 * MS + half * MS)
+        for tick in range(60)
+        for half, name in enumerate(WIRE.command)
+    ][1:]
+    record = examine(frames, WIRE)
+    assert len(record.pairs) == 59
+    assert not [text for text in record.doubled if "alone" in text]

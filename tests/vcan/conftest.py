@@ -169,8 +169,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     part, parts = (int(number) for number in config.getoption("--part", "1/1").split("/"))
     if not 1 <= part <= parts:
         raise pytest.UsageError(f"--part {part}/{parts}: the first number must be from 1 to the second")
-    config.hook.pytest_deselected(items=[item for i, item in enumerate(items) if i % parts != part - 1])
-    items[:] = items[part - 1 :: parts]
+    units: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        units.setdefault(_unit(item), []).append(item)
+    kept = {item for unit in list(units.values())[part - 1 :: parts] for item in unit}
+    config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+    items[:] = [item for item in items if item in kept]
+
+
+def _unit(item: pytest.Item) -> str:
+    """What stays together: a test, or all tests of a module that share what one of them has set up."""
+    assert isinstance(item, pytest.Function)
+    definitions = [found for name in item.fixturenames for found in item._fixtureinfo.name2fixturedefs.get(name, ())]
+    return item.path.name if any(found.scope == "module" for found in definitions) else item.nodeid
 
 
 @pytest.fixture(scope="module")
