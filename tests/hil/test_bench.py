@@ -383,6 +383,8 @@ def test_the_command_line_refuses_what_it_does_not_know(tmp_path: Path, capsys: 
         (["--channel", "vcan9", "--out", str(tmp_path / "new"), "--case", "no-such"], "no such case or tag: no-such"),
         (["--channel", "vcan9", "--out", str(tmp_path / "new"), "--compare", "no.json"], "--compare no.json"),
         (["--out", str(tmp_path / "new")], "--channel and --out"),
+        (["--channel", "vcan9", "--out", str(tmp_path / "new"), "--device", "sh -c 'x"], "--device: No closing quot"),
+        (["--channel", "vcan9", "--out", str(tmp_path / "new"), "--rearm", "x ${A}"], "--rearm: {A} is not known"),
     ):
         assert cli.main(arguments) == cli.BAD_USAGE
         assert why in capsys.readouterr().err

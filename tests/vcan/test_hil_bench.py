@@ -1,7 +1,10 @@
 """The bench judges: a sound stranger passes, each of ten defects turns it red in the case that is there for it."""
 
+import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -75,6 +78,33 @@ def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> Non
     frames = (folder / next(case for case in run.cases if case.name == "state-lost").candump).read_text()
     assert f"{CHANNEL} 080#" in frames
     assert f"{CHANNEL} 110#" in frames
+
+
+@pytest.mark.timeout(LONGEST_S)
+def test_told_to_end_in_the_middle_of_a_case_it_ends_the_device_and_puts_everything_back(tmp_path: Path) -> None:
+    command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
+    command += ["--case", "link-down", "--device", f"{MINIMAL} --arm"]
+    bench = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        while _is_up():
+            assert bench.poll() is None
+            time.sleep(0.02)
+        os.killpg(bench.pid, signal.SIGTERM)
+        os.killpg(bench.pid, signal.SIGINT)
+        _, said = bench.communicate(timeout=60)
+        is_up = _is_up()
+    finally:
+        bench.kill()
+        subprocess.run(["ip", "link", "set", CHANNEL, "up"], check=True)
+    assert "interrupted" in said
+    assert bench.returncode == 130
+    assert is_up
+    left = subprocess.run(["pgrep", "-f", "minimal_controller"], capture_output=True, text=True, check=False)
+    assert not left.stdout
+
+
+def _is_up() -> bool:
+    return bool(int(Path(f"/sys/class/net/{CHANNEL}/flags").read_text(), 16) & 1)
 
 
 def test_on_a_bus_that_is_not_quiet_it_only_listens(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from hil.cases import CATALOGUE
 from hil.device import ROOT, Commands
 from hil.result import CaseResult, Evidence, Run, Verdict
 from hil.rig import RigError
-from hil.wire import Wire
+from hil.wire import ProfileError, Wire
 
 LISTEN_S = 1.0
 ATTEMPTS = 3
@@ -161,7 +161,7 @@ def _executed(bench: run_case.Bench, case: Case, repetition: int, plan: Plan) ->
     for attempt in range(ATTEMPTS):
         try:
             found = run_case.run(bench, case, repetition)
-        except (RigError, OSError) as error:
+        except (RigError, ProfileError, OSError) as error:
             return _not_executed(bench, case, repetition, f"the bench could not go on: {error}")
         if found.verdict is not Verdict.NOT_EXECUTED or attempt == ATTEMPTS - 1:
             break

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,13 +12,13 @@ import msgspec
 from hil import bench, listen
 from hil import result as results
 from hil.cases import CATALOGUE
-from hil.device import OWN, Commands
+from hil.device import OWN, Commands, misspelt
 from hil.report import compare, html, junit
 from hil.report.terminal import Progress
 from hil.result import Run, Verdict
 from hil.wire import ProfileError, Wire
 
-PASSED, FAILED, BAD_USAGE, NOTHING_DONE = 0, 1, 2, 3
+PASSED, FAILED, BAD_USAGE, NOTHING_DONE, INTERRUPTED = 0, 1, 2, 3, 130
 STATUS = {Verdict.PASS: PASSED, Verdict.FAIL: FAILED, Verdict.NOT_EXECUTED: NOTHING_DONE}
 
 
@@ -33,9 +34,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (bench.BenchError, ProfileError) as error:
         print(f"hil_bench: {error}", file=sys.stderr)
         return BAD_USAGE
+    except KeyboardInterrupt:
+        print("hil_bench: interrupted; everything is put back, and there is no report", file=sys.stderr)
+        return INTERRUPTED
     except OSError as error:
         print(f"hil_bench: {options.channel}: {error.strerror or error}; run: vehicle-iface doctor", file=sys.stderr)
         return NOTHING_DONE
+
+
+def _be_interruptible() -> None:
+    """However it is told to end, it ends the device and puts back what it changed; to be told twice hastens nothing."""
+    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def interrupted(_number: int, _frame: object) -> None:
+        for number in ends:
+            signal.signal(number, lambda *_: None)
+        raise KeyboardInterrupt
+
+    for number in ends:
+        signal.signal(number, interrupted)
 
 
 def _bench(options: argparse.Namespace) -> int:
@@ -46,6 +63,10 @@ def _bench(options: argparse.Namespace) -> int:
     folder = Path(options.out)
     if folder.exists() and any(folder.iterdir()):
         raise bench.BenchError(f"--out {folder}: is not empty; name a new folder")
+    for option in ("device", "listen_device", "stop", "rearm"):
+        wrong = misspelt(getattr(options, option))
+        if wrong:
+            raise bench.BenchError(f"--{option.replace('_', '-')}: {wrong}")
     old = _old(options.compare)
     wire = Wire(options.profile)
     commands = Commands(
@@ -56,6 +77,7 @@ def _bench(options: argparse.Namespace) -> int:
         is_here=not options.elsewhere,
     )
     cases = bench.chosen(options.case, options.tag, quick=options.quick)
+    _be_interruptible()
     found = bench.traffic(options.channel, wire)
     if found and not _is_told_twice(options, wire, found):
         run = listen.run(wire, options.channel, folder, options.duration, found)

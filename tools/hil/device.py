@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+WORDS = ("channel", "profile", "trajectory", "route")
 OWN = f"{sys.executable} -m vehicle_iface run --channel {{channel}} --profile {{profile}} --trajectory {{trajectory}}"
 
 
@@ -37,6 +38,22 @@ class Commands:
     def is_ours(self) -> bool:
         """Whether the operating system may be used against it."""
         return bool(self.start) and self.is_here
+
+
+def misspelt(template: str) -> str:
+    """What is wrong with a command line; empty when it can be filled in."""
+    try:
+        filled(template, dict.fromkeys(WORDS, ""))
+    except KeyError as error:
+        return f"{{{error.args[0]}}} is not known; a brace that is meant is written twice"
+    except (ValueError, IndexError) as error:
+        return str(error)
+    return ""
+
+
+def filled(template: str, words: Mapping[str, str]) -> list[str]:
+    """The command line's words."""
+    return [part.format_map(words) for part in shlex.split(template)]
 
 
 class Device:
@@ -114,4 +131,4 @@ class Device:
         return left or ["a process that the device had started was still there"]
 
     def _filled(self, template: str) -> list[str]:
-        return [part.format_map(self._words) for part in shlex.split(template)]
+        return filled(template, self._words)

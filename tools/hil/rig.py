@@ -4,6 +4,7 @@ import fcntl
 import os
 import random
 import shlex
+import signal
 import socket
 import struct
 import subprocess
@@ -47,6 +48,7 @@ class Hands:
             stderr=subprocess.STDOUT,
             env=os.environ | {"PATH": path},
             bufsize=0,
+            start_new_session=True,  # what interrupts the bench must not take its hands away
         )
         assert self._shell.stdout is not None
         os.set_blocking(self._shell.stdout.fileno(), False)
@@ -72,8 +74,9 @@ class Hands:
         return True
 
     def close(self) -> None:
-        """May be called twice."""
-        self._shell.kill()
+        """With all that still runs beside. May be called twice."""
+        with suppress(ProcessLookupError):
+            os.killpg(self._shell.pid, signal.SIGKILL)
         self._shell.communicate()
 
 

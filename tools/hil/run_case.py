@@ -55,10 +55,10 @@ def run(bench: Bench, case: Case, repetition: int = 1) -> CaseResult:
         "trajectory": str(trajectory.resolve()),
         "route": route.name,
     }
-    if case.on_vxcan:
-        rigs.make_cable()
     began = time.monotonic()
     try:
+        if case.on_vxcan:
+            rigs.make_cable()
         rig = Rig(bench.wire, channel, bench.commands, bench.folder, words, bench.seed + repetition - 1, case.name)
         rig.device.log = bench.folder / f"{name}.log"
         try:

@@ -150,9 +150,11 @@ class Wire:
         return any(word in layout.signal_of for layout in self._layouts.values())
 
     def part_of(self, word: str) -> str:
-        """The message of the state sample, or the status, that carries a signal."""
-        homes = (*self.sample, "VEHICLE_STATUS")
-        return str(next(name for name in homes if word in self._layouts[name].signal_of))
+        """The message of the state sample, or the status, that carries a signal. Raises `ProfileError` if none does."""
+        for name in (*self.sample, "VEHICLE_STATUS"):
+            if word in self._layouts[name].signal_of:
+                return name
+        raise ProfileError(f"{self.path}: nothing says {word}")
 
     def _bind(self, database: Database) -> None:
         """Which messages there are, and the contract's words for their signals."""
