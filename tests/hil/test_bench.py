@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
@@ -250,6 +251,7 @@ def seen(*pairs: Pair, samples: Sequence[float] = (), history: Sequence[Instant]
         history=history,
         exit_status=status,
         exit_ns=9 * S,
+        route=routes.straight(7.0),
     )
 
 
@@ -265,8 +267,16 @@ def released(at_s: float) -> Pair:
     return pair(at_s, enable=0, reason="DRIVER_OVERRIDE")
 
 
-def at(at_s: float, speed_mps: float, mode: int = AUTONOMOUS) -> Instant:
-    return Instant(round(at_s * S), 0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, mode)
+def at(at_s: float, speed_mps: float, mode: int = AUTONOMOUS, x_m: float = 7.0) -> Instant:
+    return Instant(round(at_s * S), x_m, 0.0, 0.0, speed_mps, 0.0, 0.0, mode)
+
+
+def ended(at_s: float) -> Pair:
+    return pair(at_s, stop=1, reason="PAST_END_SPACE")
+
+
+def out_of_time(at_s: float) -> Pair:
+    return pair(at_s, stop=1, reason="PAST_END_TIME")
 
 
 DRIVES, STOPS, SILENT = [*steady(0, 10)], [*steady(0, 5.06), *steady(5.06, 6, stop), *steady(6, 10)], [*steady(0, 5.05)]
@@ -287,9 +297,11 @@ JUDGED: list[tuple[Expectation, Seen, Seen]] = [
     (expect.MomentaryAtMost(("STATE_STALE",), 0.2), seen(*DRIVES), seen(*LETS_GO)),
     (expect.Standstill(2.0), seen(history=[at(5.5, 1.0), at(6.5, 0.0)]), seen(history=[at(7.5, 0.0)])),
     (expect.Standstill(2.0), seen(history=[at(6.5, 0.0)]), seen(history=[at(6.5, 1.0)])),
-    (expect.NeverEnables(), seen(*steady(0, 8, released)), seen(*steady(0, 7, released), pair(7.5))),
+    (expect.NeverEnables(), seen(*steady(0, 8, released)), seen(*steady(0, 5, released), pair(5.5))),
     (expect.NeverEnables(at_all=True), seen(), seen(released(3.0))),
     (expect.StaysOut(), seen(*SILENT), seen(*SILENT, pair(7.0))),
+    (expect.StaysOut(), seen(*SILENT, pair(6.001)), seen(*SILENT, pair(6.001), pair(6.002))),
+    (expect.DrivesOn(), seen(*DRIVES), seen(*steady(0, 5.3), *steady(5.42, 10))),
     (expect.GivesUp(3.0), seen(*steady(1, 4)), seen(*steady(1, 7.9))),
     (expect.GivesUp(3.0), seen(*steady(1, 4)), seen(*steady(1, 2))),
     (expect.GivesUp(3.0), seen(*steady(1, 4)), seen()),
@@ -310,13 +322,29 @@ JUDGED: list[tuple[Expectation, Seen, Seen]] = [
     (expect.WatchdogActs(), seen(history=[at(5.1, 3.0, FAULT)]), seen(history=[at(5.1, 3.0)])),
     (
         expect.ReachesEnd(),
-        seen(*steady(0, 7), pair(7.0, stop=1, reason="PAST_END_SPACE"), history=[at(7.5, 0.0)]),
-        seen(*steady(0, 7), stop(7.0), history=[at(7.5, 0.0)]),
+        seen(*steady(0, 7), ended(7.0), history=[at(6.9, 1.0), at(7.5, 0.0)]),
+        seen(*steady(0, 7), stop(7.0), history=[at(6.9, 1.0), at(7.5, 0.0)]),
     ),
     (
         expect.ReachesEnd(),
-        seen(*steady(0, 7), pair(7.0, stop=1, reason="PAST_END_SPACE"), history=[at(7.5, 0.0)]),
-        seen(*steady(0, 7), pair(7.0, stop=1, reason="PAST_END_SPACE"), history=[at(7.5, 1.0)]),
+        seen(*steady(0, 7), ended(7.0), history=[at(6.9, 1.0), at(7.5, 0.0)]),
+        seen(*steady(0, 7), ended(7.0), history=[at(6.9, 1.0), at(7.5, 1.0)]),
+    ),
+    (
+        expect.ReachesEnd(),
+        seen(*steady(0, 7), ended(7.0), history=[at(6.9, 1.0), at(7.5, 0.0)]),
+        seen(*steady(0, 1), *steady(1, 8, ended), history=[at(0.9, 0.0, x_m=0.0), at(7.5, 0.0, x_m=0.0)]),
+    ),
+    (
+        expect.ReachesEnd(("PAST_END_TIME",)),
+        replace(
+            seen(*steady(0, 7), *steady(7, 8, out_of_time), history=[at(1.0, 0.0), at(7.5, 0.0)]),
+            route=replace(routes.straight(7.0), time_s=[0.0, 6.0]),
+        ),
+        replace(
+            seen(*steady(0, 3), *steady(3, 8, out_of_time), history=[at(1.0, 0.0), at(7.5, 0.0)]),
+            route=replace(routes.straight(7.0), time_s=[0.0, 6.0]),
+        ),
     ),
     (
         expect.FollowsGaps(),
@@ -345,6 +373,149 @@ def test_what_must_be_seen_passes_where_it_is_there_and_fails_where_it_is_not(
 
 def test_every_expectation_of_the_catalogue_is_judged_here() -> None:
     assert {type(e) for case in CATALOGUE for e in case.see} - {type(row[0]) for row in JUDGED} == {expect.HazardLights}
+
+
+# What must never be seen.
+
+Values = dict[str, float]
+Lie = Callable[[str, int, Values], Sequence[Values]]
+"""Message, tick, what is true → what is said: nothing, once, several times."""
+SPEED_MPS = 8.0
+STOPPED_FROM = 200
+"""Tick from which the made-up device stops."""
+
+
+def truth(_name: str, _tick: int, values: Values) -> Sequence[Values]:
+    return [values]
+
+
+def lie(name: str, change: Callable[[int, Values], Sequence[Values]]) -> Lie:
+    return lambda said, tick, values: change(tick, values) if said == name else [values]
+
+
+def with_value(name: str, from_tick: int = 0, **wrong: float) -> Lie:
+    return lie(name, lambda tick, values: [values | wrong if tick >= from_tick else values])
+
+
+def judged(tell: Lie, *, case: Case = CATALOGUE[0]) -> dict[str, Verdict]:
+    """Four seconds of commands at 8 m/s, a stop from the second one on; the verdict of each kind."""
+    counters: dict[str, int] = {}
+    frames = []
+
+    def say(at_s: float, name: str, tick: int, **values: float) -> None:
+        for told in tell(name, tick, values):
+            counters[name] = counters.get(name, -1) + 1
+            frame = WIRE.pack(name, counters[name] % 15, **told)
+            frames.append(replace(frame, stamp_ns=S + round(at_s * S) + len(frames)))
+
+    for tick in range(400):
+        at_s, is_stop = tick / 100, tick >= STOPPED_FROM
+        number = WIRE.number("REASON", "STATE_INVALID" if is_stop else "NOMINAL")
+        for name in WIRE.sample:
+            say(at_s, name, tick, **({"SPEED": SPEED_MPS} if name == "MOTION" else {}))
+        braked = -3.0 * is_stop
+        drive = {"ENABLE": 1, "SAFE_STOP": is_stop, "REASON": number, "ACCEL_REQUEST": braked, "GEAR_REQUEST": 7}
+        say(at_s + 0.001, "DRIVE_COMMAND", tick, **drive)
+        say(at_s + 0.001, "STEER_COMMAND", tick, ENABLE=1)
+        if tick % 10 == 0:
+            say(at_s + 0.002, "BODY_COMMAND", tick, HAZARD_LIGHTS=is_stop)
+            say(at_s + 0.002, "CONTROLLER_STATUS", tick, STATE=4 if is_stop else 3, REASON=number)
+    record = judge.examine(frames, WIRE)
+    history = [at(1.0 + tick / 100, SPEED_MPS) for tick in range(400)]
+    rig = SimpleNamespace(wire=WIRE, touched_ns=0, healthy_ns=0)
+    checks = judge.protocol(case, rig, record, seen(history=history))  # type: ignore[arg-type]
+    return {kind: check.verdict for kind, check in zip(judge.KINDS, checks, strict=True)}
+
+
+LIES: dict[str, tuple[str, Lie]] = {
+    "a stop that never brakes": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=0.0)),
+    "a stop with a third of the brake": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-1.0)),
+    "a stop that lets the brake go": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM + 60, ACCEL_REQUEST=-1.0)),
+    "a stop that brakes too hard": ("dynamics", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-5.0)),
+    "a curve too tight for 8 m/s": ("dynamics", with_value("STEER_COMMAND", FRONT_WHEEL_ANGLE_REQUEST=0.19)),
+    "rear wheels that it has not": ("dynamics", with_value("STEER_COMMAND", REAR_WHEEL_ANGLE_REQUEST=0.05)),
+    "a speed beyond every limit": ("dynamics", with_value("DRIVE_COMMAND", SPEED_REQUEST=90.0)),
+    "no lights at all": ("periods", lie("BODY_COMMAND", lambda *_: [])),
+    "lights every half second": ("periods", lie("BODY_COMMAND", lambda tick, v: [] if tick % 50 else [v])),
+    "no report at all": ("periods", lie("CONTROLLER_STATUS", lambda *_: [])),
+    "reports ten times as often": ("periods", lie("CONTROLLER_STATUS", lambda _, values: [values] * 10)),
+    "a report that all is well": ("periods", with_value("CONTROLLER_STATUS", REASON=0)),
+    "lights that stay off": ("command", with_value("BODY_COMMAND", HAZARD_LIGHTS=0)),
+    "half of a pair that lets go": ("command", with_value("STEER_COMMAND", 150, ENABLE=0)),
+    "another gear at speed": ("command", with_value("DRIVE_COMMAND", 150, GEAR_REQUEST=3)),
+    "every command twice": ("burst", lie("DRIVE_COMMAND", lambda _, values: [values, values])),
+    "a burst of thirty": ("burst", lie("DRIVE_COMMAND", lambda tick, v: [v] * (30 if tick == 150 else 1))),
+    "every other sample answered": (
+        "unanswered",
+        lambda name, tick, values: [] if tick % 2 and name in WIRE.command else [values],
+    ),
+}
+
+
+def test_a_device_that_says_the_truth_has_nothing_against_it() -> None:
+    assert set(judged(truth).values()) == {Verdict.PASS}
+
+
+@pytest.mark.parametrize("name", LIES)
+def test_a_lie_is_found_by_the_kind_that_is_there_for_it(name: str) -> None:
+    kind, tell = LIES[name]
+    assert judged(tell)[kind] is Verdict.FAIL
+
+
+def named(name: str) -> Case:
+    return next(case for case in CATALOGUE if case.name == name)
+
+
+def test_an_injection_into_a_vehicle_that_is_not_driven_is_no_pass() -> None:
+    rig = SimpleNamespace(touched_ns=5 * S)
+    for name, instants in (
+        ("state-lost-at-speed", [at(4.9, 3.0)]),
+        ("state-lost", [at(4.9, 3.0, READY)]),
+        ("state-lost", []),
+    ):
+        checks = judge.prepared(named(name), seen(history=instants), rig)  # type: ignore[arg-type]
+        assert [check.verdict for check in checks] == [Verdict.FAIL], name
+    good = judge.prepared(named("state-lost"), seen(history=[at(4.9, 2.5)]), rig)  # type: ignore[arg-type]
+    assert [check.verdict for check in good] == [Verdict.PASS]
+
+
+def test_health_is_to_move_to_hold_and_to_live_until_told() -> None:
+    rig = SimpleNamespace(healthy_ns=9 * S)
+    drives, holds, waits = named("half-the-rate"), named("rolling-back"), named("not-armed")
+    moves, stands = [at(7.9, 2.0)], [at(7.9, 0.0)]
+    for case, sound, broken in (
+        (drives, seen(*DRIVES, history=moves), seen(*DRIVES, history=stands)),
+        (holds, seen(*steady(5, 8, stop)), seen(*steady(5, 7.9, stop), *steady(7.9, 8))),
+        (holds, seen(*steady(5, 8, stop)), seen()),
+        (waits, seen(), replace(seen(), exit_ns=3 * S)),
+    ):
+        for found, verdict in ((sound, Verdict.PASS), (broken, Verdict.FAIL)):
+            checks = judge.health(case, found, rig, [])  # type: ignore[arg-type]
+            assert (verdict is Verdict.FAIL) == any(check.verdict is Verdict.FAIL for check in checks), case.name
+
+
+def test_a_late_bench_excuses_what_was_late_and_nothing_else() -> None:
+    late, wrong, rate = (
+        expect.check("a stop", ["no such stop"]),
+        expect.check(judge.KINDS["command"], ["3.100 s: ENABLE 1 and 0 in one pair"]),
+        expect.check(judge.KINDS["command"], ["3.100 s: wheels faster than 0.8 rad/s"]),
+    )
+    assert judge.certain([late, wrong]) == [wrong]
+    assert judge.certain([late, rate]) == []
+
+
+def test_a_driver_who_lets_go_again_leaves_a_vehicle_that_is_ready() -> None:
+    ride = Ride()
+    ride.tick(20, accel=1.0)
+    rig = SimpleNamespace(vehicle=ride.vehicle)
+    inject = named("driver-lets-go-again").inject
+    assert inject is not None
+    with inject(rig):  # type: ignore[arg-type]
+        ride.tick(2, accel=1.0)
+        assert ride.vehicle.mode == MANUAL
+    ride.tick(2)
+    assert ride.vehicle.mode == READY
+    assert not ride.vehicle.driver_brake
 
 
 @given(st.lists(st.floats(0.0, 1e4), min_size=1, max_size=300))

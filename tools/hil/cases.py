@@ -40,7 +40,7 @@ LINK = (Need.OWN_PROCESS, Need.VIRTUAL, Need.ROOT, Need.REARM)
 CABLE = (Need.OWN_PROCESS, Need.VXCAN, Need.ROOT)
 SILENT = frozenset({"silence", "unanswered"})
 DROPPED = frozenset({"unanswered"})
-BAD_CABLE = frozenset({"unanswered", "doubled", "counter", "damaged"})
+BAD_CABLE = frozenset({"unanswered", "doubled", "counter", "damaged", "burst", "periods"})
 ANY = frozenset({"silence", "unanswered", "doubled"})
 BROKEN_LINK = ANY | {"counter"}
 """A command that met a link that was lost never was on the bus."""
@@ -644,7 +644,7 @@ DRIVER = (
         tags=("driver",),
         proves="An override is latched: a driver who lets go has not armed the device.",
         injected="the driver brakes for 0.2 s, lets go, and the vehicle is READY again for 2.5 s",
-        inject=f.both(f.becomes(driver_brake=True)),
+        inject=f.for_a_moment(driver_brake=True),
         for_s=0.2,
         after_s=2.5,
         see=(LetsGo(("DRIVER_OVERRIDE", "NOT_ENGAGED"), within_s=0.06), StaysOut()),

@@ -1,18 +1,21 @@
 """What must be seen of the device, judged afterwards on what was on the bus, by the kernel's stamps."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol
 
-from bus_contract import Frame, S, Told
+from bus_contract import AUTONOMOUS, Frame, S, Told
 from bus_contract_judge import Pair
 
 from hil.result import Check, Event, EventKind, Verdict
-from hil.vehicle import Instant
+from hil.routes import Route
+from hil.vehicle import WATCHDOG_NS, Instant
 
 STOP_S = 0.150
 PERIOD_S = 0.010
+AT_END_M, AT_END_S = 1.5, 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +39,7 @@ class Seen:
     history: Sequence[Instant]
     exit_status: int | None
     exit_ns: int
+    route: Route
 
     def at_s(self, stamp_ns: int) -> float:
         """On the case's time line."""
@@ -160,6 +164,11 @@ class DrivesOn:
         wrong = [_described(seen, pair) for pair in pairs if pair.is_stop or not pair.is_enabled]
         if not pairs:
             wrong = ["no command at all"]
+        wrong += [
+            f"{seen.at_s(a.stamp_ns):.3f} s: no command for {(b.stamp_ns - a.stamp_ns) / S:.3f} s"
+            for a, b in pairwise(pairs)
+            if b.stamp_ns - a.stamp_ns > WATCHDOG_NS
+        ]
         return check(text, wrong), []
 
 
@@ -221,7 +230,7 @@ class Standstill:
 
 @dataclass(frozen=True)
 class NeverEnables:
-    """No ENABLE = 1 until the operator acts; with `at_all`, not one frame."""
+    """No ENABLE = 1 until the injection is over; with `at_all`, not one frame."""
 
     at_all: bool = False
 
@@ -229,7 +238,7 @@ class NeverEnables:
         if self.at_all:
             wrong = [f"{seen.at_s(frame.stamp_ns):.3f} s: identifier 0x{frame.can_id:03X}" for frame in seen.frames]
             return check("not one frame of the device's is on the bus", wrong), []
-        pairs = seen.between(seen.begin_ns, seen.then_ns)
+        pairs = seen.between(seen.begin_ns, seen.end_ns)
         return check("never ENABLE = 1", [_described(seen, pair) for pair in pairs if pair.is_enabled]), []
 
 
@@ -256,11 +265,17 @@ class GivesUp:
 
 @dataclass(frozen=True)
 class StaysOut:
-    """From the end of the injection until the operator acts, no ENABLE = 1."""
+    """From the end of the injection until the operator acts, no ENABLE = 1: no burst of old commands either.
+
+    One that had been silent may have been stopped between its last look and its last word: that is one command.
+    """
 
     def judge(self, seen: Seen) -> tuple[Check, list[Event]]:
-        pairs = seen.between(seen.end_ns + round(0.05 * S), seen.then_ns)
-        wrong = [_described(seen, pair) for pair in pairs if pair.is_enabled]
+        settled_ns = seen.end_ns + round(0.05 * S)
+        wrong = [_described(seen, pair) for pair in seen.between(settled_ns, seen.then_ns) if pair.is_enabled]
+        at_once = [pair for pair in seen.between(seen.end_ns, settled_ns) if pair.is_enabled]
+        if len(at_once) > 1 and not seen.between(seen.end_ns - round(STOP_S * S), seen.end_ns):
+            wrong.append(f"{len(at_once)} commands in a burst, {_described(seen, at_once[0])}")
         return check("stays out until it is armed again", wrong), []
 
 
@@ -331,7 +346,7 @@ class WatchdogActs:
 
 @dataclass(frozen=True)
 class ReachesEnd:
-    """A stop with one of these reasons, without hazard lights, and standstill."""
+    """A stop with one of these reasons, where or when the route ends, without hazard lights, and standstill."""
 
     reasons: tuple[str, ...] = ("PAST_END_SPACE",)
 
@@ -348,11 +363,25 @@ class ReachesEnd:
         lights = [told for told in seen.told if told.name == "BODY_COMMAND" and first_ns < told.stamp_ns < seen.then_ns]
         if any(told["HAZARD_LIGHTS"] for told in lights[1:]):
             wrong.append("hazard lights at the end of the trajectory")
+        wrong += self._too_early(seen, first_ns, stops[0].reason)
         rest = [i for i in seen.history if first_ns < i.at_ns < seen.then_ns]
         if not rest or abs(rest[-1].speed_mps) > 0.02:
             wrong.append("it does not stand at the end")
         event = Event(at_s=seen.at_s(first_ns), kind=EventKind.REACTION, text=stops[0].reason)
         return check(text, wrong), [event]
+
+    def _too_early(self, seen: Seen, first_ns: int, reason: str) -> Iterable[str]:
+        """Whoever says that the route is over must have driven it."""
+        driven = [i for i in seen.history if i.mode == AUTONOMOUS and i.at_ns <= first_ns]
+        if not driven:
+            yield "it was never driven"
+        elif reason == "PAST_END_SPACE":
+            left_m = math.hypot(seen.route.x_m[-1] - driven[-1].x_m, seen.route.y_m[-1] - driven[-1].y_m)
+            if left_m > AT_END_M:
+                yield f"{seen.at_s(first_ns):.3f} s: {left_m:.2f} m from the end of the route"
+        elif abs((first_ns - driven[0].at_ns) / S - seen.route.time_s[-1]) > AT_END_S:
+            took_s = (first_ns - driven[0].at_ns) / S
+            yield f"after {took_s:.2f} s of a route that takes {seen.route.time_s[-1]:.2f} s"
 
 
 def _is_moving(seen: Seen, pair: Pair) -> bool:

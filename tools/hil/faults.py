@@ -302,6 +302,18 @@ def becomes(**changed: object) -> Injection:
     return inject
 
 
+def for_a_moment(**changed: object) -> Injection:
+    """Like `becomes`; at the end the driver makes the vehicle ready, and nobody arms the device."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        with becomes(**changed)(rig):
+            yield
+        rig.vehicle.make_ready()
+
+    return inject
+
+
 @contextmanager
 def nothing(_rig: "Rig") -> Iterator[None]:
     """The vehicle is driven, that is all."""

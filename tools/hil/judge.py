@@ -8,8 +8,8 @@ import re
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from bus_contract import MS, Frame, S
-from bus_contract_judge import Pair, Record, examine, lateral_errors_m
+from bus_contract import AUTONOMOUS, MS, Frame, S
+from bus_contract_judge import SILENCE_NS, Pair, Record, examine, lateral_errors_m
 
 from hil.case import Case, Then
 from hil.expect import Seen, check
@@ -27,16 +27,28 @@ KINDS = {
     "silence": "no gap of 200 ms between commands",
     "command": "every value within the limits, and signals that agree with each other",
     "dynamics": "steering, lateral acceleration and braking as the profile allows at the measured speed",
+    "brakes": "a stop brakes: half the safe deceleration within 250 ms, and until it is slow",
+    "burst": "no burst: in 250 ms no more than 1.2 commands for each period, and one",
+    "periods": "lights and report in their period, and the report's reason is the command's",
 }
 """Never to be seen → what must hold instead."""
+CERTAIN = ("damaged", "counter", "command", "dynamics")
+"""Found in what a frame says, whenever it came: no lateness of the bench's explains it."""
 
 ANSWER_P50_S = 0.010
 """The contract's period: an answer that usually comes after the next sample is late."""
 PLOT_POINTS = 300
 THINNED_M = 0.2
 HEALTHY_S = 0.6
+HOLDS_S = 0.3
+MOVING_MPS = 0.05
 SLACK_AFTER_S = 0.35
 JUST_BEFORE_S = 0.05
+WINDOW_NS = 250 * MS
+SLOW_MPS = 1.0
+"""Below it a brake may be let up."""
+SLOWER_MPS = 0.3
+"""A speed at which the device was not sure to have been slow already."""
 """An unanswered sample is told by when all was answered the last time."""
 
 
@@ -55,6 +67,9 @@ def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
         "silence": [f"{(a - record.begin_ns) / S:.3f} s: silence of {(b - a) / S:.3f} s" for a, b in record.silences],
         "command": record.violations,
         "dynamics": list(_dynamics(rig.wire, record)),
+        "brakes": list(_unbraked(rig.wire, record, seen.history)),
+        "burst": list(_bursts(rig.wire, record)),
+        "periods": list(_out_of_period(rig.wire, record)),
     }
     from_s = (rig.touched_ns - record.begin_ns) / S - JUST_BEFORE_S if rig.touched_ns else math.inf
     until_ns = rig.healthy_ns - round(HEALTHY_S * S) if case.then is Then.REARM else seen.then_ns or seen.end_ns
@@ -66,6 +81,25 @@ def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
             wrong = [text for text in wrong if not from_s <= _time_in(text) <= to_s]
         checks.append(check(must, wrong))
     return checks
+
+
+def certain(failed: Sequence[Check]) -> list[Check]:
+    """Of checks that failed, those that did not because the bench was late. Rates are made of stamps, and may have."""
+    texts = {KINDS[kind] for kind in CERTAIN}
+    return [c for c in failed if c.text in texts and not all("faster" in text for text in c.found)]
+
+
+def prepared(case: Case, seen: Seen, rig: Rig) -> list[Check]:
+    """That there was something to be broken: a vehicle that is driven, as fast as the case has it."""
+    if case.inject is None or case.at_mps < 0.0:
+        return []
+    before = [instant for instant in seen.history if instant.at_ns <= rig.touched_ns][-1:]
+    wrong = []
+    if not before or before[0].mode != AUTONOMOUS:
+        wrong.append("it was not engaged")
+    elif abs(before[0].speed_mps) < case.at_mps - SLOWER_MPS:
+        wrong.append(f"{seen.at_s(rig.touched_ns):.3f} s: {before[0].speed_mps:.2f} m/s")
+    return [check(f"it drives at {case.at_mps} m/s when the injection begins", wrong)]
 
 
 def answers(case: Case, record: Record, seen: Seen, rig: Rig) -> tuple[list[Check], list[Distribution]]:
@@ -104,9 +138,18 @@ def health(case: Case, seen: Seen, rig: Rig, killed: Sequence[str]) -> list[Chec
         )
         if len(last) < HEALTHY_S * 50:
             wrong.append(f"{len(last)} commands in the last {HEALTHY_S} s")
+        at_end = [instant for instant in seen.history if instant.at_ns <= end_ns][-1:]
+        if not at_end or at_end[0].mode != AUTONOMOUS or abs(at_end[0].speed_mps) < MOVING_MPS:
+            wrong.append("the vehicle does not move")
         checks.append(check("afterwards it drives, without a fault", wrong))
+    if case.then is Then.HOLDS:
+        last = seen.between(seen.then_ns - round(HOLDS_S * S), seen.then_ns)
+        wrong = sorted({f"{p.reason}, ENABLE {p.is_enabled:d}" for p in last if not p.is_stop or not p.is_enabled})
+        checks.append(check("the stop is held", wrong if last else ["no command at all"]))
     if seen.exit_status is not None or case.exit_status:
         wrong = list(killed)
+        if seen.exit_status is not None and seen.exit_ns < seen.then_ns and case.then is not Then.ENDED:
+            wrong.append(f"{seen.at_s(seen.exit_ns):.3f} s: it ended by itself")
         if seen.exit_status is not None and seen.exit_status not in case.exit_status:
             wrong.append(f"exit status {seen.exit_status}, not {' or '.join(map(str, case.exit_status))}")
         checks.append(check("it ends when told, and nothing is left running", wrong))
@@ -246,9 +289,10 @@ def timeline(case: Case, rig: Rig, seen: Seen, events: Iterable[Event]) -> list[
 
 
 def _dynamics(wire: Wire, record: Record) -> Iterable[str]:
-    """Steering by speed, and the deceleration of stops, against the profile's figures."""
+    """Steering by speed, requested speed, and the deceleration of stops, against the profile's figures."""
     limits, behavior = wire.profile["limits"], wire.profile["behavior"]
-    table = limits.get("front_wheel_angle_by_speed")
+    table = limits.get("front_wheel_angle_by_speed") or [[0.0, limits["front_wheel_angle_rad"]]]
+    wheelbase_m, rear_rad = wire.profile["geometry"]["wheelbase_m"], limits.get("rear_wheel_angle_rad", 0.0)
     samples, place, speed = record.samples, 0, 0.0
     before = braked = 0.0
     for pair in record.pairs:
@@ -258,14 +302,89 @@ def _dynamics(wire: Wire, record: Record) -> Iterable[str]:
             continue
         at = f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s:"
         angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
-        if table and abs(angle) > _between(table, abs(speed) - 0.3) + 0.002 and abs(angle) >= abs(before):
+        slower_mps = max(0.1, abs(speed) - SLOWER_MPS)
+        sideways_rad = math.atan(limits["lateral_accel_mps2"] * wheelbase_m / slower_mps**2)
+        most_rad = min(_between(table, slower_mps), sideways_rad) + 0.002
+        if abs(angle) > most_rad and abs(angle) >= abs(before):
             yield f"{at} {angle:.4f} rad at {speed:.2f} m/s"
         before = angle
+        if abs(pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)) > rear_rad + 1e-9:
+            yield f"{at} {pair.steer['REAR_WHEEL_ANGLE_REQUEST']:.4f} rad of the rear wheels"
+        if abs(pair.drive.signals.get("SPEED_REQUEST", 0.0)) > limits["speed_max_mps"] + 1e-9:
+            yield f"{at} {pair.drive['SPEED_REQUEST']:.3f} m/s asked for"
         strongest = max(behavior["safe_deceleration_mps2"], 0.0)
         accel = pair.drive["ACCEL_REQUEST"]
         if pair.is_stop and abs(accel) > max(strongest, abs(braked)) + 0.002:
             yield f"{at} a stop with {accel:.3f} m/s²"
         braked = accel
+
+
+def _unbraked(wire: Wire, record: Record, history: Sequence[Instant]) -> Iterable[str]:
+    """Stops that last, of a vehicle that goes on moving one way, with too little brake."""
+    least_mps2 = wire.profile["behavior"]["safe_deceleration_mps2"] / 2.0
+    place, speed, way, since_ns, before_ns = 0, 0.0, 0.0, 0, 0
+    for pair in record.pairs:
+        while place < len(history) and history[place].at_ns <= pair.stamp_ns:
+            speed, place = history[place].speed_mps, place + 1
+        is_on = pair.is_enabled and pair.is_stop and abs(speed) > SLOW_MPS
+        if not is_on or speed * way <= 0.0 or pair.stamp_ns - before_ns > SILENCE_NS:
+            since_ns, way = pair.stamp_ns, speed if is_on else 0.0
+        before_ns = pair.stamp_ns
+        brake_mps2 = -math.copysign(1.0, speed) * pair.drive["ACCEL_REQUEST"]
+        if is_on and pair.stamp_ns - since_ns > WINDOW_NS and brake_mps2 < least_mps2:
+            yield (
+                f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s: a stop with {pair.reason} "
+                f"brakes with {brake_mps2:.2f} m/s² at {speed:.2f} m/s"
+            )
+
+
+def _bursts(wire: Wire, record: Record) -> Iterable[str]:
+    """Too many commands in one window. After a gap, what a device owes may come at once, if it is not too old."""
+    timing = wire.profile["timing"]
+    period_ns = round(timing["command_period_s"] * S)
+    for name in wire.command:
+        stamps = [told.stamp_ns for told in record.told if told.name == name]
+        first = 0
+        for place, stamp_ns in enumerate(stamps):
+            while stamps[first] <= stamp_ns - WINDOW_NS:
+                first += 1
+            gap_ns = stamps[first] - stamps[first - 1] if first else 0
+            owed = min(gap_ns, round(timing["answer_age_s"] * S)) // period_ns
+            if place - first + 1 > 1.2 * WINDOW_NS / period_ns + 1 + max(0, owed - 1):
+                yield f"{(stamp_ns - record.begin_ns) / S:.3f} s: {place - first + 1} {name} in 250 ms"
+
+
+def _out_of_period(wire: Wire, record: Record) -> Iterable[str]:
+    """BODY_COMMAND and CONTROLLER_STATUS while there are commands; a stretch too short for one needs none."""
+    stretches: list[list[int]] = []
+    for pair in record.pairs:
+        if not stretches or pair.stamp_ns - stretches[-1][-1] > SILENCE_NS:
+            stretches.append([])
+        stretches[-1].append(pair.stamp_ns)
+    for name, period in (("BODY_COMMAND", "body_period_s"), ("CONTROLLER_STATUS", "report_period_s")):
+        period_ns = round(wire.profile["timing"][period] * S)
+        told_ns = [told.stamp_ns for told in record.of(name)]
+        for stretch in stretches:
+            inside = [stamp_ns for stamp_ns in told_ns if stretch[0] <= stamp_ns <= stretch[-1]]
+            for a_ns, b_ns in pairwise([stretch[0], *inside, stretch[-1]]):
+                if b_ns - a_ns > 2.5 * period_ns:
+                    yield f"{(a_ns - record.begin_ns) / S:.3f} s: no {name} for {(b_ns - a_ns) / S:.3f} s"
+        for a_ns, b_ns in zip(told_ns, told_ns[4:], strict=False):
+            if b_ns - a_ns < 2.5 * period_ns:
+                yield f"{(a_ns - record.begin_ns) / S:.3f} s: five {name} within {(b_ns - a_ns) / S:.3f} s"
+    yield from _lies(record)
+
+
+def _lies(record: Record) -> Iterable[str]:
+    """Reports with a reason that no command beside them has."""
+    pairs, place = record.pairs, 0
+    for report in record.of("CONTROLLER_STATUS"):
+        while place < len(pairs) and pairs[place].stamp_ns <= report.stamp_ns:
+            place += 1
+        beside = {pair.reason for pair in pairs[max(0, place - 1) : place + 1]}
+        if beside and "REASON" in report.signals and report.reason not in beside:
+            at = f"{(report.stamp_ns - record.begin_ns) / S:.3f} s:"
+            yield f"{at} CONTROLLER_STATUS says {report.reason} beside {' and '.join(sorted(beside))}"
 
 
 def _between(table: Sequence[Sequence[float]], at: float) -> float:

@@ -23,6 +23,8 @@ REACH_SPEED_S = 12.0
 REARM_S = 8.0
 REARM_AGAIN_S = 2.5
 HEALTHY_S = 0.8
+UNARMED_S = 0.7
+"""A vehicle that is ready tempts a device that has not been armed for so long; one that was armed engages."""
 SETTLE_S = 1.5
 """A device that is there already has seen the vehicle before it is armed."""
 END_S = 16.0
@@ -146,6 +148,10 @@ def _afterwards(rig: Rig, case: Case) -> None:
         rig.run_for(case.after_s)
     else:
         rig.run_for(case.after_s)
+    if case.then is Then.REARM:
+        rig.note(EventKind.CLEAN_UP, "the vehicle is made ready, nobody arms the device")
+        rig.vehicle.make_ready()
+        rig.run_for(UNARMED_S)
     rig.then_ns = time.monotonic_ns()
     if case.then is Then.REARM:
         _rearm(rig)
@@ -201,6 +207,7 @@ def _judged(bench: Bench, case: Case, rig: Rig, route: Route, killed: list[str])
         history=rig.vehicle.history,
         exit_status=rig.exit_status,
         exit_ns=rig.exit_ns,
+        route=route,
     )
     checks: list[Check] = []
     events: list[Event] = []
@@ -210,12 +217,13 @@ def _judged(bench: Bench, case: Case, rig: Rig, route: Route, killed: list[str])
         events += at
     path_checks, drawn = judge.path(case, route, rig.vehicle.history)
     answer_checks, distributions = judge.answers(case, record, seen, rig)
-    checks += path_checks + answer_checks + judge.protocol(case, rig, record, seen)
+    checks += judge.prepared(case, seen, rig) + path_checks + answer_checks + judge.protocol(case, rig, record, seen)
     checks += judge.health(case, seen, rig, killed)
     failed = [c for c in checks if c.verdict is Verdict.FAIL]
     verdict = Verdict.FAIL if failed else Verdict.PASS
-    why = f"{failed[0].text}: {'; '.join(failed[0].found[:1])}" if failed else ""
-    if failed and rig.late:
+    first = (judge.certain(failed) if rig.late else failed) or failed
+    why = f"{first[0].text}: {'; '.join(first[0].found[:1])}" if failed else ""
+    if failed and rig.late and not judge.certain(failed):
         verdict = Verdict.NOT_EXECUTED
         why = f"the bench itself was late ({rig.late[0]}), so that this is no finding: {why}"
     return CaseResult(
