@@ -5,6 +5,7 @@ import json
 import math
 import random
 import re
+import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -21,13 +22,14 @@ sys.path.append(str(ROOT / "tools"))
 from bus_contract import AUTONOMOUS, FAULT, MANUAL, MS, READY, REFERENCE, Frame, S  # noqa: E402
 from bus_contract_fd import REFERENCE_FD  # noqa: E402
 from bus_contract_judge import Pair, examine  # noqa: E402
-from hil import bench, cli, expect, judge, routes  # noqa: E402
+from hil import bench, bus, cli, expect, judge, routes, run_case  # noqa: E402
 from hil.case import Case, Need, Then  # noqa: E402
 from hil.cases import CATALOGUE, FILES  # noqa: E402
 from hil.device import Commands  # noqa: E402
 from hil.expect import Expectation, Seen  # noqa: E402
 from hil.plant import Plant  # noqa: E402
 from hil.result import Verdict  # noqa: E402
+from hil.rig import Rig, StrangerError  # noqa: E402
 from hil.vehicle import Instant, Vehicle  # noqa: E402
 from hil.wire import ProfileError, Wire  # noqa: E402
 
@@ -37,6 +39,7 @@ from vehicle_iface.trajectories.csv_file import load_csv  # noqa: E402
 
 WIRE = Wire("reference")
 PROFILE = load_profile("reference")
+NEWS = ("begun", "case_begun", "case_ended", "ended")
 NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "P6", "P7", *(f"W{n}" for n in range(1, 9))}
 """Rows of the catalogue of faults that are inside a controller, or not on a bus."""
 
@@ -544,6 +547,50 @@ def test_a_case_that_lacks_something_says_what() -> None:
     killed = next(case for case in CATALOGUE if case.name == "killed")
     assert "on this computer" in bench.missing(killed, door, "no-such-interface")
     assert not bench.missing(killed, own, "no-such-interface")
+    stubborn = Commands(start="my-loop --channel {channel}")
+    spoilt = {case.name: bench.missing(case, stubborn, "no-such-interface") for case in FILES}
+    assert all("started with {profile}" in why for name, why in spoilt.items() if name.startswith("profile-"))
+    assert "started with {trajectory}" in spoilt["trajectory-with-nan"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "is_virtual"), [("vcan addrgenmode", True), ("vxcan addrgenmode", True), ("slcan x", False), ("", False)]
+)
+def test_an_interface_has_a_wire_unless_it_is_known_to_have_none(
+    kind: str, is_virtual: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = f"3: can7: <NOARP,UP> mtu 16\n    link/can  promiscuity 0 \n    {kind}\n"
+    done = subprocess.CompletedProcess([], 0, said, "")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
+    assert bus.is_virtual("can7") is is_virtual
+
+
+def test_beside_another_vehicle_it_falls_silent(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    rig = Rig.__new__(Rig)
+    rig.wire, rig.vehicle_speaks, rig.every_tick, rig.heard = WIRE, True, [lambda: None], []
+    rig._device_ids = {WIRE.ids["DRIVE_COMMAND"]}
+    pose, told = WIRE.pack("POSE", 3), WIRE.pack("DRIVE_COMMAND", 3)
+    rig.vehicle = Vehicle(WIRE, Plant(wheelbase_m=2.7))
+    rig.bus = SimpleNamespace(drain=lambda: heard)  # type: ignore[assignment]
+    heard = [bus.Heard(pose, True, 0), bus.Heard(told, False, 0), bus.Heard(replace(pose, data=bytes(8)), False, 0)]
+    rig._drain(0)
+    heard = [bus.Heard(pose, False, 0)]
+    with pytest.raises(StrangerError, match="POSE"):
+        rig._drain(0)
+    assert not rig.vehicle_speaks
+    assert not rig.every_tick
+    rig._drain(0)  # so that the device can still be ended
+
+    def run(*_: object) -> None:
+        raise StrangerError("somebody else says POSE")
+
+    monkeypatch.setattr(run_case, "run", run)
+    plan = bench.Plan(
+        wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference", cases=FILES[:3]
+    )
+    found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
+    assert [case.verdict for case in found.cases] == [Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.NOT_EXECUTED]
+    assert all("fallen silent" in case.why for case in found.cases)
 
 
 def test_the_command_line_refuses_what_it_does_not_know(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

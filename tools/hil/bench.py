@@ -21,7 +21,7 @@ from hil.case import Case, Need
 from hil.cases import CATALOGUE
 from hil.device import ROOT, Commands
 from hil.result import CaseResult, Evidence, Run, Verdict
-from hil.rig import RigError
+from hil.rig import RigError, StrangerError
 from hil.wire import ProfileError, Wire
 
 LISTEN_S = 1.0
@@ -111,11 +111,18 @@ def run(plan: Plan, audience: Audience) -> Run:
     done: list[CaseResult] = []
     audience.begun(len(plan.cases) * plan.repeat)
     _be_prompt()
+    stranger = ""
     for case in plan.cases:
         for repetition in range(1, plan.repeat + 1):
             audience.case_begun(case.name, case.proves)
             at_s = round(time.monotonic() - begin_s, 2)
-            done.append(_located(_executed(bench, case, repetition, plan), at_s))
+            try:
+                found = _not_done(bench, case, repetition, stranger) if stranger else None
+                found = found or _executed(bench, case, repetition, plan)
+            except StrangerError as error:
+                stranger = f"the bench has fallen silent: {error}"
+                found = _not_done(bench, case, repetition, stranger, Verdict.FAIL)
+            done.append(_located(found, at_s))
             audience.case_ended(done[-1])
     report = Run(
         verdict=results.verdict_of(done),
@@ -157,12 +164,14 @@ def environment(channel: str) -> dict[str, str]:
 def _executed(bench: run_case.Bench, case: Case, repetition: int, plan: Plan) -> CaseResult:
     why = missing(case, plan.commands, plan.channel, plan.route)
     if why:
-        return _not_executed(bench, case, repetition, why)
+        return _not_done(bench, case, repetition, why)
     for attempt in range(ATTEMPTS):
         try:
             found = run_case.run(bench, case, repetition)
+        except StrangerError:
+            raise
         except (RigError, ProfileError, OSError) as error:
-            return _not_executed(bench, case, repetition, f"the bench could not go on: {error}")
+            return _not_done(bench, case, repetition, f"the bench could not go on: {error}")
         if found.verdict is not Verdict.NOT_EXECUTED or attempt == ATTEMPTS - 1:
             break
     return msgspec.structs.replace(found, counts=found.counts | {"attempts": attempt + 1})
@@ -179,6 +188,11 @@ def missing(case: Case, commands: Commands, channel: str, route: str = "") -> st
         Need.VXCAN: is_virtual(channel) and _has("tc") and _has("ip"),
     }
     lacking = [need.value for need in case.needs if not have[need]]
+    lacking += [
+        f"a device that is started with {{{word}}}"
+        for word, is_needed in (("profile", case.profile), ("trajectory", case.breaks))
+        if is_needed and commands.start and f"{{{word}}}" not in commands.start
+    ]
     if not commands.start and (case.breaks or case.profile or case.setup):
         lacking.append(Need.START.value)
     if not commands.start and not lacking and case.route().name != route:
@@ -186,13 +200,15 @@ def missing(case: Case, commands: Commands, channel: str, route: str = "") -> st
     return f"needs {'; '.join(lacking)}" if lacking else ""
 
 
-def _not_executed(bench: run_case.Bench, case: Case, repetition: int, why: str) -> CaseResult:
+def _not_done(
+    bench: run_case.Bench, case: Case, repetition: int, why: str, verdict: Verdict = Verdict.NOT_EXECUTED
+) -> CaseResult:
     return CaseResult(
         name=case.name,
         proves=case.proves,
         fault=case.fault,
         tags=list(case.tags),
-        verdict=Verdict.NOT_EXECUTED,
+        verdict=verdict,
         why=why,
         evidence=bench.evidence,
         repetition=repetition,

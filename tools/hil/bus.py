@@ -9,8 +9,10 @@ order.
 import contextlib
 import errno
 import os
+import re
 import socket
 import struct
+import subprocess
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -190,8 +192,14 @@ def encoded(frame: Frame) -> bytes:
 
 
 def is_virtual(channel: str) -> bool:
-    """Whether no wire is behind an interface."""
-    return not os.path.exists(f"/sys/class/net/{channel}/device")
+    """Whether no wire is behind an interface. One that is not known for certain has one (slcan looks like none)."""
+    if os.path.exists(f"/sys/class/net/{channel}/device"):
+        return False
+    try:
+        said = subprocess.run(["ip", "-details", "link", "show", channel], capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        return False
+    return said.returncode != 0 or re.search(r"^\s+v[x]?can\b", said.stdout, re.MULTILINE) is not None
 
 
 def candump_line(frame: Frame, channel: str, wall_offset_ns: int) -> str:

@@ -36,6 +36,10 @@ class RigError(Exception):
     """The bench itself cannot go on."""
 
 
+class StrangerError(RigError):
+    """Somebody else speaks for the vehicle: there may be one. The bench says nothing more on this bus."""
+
+
 class Hands:
     """A shell that runs the system's programs: to start them from here would hold up the vehicle while they load."""
 
@@ -239,6 +243,15 @@ class Rig:
             self.heard.append(heard)
             if self._is_of_device(heard) and not heard.frame.is_error:
                 self.vehicle.hear(heard.frame, now_ns)
+            elif not heard.is_ours and self.vehicle_speaks:
+                self._mistrust(heard.frame)
+
+    def _mistrust(self, frame: Frame) -> None:
+        told = None if frame.is_error else self.wire.intact(frame)
+        if told is not None:
+            self.vehicle_speaks = False
+            self.every_tick.clear()
+            raise StrangerError(f"somebody else says {told.name} (0x{frame.can_id:03X}) on this bus")
 
     def _is_of_device(self, heard: Heard) -> bool:
         return heard.frame.can_id in self._device_ids and not heard.frame.is_extended
