@@ -7,6 +7,7 @@ DEFECTS = {
     "nan_path": "from 3 s after engaging on its steering is NaN, unchecked, and clamped by min and max to a full lock",
     "limit_off_by_10_percent": "the wheels are led to 0.66 rad where the path demands it; 0.6 rad is their end",
     "counter_repeated_with_fresh_crc": "every 50th pair is sent with the counters of the one before, and good CRCs",
+    "stop_without_brake": "a stop asks for SAFE_STOP and for no deceleration",
     "stop_without_reason": "every stop says NOMINAL",
     "late_by_30_ms": "each sample is answered 30 ms after it came",
     "commands_after_override": "ENABLE stays 1 when the driver takes over",

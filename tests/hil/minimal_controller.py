@@ -542,7 +542,7 @@ class Controller:
         if is_stop:
             forward = -1.0 if self.status is not None and self.status.gear == REVERSE else 1.0
             travel = math.copysign(1.0, v_mps) if abs(v_mps) >= STANDING_MPS else forward
-            wanted_mps2 = -STOP_MPS2 * travel
+            wanted_mps2 = 0.0 if self.defect == "stop_without_brake" else -STOP_MPS2 * travel
             before_mps2 = 0.0 if before_mps2 * travel > 0.0 else before_mps2
         else:
             drive_mps2 = ACCEL_MPS2 if self.phase == "engaged" else ACCEL_ENGAGING_MPS2

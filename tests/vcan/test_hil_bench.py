@@ -1,4 +1,4 @@
-"""The bench judges: a sound stranger passes, each of ten defects turns it red in the case that is there for it."""
+"""The bench judges: a sound stranger passes, each of its defects turns it red in the case that is there for it."""
 
 import os
 import signal
@@ -25,6 +25,7 @@ DEFECTS = {
     "nan_path": ("drive-from-the-side", "comes to the end"),
     "limit_off_by_10_percent": ("drive-from-the-side", "every value within the limits"),
     "counter_repeated_with_fresh_crc": ("end-of-space", "its counters step by one"),
+    "stop_without_brake": ("crc-always-wrong", "a stop brakes"),
     "stop_without_reason": ("state-lost", "a stop with STATE_STALE"),
     "late_by_30_ms": ("latency-at-0-percent-load", "a sample that is left out"),
     "commands_after_override": ("driver-brakes", "ENABLE = 0 with DRIVER_OVERRIDE"),

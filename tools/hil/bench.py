@@ -70,9 +70,10 @@ def chosen(names: Iterable[str], tags: Iterable[str], *, quick: bool) -> list[Ca
     return [case for case in CATALOGUE if case.name in names or tags & set(case.tags)]
 
 
-def traffic(channel: str, wire: Wire) -> list[str]:
+def traffic(channel: str, wire: Wire, *, device_is_there: bool = False) -> list[str]:
     """What is on the bus before the bench says anything: identifiers with their rates, and a vehicle that moves.
 
+    A device that is there already may show its lights and report, but command nobody.
     Raises `OSError` when the interface cannot be used.
     """
     bus = Bus(channel, None)
@@ -82,6 +83,8 @@ def traffic(channel: str, wire: Wire) -> list[str]:
         end = time.monotonic() + LISTEN_S
         while time.monotonic() < end:
             for heard in bus.drain():
+                if device_is_there and wire.names.get(heard.frame.can_id) in ("BODY_COMMAND", "CONTROLLER_STATUS"):
+                    continue
                 counts[heard.frame.can_id] = counts.get(heard.frame.can_id, 0) + 1
                 told = wire.intact(heard.frame)
                 if told is not None and abs(told.signals.get("SPEED", 0.0)) > 0.05:

@@ -78,7 +78,7 @@ def _bench(options: argparse.Namespace) -> int:
     )
     cases = bench.chosen(options.case, options.tag, quick=options.quick)
     _be_interruptible()
-    found = bench.traffic(options.channel, wire)
+    found = bench.traffic(options.channel, wire, device_is_there=not options.device)
     if found and not _is_told_twice(options, wire, found):
         run = listen.run(wire, options.channel, folder, options.duration, found)
     else:
