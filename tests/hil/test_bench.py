@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,8 +22,8 @@ sys.path.append(str(ROOT / "tools"))
 
 from bus_contract import AUTONOMOUS, FAULT, MANUAL, MS, READY, REFERENCE, Frame, S, Told  # noqa: E402
 from bus_contract_fd import REFERENCE_FD  # noqa: E402
-from bus_contract_judge import Pair, examine  # noqa: E402
-from hil import bench, bus, cli, expect, judge, routes, run_case  # noqa: E402
+from bus_contract_judge import Pair, Record, examine  # noqa: E402
+from hil import bench, bus, cli, expect, faults, judge, routes, run_case  # noqa: E402
 from hil.case import Case, Need, Then  # noqa: E402
 from hil.cases import CATALOGUE, FILES  # noqa: E402
 from hil.device import Commands  # noqa: E402
@@ -473,8 +474,31 @@ def test_a_lie_is_found_by_the_kind_that_is_there_for_it(name: str) -> None:
     assert judged(tell)[kind] is Verdict.FAIL
 
 
+def test_what_a_bad_cable_left_owing_is_no_finding_and_more_than_that_is() -> None:
+    rig = SimpleNamespace(wire=WIRE, touched_ns=S, healthy_ns=0)
+    for count, verdict in ((10, Verdict.PASS), (11, Verdict.FAIL)):
+        record = Record(unanswered=[f"sample at {9.0 + i / 100:.3f} s" for i in range(count)])
+        checks = judge.protocol(named("cable-loses-5-percent"), rig, record, seen())  # type: ignore[arg-type]
+        assert {check.text: check.verdict for check in checks}[judge.KINDS["unanswered"]] is verdict
+
+
 def named(name: str) -> Case:
     return next(case for case in CATALOGUE if case.name == name)
+
+
+@pytest.mark.parametrize("share_of_it", [0.1, 1.0])
+def test_a_load_that_was_not_there_was_not_borne(share_of_it: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr(faults.time, "monotonic", lambda: now_s[0])
+    per_second = 0.9 * 500_000 / faults.STRANGERS_BITS
+    rig = SimpleNamespace(
+        wire=WIRE,
+        bus=SimpleNamespace(channel="vcan9", packets=lambda: round(now_s[0] * per_second * share_of_it)),
+        **dict.fromkeys(("beside", "run_for", "injects", "rest"), lambda *_: None),
+    )
+    inject = faults.load(0.9)(rig)  # type: ignore[arg-type]
+    with nullcontext() if share_of_it > 0.5 else pytest.raises(OSError, match="were on the bus"), inject:
+        now_s[0] += 2.0
 
 
 def test_an_injection_into_a_vehicle_that_is_not_driven_is_no_pass() -> None:

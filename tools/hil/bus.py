@@ -92,6 +92,11 @@ class Bus:
             stamp_ns, hardware_ns = self._clocks.stamps(ancillary)
             yield Heard(_decoded(record, stamp_ns), bool(flags & MSG_CONFIRM), hardware_ns)
 
+    def packets(self) -> int:
+        """That have gone out on the interface, whosever they are."""
+        with open(f"/sys/class/net/{self.channel}/statistics/tx_packets", encoding="ascii") as counter:
+            return int(counter.read())
+
     def close(self) -> None:
         """May be called twice."""
         for raw in (self._raw, *self._aside):

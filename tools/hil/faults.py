@@ -28,6 +28,10 @@ STRANGERS_BITS = 131
 TOOLS = Path(__file__).resolve().parents[1]
 
 
+class BusIsEmptyError(OSError):
+    """The load that was to be borne was not there."""
+
+
 class _Frames(Fault):
     """The next so many frames of some messages go through a function."""
 
@@ -513,10 +517,14 @@ def load(share: float) -> Injection:
         rig.beside([sys.executable, str(TOOLS / "hil" / "load.py"), rig.bus.channel, f"{per_second:.0f}"])
         rig.run_for(0.5)
         rig.injects()
+        begin_s, before = time.monotonic(), rig.bus.packets()
         try:
             yield
+            seen_per_second = (rig.bus.packets() - before) / (time.monotonic() - begin_s)
         finally:
             rig.rest()
+        if seen_per_second < per_second / 2.0:
+            raise BusIsEmptyError(f"{seen_per_second:.0f} of {per_second:.0f} frames a second were on the bus")
 
     return inject
 
