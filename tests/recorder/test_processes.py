@@ -136,7 +136,7 @@ def test_a_recorder_that_hangs_does_not_hold_up_the_end(start: Start, folder: Pa
     said, _ = loop.communicate(timeout=PATIENCE_S)
     assert loop.returncode == 0, said
     assert "has not ended in time and was killed; what it had not written is LOST" in said
-    assert is_gone(pid)
+    wait_for("the recorder's end", lambda: is_gone(pid))
     assert Recording(str(folder)).newest() is not None
 
 

@@ -173,11 +173,37 @@ def test_a_vehicle_that_comes_to_a_stop_and_whose_speed_lags_behind_is_not_froze
         x_m += speed_mps * 0.01
 
 
-def test_a_vehicle_that_stands_may_send_the_same_for_ever() -> None:
+@pytest.mark.parametrize("offset_mps", [0.0, 0.005, -0.05])
+def test_a_vehicle_that_stands_may_send_the_same_for_ever_and_then_drive_on(offset_mps: float) -> None:
     checked = check()
-    for tick in range(10_000):
-        still = VehicleState(stamp_ns=tick * PERIOD_NS, x_m=1.0, y_m=2.0, heading_rad=0.0, speed_mps=0.005)
-        assert checked.believes(still, pose_valid=True)
+    for tick in range(30_000):
+        assert checked.believes(still(tick * PERIOD_NS, x_m=1.0, speed_mps=offset_mps), pose_valid=True)
+    for tick in range(300):
+        speed_mps, x_m = 0.01 * tick, 1.0 + 0.00005 * tick**2
+        told = still((30_000 + tick) * PERIOD_NS, x_m=round(x_m / 0.005) * 0.005, speed_mps=speed_mps)
+        assert checked.believes(told, pose_valid=True)
+
+
+def test_time_above_the_speed_counts_only_while_it_is_above_it() -> None:
+    checked = check()
+    samples = (still(tick * PERIOD_NS, speed_mps=0.6 if tick % 9 else 0.1) for tick in range(300))
+    believed = [checked.believes(state, pose_valid=True) for state in samples]
+    assert 85 <= believed.index(False) <= 95  # by its way alone
+
+
+@pytest.mark.parametrize(("speed_mps", "is_seen"), [(0.05, False), (0.051, True), (-0.051, True)])
+def test_a_slow_vehicle_that_is_frozen_is_told_from_a_sensor_with_an_offset(speed_mps: float, is_seen: bool) -> None:
+    checked = check()
+    samples = (still(tick * PERIOD_NS, speed_mps=speed_mps) for tick in range(1_000))
+    assert all(checked.believes(state, pose_valid=True) for state in samples) is not is_seen
+
+
+def test_a_sample_that_is_looked_at_twice_counts_once() -> None:
+    checked = check()
+    for tick in range(9):
+        for _ in range(2):
+            assert checked.believes(still(tick * PERIOD_NS, speed_mps=5.0), pose_valid=True)
+    assert not checked.believes(still(9 * PERIOD_NS, speed_mps=5.0), pose_valid=True)
 
 
 def test_without_a_valid_pose_only_the_rest_is_looked_at() -> None:

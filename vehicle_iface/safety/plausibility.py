@@ -6,7 +6,7 @@ from enum import Enum
 from vehicle_iface.profile import Plausibility
 from vehicle_iface.safety.lateral import curvature_per_m
 from vehicle_iface.state import VehicleState
-from vehicle_iface.units import s_from_ns, wrapped_rad
+from vehicle_iface.units import NS_PER_S, s_from_ns, wrapped_rad
 
 PERSISTS = 3
 """Implausible samples in a row: it is no glitch."""
@@ -14,6 +14,8 @@ BELIEVED_AGAIN = 100
 """Samples in a row that agree with one another, though not with what was before: the vehicle is where they say."""
 FORGOTTEN_S = 0.5
 """After a longer gap between samples nothing is known of what the vehicle did meanwhile."""
+STANDING_MPS = 0.05
+"""Up to here a speed may be a sensor's offset at rest, and makes no way."""
 
 
 class Doubt(Enum):
@@ -39,7 +41,10 @@ class PlausibilityCheck:
         self._believed: VehicleState | None = None
         self._doubted: VehicleState | None = None
         self._agreeing = 0
-        self._moved_from: VehicleState | None = None
+        self._stands: VehicleState | None = None
+        """The newest sample with the position of the one before it …"""
+        self._way_nm, self._fast_ns = 0.0, 0
+        """… and how far, and how long fast, the vehicle went by its speeds since the position changed."""
         self._in_a_row = 0
         self._newest_ns: int | None = None
         self.found = dict.fromkeys((doubt.value for doubt in Doubt), 0)
@@ -70,7 +75,7 @@ class PlausibilityCheck:
 
     def forget(self) -> None:
         """Start anew, as after the link was lost."""
-        self._believed = self._doubted = self._moved_from = None
+        self._believed = self._doubted = self._stands = None
         self._in_a_row = self._agreeing = 0
 
     def _agree(self, state: VehicleState, *, pose_valid: bool) -> bool:
@@ -115,12 +120,13 @@ class PlausibilityCheck:
         return Doubt.FROZEN if self._is_frozen(state) else None
 
     def _is_frozen(self, state: VehicleState) -> bool:
-        """Whether the vehicle should have come further by its speed since its position last changed."""
-        since, limits = self._moved_from, self._limits
+        """Whether the vehicle should have come further by its speeds since its position last changed."""
+        since, limits = self._stands, self._limits
         if since is None or (state.x_m, state.y_m) != (since.x_m, since.y_m) or state.frame_id != since.frame_id:
-            self._moved_from = state
+            self._stands, self._way_nm, self._fast_ns = state, 0.0, 0
             return False
-        stood_s, speed_mps = s_from_ns(state.stamp_ns - since.stamp_ns), abs(state.speed_mps)
-        if speed_mps > limits.frozen_above_mps and stood_s >= limits.frozen_s:
-            return True
-        return speed_mps * stood_s > limits.frozen_m
+        dt_ns, speed_mps = state.stamp_ns - since.stamp_ns, abs(state.speed_mps)
+        self._stands = state
+        self._way_nm += speed_mps * dt_ns if speed_mps > STANDING_MPS else 0.0
+        self._fast_ns = self._fast_ns + dt_ns if speed_mps > limits.frozen_above_mps else 0
+        return s_from_ns(self._fast_ns) >= limits.frozen_s or self._way_nm > limits.frozen_m * NS_PER_S
