@@ -26,6 +26,8 @@ from typing import Any, NoReturn
 from _vcan_guest import CHUNK, Control, read_frame, write_all, write_frame
 
 HERE = Path(__file__).resolve().parent
+SETUP = HERE / "_setup.sh"
+VENV = HERE.parent / ".venv"
 MODULES = Path("/usr/lib/uml/modules")
 SYSTEM_PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/local/sbin", "/usr/sbin", "/sbin"])
 
@@ -157,7 +159,20 @@ def fill_closed_streams() -> None:
 def run(options: Options) -> int:
     if has_socketcan() and has_vcan0():
         execute(options.command)
+    set_up_for(options.command)
     return boot_and_run(options)
+
+
+def set_up_for(command: list[str]) -> None:
+    """What a program of this folder would install for itself is installed now: in the kernel there is no network."""
+    program = Path(command[0]).resolve()
+    if program.parent != HERE or not program.is_file() or VENV.exists():
+        return
+    if SETUP.name.encode() not in program.read_bytes():
+        return
+    line = f"source '{SETUP}' && set_up"
+    if subprocess.run(["bash", "-c", line, "vcan"], stdin=subprocess.DEVNULL, check=False).returncode:
+        raise VcanError(f"{command[0]} could not be set up, see above")
 
 
 def has_socketcan() -> bool:
