@@ -695,3 +695,10 @@ def test_a_record_that_begins_within_a_pair_begins_with_the_next_one() -> None:
     record = examine(frames, WIRE)
     assert len(record.pairs) == 59
     assert not [text for text in record.doubled if "alone" in text]
+
+
+def test_a_vehicle_without_lights_and_report_can_be_benched(tmp_path: Path) -> None:
+    (tmp_path / "reference.dbc").write_text(WIRE.dbc.read_text())
+    (tmp_path / "plain.toml").write_text(WIRE.path.read_text().partition("[body.signals]")[0])
+    wire = Wire(str(tmp_path / "plain.toml"))
+    assert set(wire.ids) == set(WIRE.ids) - {"BODY_COMMAND", "CONTROLLER_STATUS"}

@@ -184,7 +184,7 @@ def missing(case: Case, commands: Commands, channel: str, route: str = "") -> st
     """Why a case cannot be executed here; empty when it can."""
     have = {
         Need.OWN_PROCESS: commands.is_ours,
-        Need.START: bool(commands.start) and (case.armed or bool(commands.listen)),
+        Need.START: bool(commands.start),
         Need.REARM: bool(commands.rearm) or commands.is_ours,
         Need.VIRTUAL: is_virtual(channel),
         Need.ROOT: os.geteuid() == 0,
@@ -196,6 +196,8 @@ def missing(case: Case, commands: Commands, channel: str, route: str = "") -> st
         for word, is_needed in (("profile", case.profile), ("trajectory", case.breaks))
         if is_needed and commands.start and f"{{{word}}}" not in commands.start
     ]
+    if commands.start and not case.armed and not commands.listen:
+        lacking.append("a way to start the device without arming it (--listen-device)")
     if not commands.start and (case.breaks or case.profile or case.setup):
         lacking.append(Need.START.value)
     if not commands.start and not lacking and case.route().name != route:

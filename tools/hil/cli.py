@@ -80,7 +80,7 @@ def _bench(options: argparse.Namespace) -> int:
     _be_interruptible()
     found = bench.traffic(options.channel, wire, device_is_there=not options.device)
     if found and not _is_told_twice(options, wire, found):
-        run = listen.run(wire, options.channel, folder, options.duration, found)
+        run = listen.run(wire, options.channel, folder, options.duration, found, real_vehicle=options.real_vehicle)
     else:
         plan = bench.Plan(
             wire=wire,

@@ -366,6 +366,8 @@ def _out_of_period(wire: Wire, record: Record) -> Iterable[str]:
             stretches.append([])
         stretches[-1].append(pair.stamp_ns)
     for name, period in (("BODY_COMMAND", "body_period_s"), ("CONTROLLER_STATUS", "report_period_s")):
+        if name not in wire.ids:
+            continue
         period_ns = round(wire.profile["timing"][period] * S)
         told_ns = [told.stamp_ns for told in record.of(name)]
         for stretch in stretches:

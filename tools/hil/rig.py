@@ -109,7 +109,8 @@ class Rig:
         """The bench began to do something; the fault may come a little later."""
         self.exit_status: int | None = None
         self._next_ns = 0
-        self._device_ids = {wire.ids[name] for name in (*wire.command, "BODY_COMMAND", "CONTROLLER_STATUS")}
+        said = (*wire.command, "BODY_COMMAND", "CONTROLLER_STATUS")
+        self._device_ids = {wire.ids[name] for name in said if name in wire.ids}
 
     def begin(self) -> None:
         """Time runs from here; the vehicle speaks."""

@@ -161,7 +161,7 @@ class Wire:
         words: dict[str, dict[str, str]] = {}
         homes: dict[str, list[str]] = {}
         for part, vocabulary in WORDS.items():
-            bound = self.profile[part]["signals"]
+            bound = self.profile.get(part, {}).get("signals", {})
             for key in MUST.get(part, ()):
                 if key not in bound:
                     raise ProfileError(f"{self.path}: [{part}.signals] {key} is missing: nothing could be judged")
@@ -182,7 +182,8 @@ class Wire:
         known = dict(
             zip(commands, ("DRIVE_COMMAND", "STEER_COMMAND") if len(commands) == 2 else ("COMMAND",), strict=True)
         )
-        known |= dict.fromkeys(homes["body"], "BODY_COMMAND") | dict.fromkeys(homes["report"], "CONTROLLER_STATUS")
+        known |= dict.fromkeys(homes.get("body", ()), "BODY_COMMAND")
+        known |= dict.fromkeys(homes.get("report", ()), "CONTROLLER_STATUS")
         known[self.profile["status"]["signals"]["mode"].partition(".")[0]] = "VEHICLE_STATUS"
         self.sample: tuple[str, ...] = tuple(self.profile["state"]["sample"])
         self.command = tuple(known[name] for name in commands)
