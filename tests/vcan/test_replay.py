@@ -89,8 +89,8 @@ def test_the_log_of_a_whole_bus_silences_the_loop_at_the_first_command_in_it(
     played = [i for i, frame in enumerate(bus.frames) if frame.can_id not in CONTROLLER_IDS]
     begin = played[commands[0]]
     assert len(bus.sent_by_controller(begin)) - len(commands) <= len(PAIR)
-    begin_ns = bus.frames[begin].stamp_ns
-    bus.is_strangers = lambda frame: frame.stamp_ns >= begin_ns
+    before_ns = bus.frames[played[commands[0] - 1]].stamp_ns  # the last that was played before a command was
+    bus.is_strangers = lambda frame: frame.stamp_ns > before_ns
 
 
 def test_the_log_of_a_vehicle_alone_is_obeyed_no_longer_than_it_lasts_and_not_again_without_arming(

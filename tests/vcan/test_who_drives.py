@@ -74,7 +74,7 @@ def test_a_second_commander_silences_the_controller_until_it_is_armed_again(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop, moving = driven(programs, bus)
-    strange = Frame(0, *pack("STEER_COMMAND", 3, ENABLE=1))
+    strange = Frame(0, *pack("STEER_COMMAND", 3, ENABLE=1, FRONT_WHEEL_ANGLE_REQUEST=0.1234))  # as ours never is here
     bus.is_strangers = lambda frame: (frame.can_id, frame.data) == (strange.can_id, strange.data)
     with raw_socket() as raw:
         assert send(raw, strange)
