@@ -16,7 +16,7 @@ ROOM_BYTES = 16 << 20
 HEADER = struct.Struct("=IBB2x")
 STAMP = struct.Struct("@qq")
 FD_BYTES = 72
-EXTENDED, REMOTE = 0x80000000, 0x40000000
+EXTENDED, REMOTE, ERROR = 0x80000000, 0x40000000, 0x20000000
 QUIET_S = 0.2
 
 
@@ -55,6 +55,8 @@ def received(raw: socket.socket) -> Iterator[tuple[bytes, int, int]]:
 def text(record: bytes) -> str:
     """The frame as candump writes it."""
     word, length, flags = HEADER.unpack_from(record)
+    if word & ERROR:
+        return f"{word:08X}#{record[8 : 8 + length].hex().upper()}"
     name = f"{word & 0x1FFFFFFF:08X}" if word & EXTENDED else f"{word & 0x7FF:03X}"
     if word & REMOTE:
         return f"{name}#R{length or ''}"

@@ -83,7 +83,7 @@ def traffic(channel: str, wire: Wire, *, device_is_there: bool = False) -> list[
         end = time.monotonic() + LISTEN_S
         while time.monotonic() < end:
             for heard in bus.drain():
-                if device_is_there and wire.names.get(heard.frame.can_id) in ("BODY_COMMAND", "CONTROLLER_STATUS"):
+                if device_is_there and wire.names.get(heard.frame.can_id) in wire.reports:
                     continue
                 counts[heard.frame.can_id] = counts.get(heard.frame.can_id, 0) + 1
                 told = wire.intact(heard.frame)
@@ -120,11 +120,11 @@ def run(plan: Plan, audience: Audience) -> Run:
             audience.case_begun(case.name, case.proves)
             at_s = round(time.monotonic() - begin_s, 2)
             try:
-                found = _not_done(bench, case, repetition, stranger) if stranger else None
+                found = run_case.unjudged(bench, case, repetition, stranger) if stranger else None
                 found = found or _executed(bench, case, repetition, plan)
             except StrangerError as error:
                 stranger = f"the bench has fallen silent: {error}"
-                found = _not_done(bench, case, repetition, stranger, Verdict.FAIL)
+                found = run_case.unjudged(bench, case, repetition, stranger, Verdict.FAIL)
             done.append(_located(found, at_s))
             audience.case_ended(done[-1])
     report = Run(
@@ -167,14 +167,14 @@ def environment(channel: str) -> dict[str, str]:
 def _executed(bench: run_case.Bench, case: Case, repetition: int, plan: Plan) -> CaseResult:
     why = missing(case, plan.commands, plan.channel, plan.route)
     if why:
-        return _not_done(bench, case, repetition, why)
+        return run_case.unjudged(bench, case, repetition, why)
     for attempt in range(ATTEMPTS):
         try:
             found = run_case.run(bench, case, repetition)
         except StrangerError:
             raise
         except (RigError, ProfileError, OSError) as error:
-            return _not_done(bench, case, repetition, f"the bench could not go on: {error}")
+            return run_case.unjudged(bench, case, repetition, f"the bench could not go on: {error}")
         if found.verdict is not Verdict.NOT_EXECUTED or attempt == ATTEMPTS - 1:
             break
     return msgspec.structs.replace(found, counts=found.counts | {"attempts": attempt + 1})
@@ -203,23 +203,6 @@ def missing(case: Case, commands: Commands, channel: str, route: str = "") -> st
     if not commands.start and not lacking and case.route().name != route:
         lacking.append(f"a device that drives the route {case.route().name} (--write-routes, --route)")
     return f"needs {'; '.join(lacking)}" if lacking else ""
-
-
-def _not_done(
-    bench: run_case.Bench, case: Case, repetition: int, why: str, verdict: Verdict = Verdict.NOT_EXECUTED
-) -> CaseResult:
-    return CaseResult(
-        name=case.name,
-        proves=case.proves,
-        fault=case.fault,
-        tags=list(case.tags),
-        verdict=verdict,
-        why=why,
-        evidence=bench.evidence,
-        repetition=repetition,
-        seed=bench.seed,
-        injected=case.injected,
-    )
 
 
 def _located(found: CaseResult, at_s: float) -> CaseResult:

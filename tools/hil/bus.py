@@ -17,17 +17,15 @@ import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from _recorder import ERROR, EXTENDED, FD_BYTES, HEADER, REMOTE, ROOM_BYTES, text
 from bus_contract import Frame
 
 SO_TIMESTAMPING = 37
 CAN_RAW_ERR_FILTER = 2
 RX_HARDWARE, RX_SOFTWARE, SOFTWARE, RAW_HARDWARE = 1 << 2, 1 << 3, 1 << 4, 1 << 6
 MSG_CONFIRM = 0x800
-HEADER = struct.Struct("=IBB2x")
 STAMPS = struct.Struct("@6q")
-CLASSIC_BYTES, FD_BYTES = 16, 72
-EXTENDED, REMOTE, ERROR = 0x80000000, 0x40000000, 0x20000000
-ROOM_BYTES = 4 << 20
+CLASSIC_BYTES = 16
 S = 1_000_000_000
 DRIFT_NS = 500_000
 LINK_LOST = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO)
@@ -209,10 +207,5 @@ def is_virtual(channel: str) -> bool:
 
 def candump_line(frame: Frame, channel: str, wall_offset_ns: int) -> str:
     """As `candump -L` writes it."""
-    name = f"{frame.can_id:08X}" if frame.is_extended or frame.is_error else f"{frame.can_id:03X}"
-    if frame.is_error:
-        name = f"{frame.can_id | ERROR:08X}"
-    seconds, rest = divmod(frame.stamp_ns + wall_offset_ns, S)
-    body = f"R{len(frame.data) or ''}" if frame.is_remote else frame.data.hex().upper()
-    mark = "##0" if frame.is_fd else "#"
-    return f"({seconds:010d}.{rest // 1000:06d}) {channel} {name}{mark}{body}"
+    seconds, rest_ns = divmod(frame.stamp_ns + wall_offset_ns, S)
+    return f"({seconds:010d}.{rest_ns // 1000:06d}) {channel} {text(encoded(frame))}"

@@ -38,7 +38,6 @@ STALE = ("STATE_STALE",)
 INVALID = ("STATE_INVALID",)
 LINK = (Need.OWN_PROCESS, Need.VIRTUAL, Need.ROOT, Need.REARM)
 CABLE = (Need.OWN_PROCESS, Need.VXCAN, Need.ROOT)
-SILENT = frozenset({"silence", "unanswered"})
 DROPPED = frozenset({"unanswered"})
 BAD_CABLE = frozenset({"unanswered", "doubled", "counter", "damaged", "burst", "periods"})
 ANY = frozenset({"silence", "unanswered", "doubled"})
@@ -233,9 +232,6 @@ BUS = (
         needs=(Need.REARM,),
     ),
 )
-
-SECOND = 100
-"""Frames of a message."""
 
 FRAMES = (
     *(

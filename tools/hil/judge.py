@@ -56,10 +56,9 @@ SLOWER_MPS = 0.3
 
 def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
     """One check for each of `KINDS`. What a case allows is allowed only while its injection works."""
-    device = (*rig.wire.command, "BODY_COMMAND", "CONTROLLER_STATUS")
 
     def of_device(texts: Iterable[str]) -> list[str]:
-        return [text for text in texts if text.split()[0] in device]
+        return [text for text in texts if text.split()[0] in rig.wire.of_device]
 
     found: dict[str, Sequence[str]] = {
         "damaged": of_device([*record.crc_errors, *record.malformed]),
@@ -246,9 +245,7 @@ def counts(record: Record, rig: Rig, frames: Sequence[Frame]) -> dict[str, int]:
         "unanswered samples": len(record.unanswered),
         "doubled commands": len(record.doubled),
         "stops for lack of state": record.stale_stops,
-        "counter gaps": sum(
-            text.split()[0] in (*rig.wire.command, "BODY_COMMAND", "CONTROLLER_STATUS") for text in record.counter_gaps
-        ),
+        "counter gaps": sum(text.split()[0] in rig.wire.of_device for text in record.counter_gaps),
         "late ticks of the bench": len(rig.late),
         "frames the bench could not send": rig.bus.refused,
     }

@@ -110,8 +110,7 @@ class Rig:
         """The bench began to do something; the fault may come a little later."""
         self.exit_status: int | None = None
         self._next_ns = 0
-        said = (*wire.command, "BODY_COMMAND", "CONTROLLER_STATUS")
-        self._device_ids = {wire.ids[name] for name in said if name in wire.ids}
+        self._device_ids = {wire.ids[name] for name in wire.of_device}
 
     def begin(self) -> None:
         """Time runs from here; the vehicle speaks."""

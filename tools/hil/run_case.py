@@ -71,14 +71,30 @@ def run(bench: Bench, case: Case, repetition: int = 1) -> CaseResult:
     finally:
         if case.on_vxcan:
             rigs.remove_cable()
-    result = _judged(bench, case, rig, route, killed)
+    result = _judged(bench, case, rig, route, killed, repetition)
     return msgspec.structs.replace(
         result,
-        repetition=repetition,
-        seed=bench.seed + repetition - 1,
         duration_s=round(time.monotonic() - began, 2),
         candump=f"{name}.candump",
         device_log=f"{name}.log" if rig.device.log.exists() else "",
+    )
+
+
+def unjudged(
+    bench: Bench, case: Case, repetition: int, why: str, verdict: Verdict = Verdict.NOT_EXECUTED
+) -> CaseResult:
+    """A result that has nothing but what the case says of itself, and why it ended so."""
+    return CaseResult(
+        name=case.name,
+        proves=case.proves,
+        fault=case.fault,
+        tags=list(case.tags),
+        verdict=verdict,
+        why=why,
+        evidence=bench.evidence,
+        repetition=repetition,
+        seed=bench.seed + repetition - 1,
+        injected=case.injected,
     )
 
 
@@ -104,11 +120,6 @@ def _go(rig: Rig, case: Case) -> None:
     if not rig.device.is_started:
         rig.run_for(SETTLE_S)
         rig.device.rearm()
-    if case.then is Then.ENDED and case.at_mps < 0.0:
-        _inject(rig, case)
-        rig.wait_for(lambda: rig.device.poll() is not None, END_S, "the device to end")
-        rig.then_ns = time.monotonic_ns()
-        return
     if case.at_mps < 0.0:
         _inject(rig, case)
     elif rig.wait_for(lambda: rig.is_engaged or rig.device.poll() is not None, ENGAGE_S, "the device to engage"):
@@ -192,7 +203,7 @@ def _clean_up(rig: Rig, case: Case) -> list[str]:
     return killed
 
 
-def _judged(bench: Bench, case: Case, rig: Rig, route: Route, killed: list[str]) -> CaseResult:
+def _judged(bench: Bench, case: Case, rig: Rig, route: Route, killed: list[str], repetition: int) -> CaseResult:
     record = judge.examined(rig)
     frames = rig.device_frames()
     seen = Seen(
@@ -226,15 +237,8 @@ def _judged(bench: Bench, case: Case, rig: Rig, route: Route, killed: list[str])
     if failed and rig.late and not judge.certain(failed):
         verdict = Verdict.NOT_EXECUTED
         why = f"the bench itself was late ({rig.late[0]}), so that this is no finding: {why}"
-    return CaseResult(
-        name=case.name,
-        proves=case.proves,
-        fault=case.fault,
-        tags=list(case.tags),
-        verdict=verdict,
-        why=why,
-        evidence=bench.evidence,
-        injected=case.injected,
+    return msgspec.structs.replace(
+        unjudged(bench, case, repetition, why, verdict),
         checks=checks,
         events=judge.timeline(case, rig, seen, events),
         distributions=distributions,

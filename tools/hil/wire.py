@@ -104,6 +104,9 @@ class Wire:
         self.names = {layout.message.frame_id: name for name, layout in self._layouts.items()}
         self.ids = {name: layout.message.frame_id for name, layout in self._layouts.items()}
         self.lengths = {name: layout.message.length for name, layout in self._layouts.items()}
+        self.reports = tuple(name for name in ("BODY_COMMAND", "CONTROLLER_STATUS") if name in self.ids)
+        """What a device says besides its commands; a vehicle need not have them."""
+        self.of_device = (*self.command, *self.reports)
         self._numbers = self._enumerations()
 
     def pack(self, name: str, counter: int, **values: float) -> Frame:
