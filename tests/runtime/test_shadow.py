@@ -286,7 +286,7 @@ def test_a_command_of_which_a_part_is_lost_or_damaged_is_no_command(other: Other
     other.sample(dataclasses.replace(OURS, front_wheel_angle_rad=0.2))
     other.commands(front_wheel_angle_rad=0.2)
     assert other.shadow.compared == 1
-    assert other.shadow.front_wheel_angle_rad.max == 0.0
+    assert other.shadow.front_wheel_angle_rad.summary()["max"] == 0.0
 
 
 def test_frames_that_are_no_commands_are_not_taken_for_any(other: Other) -> None:

@@ -5,7 +5,6 @@ measured vehicle, with the limits of engaging until the vehicle says that it is 
 rates are counted from what we would have sent before. While nobody commands it is as if this loop drove.
 """
 
-import math
 from collections import deque
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -15,6 +14,7 @@ from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.command import SafeCommand
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.message import Received
+from vehicle_iface.runtime.latency import LogHistogram
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import VehicleMode, VehicleStatus
 from vehicle_iface.tracker import Sample
@@ -24,41 +24,23 @@ KEPT = 16
 """Answers of ours that one of the other commander's may belong to."""
 MISSED_NS = 100 * NS_PER_MS
 """After so long without an enabled command, the next one takes the vehicle over."""
-_PER_OCTAVE, _OCTAVES = 16, 24
-_SMALLEST = 1e-6
 
 
 class Differences:
-    """Absolute differences in a fixed amount of memory: bins 4.4 % wide, from 1e-6 of the quantity's unit to 16."""
+    """Absolute differences, from 1e-6 of the quantity's unit to 16."""
 
     def __init__(self) -> None:
-        self._bins = [0] * (_PER_OCTAVE * _OCTAVES + 1)
-        self.count = 0
-        self.total = 0.0
-        self.max = 0.0
+        self._sizes = LogHistogram(smallest=1e-6, octaves=24)
 
     def add(self, difference: float) -> None:
         """Count one, whatever its sign."""
-        size = abs(difference)
-        place = math.ceil(math.log2(size / _SMALLEST) * _PER_OCTAVE) if size > _SMALLEST else 0
-        self._bins[min(place, len(self._bins) - 1)] += 1
-        self.count += 1
-        self.total += size
-        self.max = max(self.max, size)
-
-    def quantile(self, share: float) -> float:
-        """What `share` of all were at or below (upper edge of its bin); 0 without any."""
-        rank, seen = math.ceil(share * self.count), 0
-        for place, count in enumerate(self._bins[:-1]):
-            seen += count
-            if seen >= rank:
-                return float(min(_SMALLEST * 2.0 ** (place / _PER_OCTAVE), self.max))
-        return self.max
+        self._sizes.add(abs(difference))
 
     def summary(self) -> dict[str, float]:
-        """Mean, p50, p95 and max, in the quantity's unit."""
-        mean = self.total / self.count if self.count else 0.0
-        return {"mean": mean, "p50": self.quantile(0.50), "p95": self.quantile(0.95), "max": self.max}
+        """Mean, p50, p95 and max, in the quantity's unit; zeros without any."""
+        sizes = self._sizes
+        mean = sizes.total / sizes.count if sizes.count else 0.0
+        return {"mean": mean, "p50": sizes.quantile(0.50), "p95": sizes.quantile(0.95), "max": sizes.max}
 
 
 class Ours(NamedTuple):
