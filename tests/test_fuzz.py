@@ -9,11 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from fuzzing import _judge
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tools"))
-
-from fuzzing import _judge  # noqa: E402
 
 NAMES = _judge.target_names()
 NOT_MENDED = pytest.mark.xfail(strict=True, reason="found, not mended; then drop `open-` from the file's name")

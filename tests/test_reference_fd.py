@@ -1,7 +1,6 @@
 """The reference vehicle on CAN FD: the same vehicle, one frame a sample and one frame a command."""
 
 import math
-import sys
 from collections.abc import Iterable
 from functools import cache
 from itertools import pairwise
@@ -9,6 +8,9 @@ from pathlib import Path
 
 import cantools
 import pytest
+from bus_contract import AUTONOMOUS, Frame, Told
+from bus_contract_fd import COUNTERS, LAYOUT, checksum, crc16, intact, pack
+from bus_contract_judge import Sample, lateral_errors_m
 from cantools.database import Message
 from cantools.database.can import Database
 from harness import START_NS, Clock, pure_pursuit
@@ -30,11 +32,6 @@ from vehicle_iface.trajectories.shapes import make_route
 from vehicle_iface.units import ns_from_s
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "tools"))
-
-from bus_contract import AUTONOMOUS, Frame, Told  # noqa: E402  (only after its folder is known)
-from bus_contract_fd import COUNTERS, LAYOUT, checksum, crc16, intact, pack  # noqa: E402
-from bus_contract_judge import Sample, lateral_errors_m  # noqa: E402
 
 LATERAL_LIMIT_M = 0.3
 SENDERS = {

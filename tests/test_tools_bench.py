@@ -8,11 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from benchmarks import _per_signal, _report, _timing, codec
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tools"))
-
-from benchmarks import _per_signal, _report, _timing, codec  # noqa: E402  (only now are they to be found)
 
 
 def bench(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks import _reaction_vcan, pacing, reaction
+from benchmarks._reaction_vehicle import RailVehicle, figure_of_eight, taken_apart
+from bus_contract import Frame, intact, pack
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tools"))
-
-from benchmarks import _reaction_vcan, pacing, reaction  # noqa: E402
-from benchmarks._reaction_vehicle import RailVehicle, figure_of_eight, taken_apart  # noqa: E402
-from bus_contract import Frame, intact, pack  # noqa: E402
 
 VCAN = ROOT / "tools" / "vcan"
 

@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bus_contract import AUTONOMOUS, DRIVE, ENGAGED, MS, NO_REQUEST, Frame, S
+from bus_contract_fd import COUNTERS, REFERENCE_FD, pack
+from check_drive import judge
 
 TOOLS = Path(__file__).parents[1] / "tools"
-sys.path.insert(0, str(TOOLS))
-
-from bus_contract import AUTONOMOUS, DRIVE, ENGAGED, MS, NO_REQUEST, Frame, S  # noqa: E402
-from bus_contract_fd import COUNTERS, REFERENCE_FD, pack  # noqa: E402
-from check_drive import judge  # noqa: E402
 
 BEGIN_NS = 1_700_000_000 * S
 SAMPLES = 600

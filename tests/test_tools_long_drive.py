@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from _long_drive import wrong_with_run
 
 TOOLS = Path(__file__).parents[1] / "tools"
-sys.path.insert(0, str(TOOLS))
-
-from _long_drive import wrong_with_run  # noqa: E402
 
 CLEAN: dict[str, Any] = {
     "latched_fault": None,

@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from _mutation_mutants import mutants
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tools"))
-
-from _mutation_mutants import mutants  # noqa: E402  (only now is it to be found)
 
 BRAKE = '''
 """Brakes."""

@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from _soak import wrong_with_summary
+from _soak_judge import Flap, Judge, Notes, Seen, wrong_with_cable, wrong_with_counts
+from bus_contract import AUTONOMOUS, DRIVE, FAULT, MS, REFERENCE, Frame, S
 
 TOOLS = Path(__file__).parents[1] / "tools"
-sys.path.insert(0, str(TOOLS))
-
-from _soak import wrong_with_summary  # noqa: E402
-from _soak_judge import Flap, Judge, Notes, Seen, wrong_with_cable, wrong_with_counts  # noqa: E402
-from bus_contract import AUTONOMOUS, DRIVE, FAULT, MS, REFERENCE, Frame, S  # noqa: E402
 
 BEGIN_NS = 1_700_000_000 * S
 PERIOD_NS, DELAY_NS, ANSWER_NS = 10 * MS, 20 * MS, 1 * MS

@@ -1,19 +1,16 @@
 """The bench's report in a real browser: opens without a network, filters, searches, and runs nothing but itself."""
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import made_up
 import msgspec
 import pytest
+from hil.report import html
+from hil.result import Run
 from playwright.sync_api import Page, expect
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path += [str(ROOT / "tools"), str(ROOT / "tests" / "hil")]
-
-import made_up  # noqa: E402  (only now are they to be found)
-from hil.report import html  # noqa: E402
-from hil.result import Run  # noqa: E402
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ import math
 import random
 import re
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -14,29 +13,27 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from bus_contract import AUTONOMOUS, FAULT, MANUAL, MS, READY, REFERENCE, Frame, S, Told
+from bus_contract_fd import REFERENCE_FD
+from bus_contract_judge import Pair, Record, examine
+from hil import bench, bus, cli, expect, faults, judge, routes, run_case
+from hil.case import Case, Need, Then
+from hil.cases import CATALOGUE, FILES
+from hil.device import Commands
+from hil.expect import Expectation, Seen
+from hil.plant import Plant
+from hil.result import Verdict
+from hil.rig import Rig, StrangerError
+from hil.vehicle import Instant, Vehicle
+from hil.wire import ProfileError, Wire
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vehicle_iface.profile import load_profile
+from vehicle_iface.safety.feasible import refusal
+from vehicle_iface.trajectories.csv_file import load_csv
+
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT / "tools"))
-
-from bus_contract import AUTONOMOUS, FAULT, MANUAL, MS, READY, REFERENCE, Frame, S, Told  # noqa: E402
-from bus_contract_fd import REFERENCE_FD  # noqa: E402
-from bus_contract_judge import Pair, Record, examine  # noqa: E402
-from hil import bench, bus, cli, expect, faults, judge, routes, run_case  # noqa: E402
-from hil.case import Case, Need, Then  # noqa: E402
-from hil.cases import CATALOGUE, FILES  # noqa: E402
-from hil.device import Commands  # noqa: E402
-from hil.expect import Expectation, Seen  # noqa: E402
-from hil.plant import Plant  # noqa: E402
-from hil.result import Verdict  # noqa: E402
-from hil.rig import Rig, StrangerError  # noqa: E402
-from hil.vehicle import Instant, Vehicle  # noqa: E402
-from hil.wire import ProfileError, Wire  # noqa: E402
-
-from vehicle_iface.profile import load_profile  # noqa: E402
-from vehicle_iface.safety.feasible import refusal  # noqa: E402
-from vehicle_iface.trajectories.csv_file import load_csv  # noqa: E402
 
 WIRE = Wire("reference")
 PROFILE = load_profile("reference")
@@ -152,7 +149,9 @@ class Ride:
         self.vehicle = Vehicle(WIRE, Plant(wheelbase_m=2.7))
         self.now_ns, self.counter = S, 0
 
-    def pair(self, *, enable: int = 1, accel: float = 1.0, wheel: float = 0.0, stop: int = 0, gear: int = 3) -> None:
+    def pair(
+        self, *, enable: float = 1, accel: float = 1.0, wheel: float = 0.0, stop: float = 0, gear: float = 3
+    ) -> None:
         self.counter = (self.counter + 1) % 15
         drive = {"ENABLE": enable, "SAFE_STOP": stop, "ACCEL_REQUEST": accel, "GEAR_REQUEST": gear}
         self.say(WIRE.pack("DRIVE_COMMAND", self.counter, **drive))
@@ -164,7 +163,7 @@ class Ride:
     def tick(self, count: int = 1, **wish: float) -> None:
         for _ in range(count):
             if wish:
-                self.pair(**wish)  # type: ignore[arg-type]
+                self.pair(**wish)
             self.vehicle.move(0.01, self.now_ns)
             self.now_ns += 10 * MS
 

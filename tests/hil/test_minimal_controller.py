@@ -7,9 +7,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 from defects import DEFECTS
 from minimal_controller import MOTION, POSE, STALE_NS, VEHICLE_STATUS, Ear, State, crc8
 from minimal_route import read_route

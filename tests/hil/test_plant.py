@@ -8,20 +8,17 @@ that a plant that broke them would leave it behind.
 import copy
 import itertools
 import math
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from hil.plant import Plant
 from vehiclemodels.parameters_vehicle2 import parameters_vehicle2
 from vehiclemodels.vehicle_dynamics_ks import vehicle_dynamics_ks
 from vehiclemodels.vehicle_dynamics_st import vehicle_dynamics_st
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT / "tools"))
-
-from hil.plant import Plant  # noqa: E402  (only now is it to be found)
 
 STEP_S = 0.001
 BMW = parameters_vehicle2()

@@ -10,17 +10,15 @@ from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
+import made_up
 import msgspec
 import pytest
+from hil import result
+from hil.report import compare, drawing, html, junit, terminal, words
+from hil.result import CaseResult, Check, Distribution, Evidence, Path2D, Plot, Run, Series, Verdict
 from rich.console import Console
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT / "tools"))
-
-import made_up  # noqa: E402  (only now are they to be found)
-from hil import result  # noqa: E402
-from hil.report import compare, drawing, html, junit, terminal, words  # noqa: E402
-from hil.result import CaseResult, Check, Distribution, Evidence, Path2D, Plot, Run, Series, Verdict  # noqa: E402
 
 VOID = {"meta", "link", "input", "br", "img", "hr"}
 SVG_LEAVES = {"path", "rect", "circle"}

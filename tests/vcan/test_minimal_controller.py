@@ -2,19 +2,15 @@
 
 import math
 import signal
-import sys
 from pathlib import Path
 
 import pytest
+from defects import DEFECTS
 
 from .conftest import ROOT, Program, Programs
 from .contract import AUTONOMOUS, MANUAL, Observer, decided, lateral_errors_m, reasons
 from .driving import line_file, own_faults, wait_until_driven
 from .peer import Vehicle
-
-sys.path.insert(0, str(ROOT / "tests" / "hil"))
-
-from defects import DEFECTS
 
 CONTROLLER = str(ROOT / "tests" / "hil" / "minimal_controller.py")
 STEP_M = 0.25
