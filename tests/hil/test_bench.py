@@ -626,9 +626,8 @@ def test_beside_another_vehicle_it_falls_silent(monkeypatch: pytest.MonkeyPatch,
         raise StrangerError("somebody else says POSE")
 
     monkeypatch.setattr(run_case, "run", run)
-    plan = bench.Plan(
-        wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference", cases=FILES[:3]
-    )
+    what = run_case.Bench(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    plan = bench.Plan(bench=what, cases=FILES[:3])
     found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
     assert [case.verdict for case in found.cases] == [Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.NOT_EXECUTED]
     assert all("fallen silent" in case.why for case in found.cases)

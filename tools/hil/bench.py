@@ -20,7 +20,7 @@ from hil.bus import Bus, is_virtual
 from hil.case import Case, Need
 from hil.cases import CATALOGUE
 from hil.device import ROOT, Commands
-from hil.result import CaseResult, Evidence, Run, Verdict
+from hil.result import CaseResult, Run, Verdict
 from hil.rig import RigError, StrangerError
 from hil.wire import ProfileError, Wire
 
@@ -47,14 +47,9 @@ class Audience(Protocol):
 class Plan:
     """What a run is to do."""
 
-    wire: Wire
-    channel: str
-    commands: Commands
-    folder: Path
-    profile: str
+    bench: run_case.Bench
     cases: Sequence[Case]
     repeat: int = 1
-    seed: int = 0
     route: str = ""
     """What a device that is there already drives."""
 
@@ -99,18 +94,8 @@ def traffic(channel: str, wire: Wire, *, device_is_there: bool = False) -> list[
 def run(plan: Plan, audience: Audience) -> Run:
     """Every case of the plan; what a case lacks is its reason not to be executed."""
     began, begin_s = datetime.datetime.now().astimezone(), time.monotonic()
-    cases_folder = plan.folder / "cases"
-    cases_folder.mkdir(parents=True, exist_ok=True)
-    evidence = Evidence.VIRTUAL_BUS if is_virtual(plan.channel) else Evidence.REAL_BUS
-    bench = run_case.Bench(
-        wire=plan.wire,
-        channel=plan.channel,
-        commands=plan.commands,
-        folder=cases_folder,
-        profile=plan.profile,
-        evidence=evidence,
-        seed=plan.seed,
-    )
+    bench = plan.bench
+    bench.folder.mkdir(parents=True, exist_ok=True)
     done: list[CaseResult] = []
     audience.begun(len(plan.cases) * plan.repeat)
     _be_prompt()
@@ -120,25 +105,28 @@ def run(plan: Plan, audience: Audience) -> Run:
             audience.case_begun(case.name, case.proves)
             at_s = round(time.monotonic() - begin_s, 2)
             try:
-                found = run_case.unjudged(bench, case, repetition, stranger) if stranger else None
-                found = found or _executed(bench, case, repetition, plan)
+                found = (
+                    run_case.unjudged(bench, case, repetition, stranger)
+                    if stranger
+                    else _executed(bench, case, repetition, plan.route)
+                )
             except StrangerError as error:
                 stranger = f"the bench has fallen silent: {error}"
                 found = run_case.unjudged(bench, case, repetition, stranger, Verdict.FAIL)
-            done.append(_located(found, at_s))
+            done.append(_located(found, bench.folder.name, at_s))
             audience.case_ended(done[-1])
     report = Run(
         verdict=results.verdict_of(done),
-        evidence=evidence,
+        evidence=bench.evidence,
         began=began.isoformat(timespec="seconds"),
         duration_s=round(time.monotonic() - begin_s, 1),
         command=" ".join(sys.argv),
-        channel=plan.channel,
-        profile=plan.wire.name,
-        profile_hash=plan.wire.hash,
-        device=plan.commands.start or "there already, not started by the bench",
-        seed=plan.seed,
-        environment=environment(plan.channel),
+        channel=bench.channel,
+        profile=bench.wire.name,
+        profile_hash=bench.wire.hash,
+        device=bench.commands.start or "there already, not started by the bench",
+        seed=bench.seed,
+        environment=environment(bench.channel),
         cases=done,
     )
     audience.ended(report)
@@ -164,8 +152,8 @@ def environment(channel: str) -> dict[str, str]:
     return found
 
 
-def _executed(bench: run_case.Bench, case: Case, repetition: int, plan: Plan) -> CaseResult:
-    why = missing(case, plan.commands, plan.channel, plan.route)
+def _executed(bench: run_case.Bench, case: Case, repetition: int, route: str) -> CaseResult:
+    why = missing(case, bench.commands, bench.channel, route)
     if why:
         return run_case.unjudged(bench, case, repetition, why)
     for attempt in range(ATTEMPTS):
@@ -205,12 +193,12 @@ def missing(case: Case, commands: Commands, channel: str, route: str = "") -> st
     return f"needs {'; '.join(lacking)}" if lacking else ""
 
 
-def _located(found: CaseResult, at_s: float) -> CaseResult:
+def _located(found: CaseResult, folder: str, at_s: float) -> CaseResult:
     return msgspec.structs.replace(
         found,
         began_s=at_s,
-        candump=found.candump and f"cases/{found.candump}",
-        device_log=found.device_log and f"cases/{found.device_log}",
+        candump=found.candump and f"{folder}/{found.candump}",
+        device_log=found.device_log and f"{folder}/{found.device_log}",
     )
 
 

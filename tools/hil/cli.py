@@ -16,6 +16,7 @@ from hil.device import OWN, Commands, misspelt
 from hil.report import compare, html, junit
 from hil.report.terminal import Progress
 from hil.result import Run, Verdict
+from hil.run_case import Bench
 from hil.wire import ProfileError, Wire
 
 PASSED, FAILED, BAD_USAGE, NOTHING_DONE, INTERRUPTED = 0, 1, 2, 3, 130
@@ -82,17 +83,15 @@ def _bench(options: argparse.Namespace) -> int:
     if found and not _is_told_twice(options, wire, found):
         run = listen.run(wire, options.channel, folder, options.duration, found, real_vehicle=options.real_vehicle)
     else:
-        plan = bench.Plan(
+        what = Bench(
             wire=wire,
             channel=options.channel,
             commands=commands,
-            folder=folder,
+            folder=folder / "cases",
             profile=options.profile,
-            cases=cases,
-            repeat=options.repeat,
             seed=options.seed,
-            route=options.route,
         )
+        plan = bench.Plan(bench=what, cases=cases, repeat=options.repeat, route=options.route)
         run = bench.run(plan, Progress(to_error=options.json))
     return _told(run, folder, old, options)
 

@@ -9,6 +9,7 @@ from bus_contract import S
 
 from hil import judge
 from hil import rig as rigs
+from hil.bus import is_virtual
 from hil.case import Case, Then
 from hil.device import Commands
 from hil.expect import Seen
@@ -38,9 +39,14 @@ class Bench:
     channel: str
     commands: Commands
     folder: Path
+    """For every case's files."""
     profile: str
-    evidence: Evidence
     seed: int = 0
+
+    @property
+    def evidence(self) -> Evidence:
+        """What its results are evidence about."""
+        return Evidence.VIRTUAL_BUS if is_virtual(self.channel) else Evidence.REAL_BUS
 
 
 def run(bench: Bench, case: Case, repetition: int = 1) -> CaseResult:
