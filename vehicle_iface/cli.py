@@ -25,6 +25,7 @@ from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.errors import BusError, ConfigError, TrajectoryFileError, VehicleIfaceError
 from vehicle_iface.first_use import guarded
+from vehicle_iface.process import python_module
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.loop import Loop
@@ -57,9 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 done, 2 bad usage, configuration or file, 3 no bus, 4 ended in a latched fault."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given[:1] == ["view"]:  # the viewer is another process and knows its own options
-        from vehicle_iface import demo
-
-        command_line, environment = demo.python_module("viewer")
+        command_line, environment = python_module("viewer")
         os.execve(sys.executable, [*command_line, *given[1:]], environment)
     options = _parser().parse_args(given)
     command: Callable[[argparse.Namespace], int] = options.command

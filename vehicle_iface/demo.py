@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vehicle_iface import clock
+from vehicle_iface.process import python_module
 from vehicle_iface.reason import Reason
 from vehicle_iface.runtime.telemetry import Snapshot, TelemetryReader
 from vehicle_iface.status import ControllerState
@@ -68,14 +69,6 @@ def run(
     finally:
         processes.end()
     return processes.status()
-
-
-def python_module(name: str) -> tuple[list[str], dict[str, str]]:
-    """Command line and environment that run a module of this installation, whatever lies in the current folder."""
-    home = str(Path(__file__).resolve().parents[1])
-    path = os.environ.get("PYTHONPATH")
-    environment = os.environ | {"PYTHONPATH": f"{home}{os.pathsep}{path}" if path else home}
-    return [sys.executable, "-P", "-m", name], environment
 
 
 def choose_bus() -> BusChoice:

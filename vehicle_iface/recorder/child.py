@@ -11,8 +11,8 @@ from typing import Any, Self
 
 import msgspec
 
-from vehicle_iface import demo
 from vehicle_iface.errors import BusError, ConfigError
+from vehicle_iface.process import python_module
 from vehicle_iface.recorder.files import SUMMARY, Report
 from vehicle_iface.recorder.folder import Order
 
@@ -37,7 +37,7 @@ class Recording:
     def __init__(self, order: Order) -> None:
         self._folder = Path(order.folder)
         self._is_stuck = self._is_over = False
-        command_line, environment = demo.python_module("vehicle_iface.recorder")
+        command_line, environment = python_module("vehicle_iface.recorder")
         self._process = subprocess.Popen(
             command_line,
             env=environment,
