@@ -13,6 +13,7 @@ from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.command import SafeCommand
 from vehicle_iface.errors import ConfigError, SignalError
+from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import BodyRequest, ControllerReport, ControllerState, Gear, VehicleMode
@@ -180,3 +181,10 @@ def test_a_command_arrives_within_half_a_step(accel, angle, speed, reason, gear,
     for field in ("accel_mps2", "front_wheel_angle_rad", "speed_mps"):
         assert abs(seen[field] - getattr(command, field)) <= DATABASE.resolutions[field] * 0.5001
     assert (seen["reason"], seen["gear_request"], seen["enable"]) == (reason, gear, enable)
+
+
+def test_a_frame_that_is_none_of_ours_has_no_counter_to_take_back(database):
+    encoder = Encoder(database.sent)
+    before = dict(encoder.sent)
+    encoder.take_back(CanFrame(0x7FF, bytes(8)))
+    assert dict(encoder.sent) == before

@@ -95,10 +95,14 @@ class Encoder:
         return tuple(output.frame(data) for output, data in zip(self._commands, payloads, strict=True))
 
     def take_back(self, frame: CanFrame) -> None:
-        """The newest frame of its message was not sent: the next one bears its counter again."""
-        output = self._by_id[frame.can_id, frame.is_extended]
-        output.counter = output.last
-        output.sent -= 1
+        """The newest frame of its message was not sent: the next one bears its counter again.
+
+        What is no message of ours has none.
+        """
+        output = self._by_id.get((frame.can_id, frame.is_extended))
+        if output is not None:
+            output.counter = output.last
+            output.sent -= 1
 
 
 def _collector(message: BoundMessage) -> Callable[[object], tuple[Value, ...]]:
