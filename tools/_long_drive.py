@@ -26,7 +26,7 @@ from typing import IO, Any
 
 from check_drive import LATERAL_LIMIT_M, PROFILES, judge, read_candump, table
 
-from vehicle_iface.demo import python_module
+from vehicle_iface.process import python_module
 from vehicle_iface.reason import Reason
 from vehicle_iface.runtime.telemetry import TelemetryReader
 from vehicle_iface.status import ControllerState
