@@ -648,6 +648,16 @@ def test_the_command_line_refuses_what_it_does_not_know(tmp_path: Path, capsys: 
         assert why in capsys.readouterr().err
 
 
+def test_every_option_of_the_guide_is_known(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["--help"])
+    known = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))
+    used = set(re.findall(r"--[a-z][a-z-]+", (ROOT / "docs" / "bench.md").read_text(encoding="utf-8")))
+    of_the_program = {"--arm", "--trajectory", "--speed-cap"}
+    assert of_the_program < used
+    assert used <= known | of_the_program
+
+
 def test_the_list_names_every_case_and_what_it_proves(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["--list", "--json"]) == cli.PASSED
     listed = json.loads(capsys.readouterr().out)

@@ -120,7 +120,9 @@ def test_on_a_bus_that_is_not_quiet_it_only_listens(tmp_path: Path) -> None:
     finally:
         sim.terminate()
         sim.wait(timeout=10)
-    run = result.read(tmp_path / "report" / "results.json")
+    report = tmp_path / "report" / "results.json"
+    assert report.exists(), done.stdout + done.stderr
+    run = result.read(report)
     assert still_alone
     assert [case.name for case in run.cases] == ["listen-only"]
     assert run.verdict is Verdict.NOT_EXECUTED

@@ -197,6 +197,7 @@ def _parser() -> argparse.ArgumentParser:
         "--despite-traffic", action="store_true", help="play a vehicle on a bus that is not quiet; asks for the profile"
     )
     add("--type-profile", default="", metavar="NAME", help="the profile's name, typed again, for --despite-traffic")
+    add("--real-vehicle", action="store_true", help="what is listened to is a real vehicle: so its evidence is named")
     return parser
 
 
