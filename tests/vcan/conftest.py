@@ -9,6 +9,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Generator, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ import pytest
 from .cable import LOOP_END, VEHICLE_END, Cable
 from .contract import CHANNEL, PATIENCE_S, Observer
 from .peer import Vehicle
+from .standstill import Standstill, Witness
 from .verdict import breaches
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -163,6 +165,13 @@ def _link_is_up() -> bool:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--part", default="1/1", metavar="N/M", help="only every M-th test on vcan, from the N-th")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    with suppress(PermissionError):  # without the right to go first nobody can say that the machine stood still
+        witness = Witness()
+        session.config.add_cleanup(witness.close)
+        session.config.pluginmanager.register(Standstill(witness.news, _unit))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

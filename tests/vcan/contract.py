@@ -277,13 +277,14 @@ def drained(raw: socket.socket) -> list[Frame]:
 def decided(record: Record) -> list[str]:
     """The reasons of a record's pairs, without the stops for state that really did not come.
 
-    On a machine that stands still for a moment the vehicle's samples are late on the wire, and a stop is right.
+    On a machine that stands still for a moment the vehicle's samples are late on the wire, and a stop is right, also
+    when that moment fell between a sample and its answer.
     """
     stamps = [sample.stamp_ns for sample in record.samples]
 
     def is_right(pair: Pair) -> bool:
         place = bisect(stamps, pair.drive.stamp_ns)
-        if pair.reason != "STATE_STALE" or place < 2:
+        if pair.reason not in ("STATE_STALE", "DEADLINE_MISSED") or place < 2:
             return pair.reason == "STATE_STALE"
         last_ns, before_ns = stamps[place - 1], stamps[place - 2]
         waited_ns = pair.drive.stamp_ns - last_ns

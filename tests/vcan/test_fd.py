@@ -135,7 +135,8 @@ def unreasonable(record: Record, since: int) -> list[Told]:
     return [
         told
         for told in found
-        if told.reason != "STATE_STALE" or not any(abs(told.stamp_ns - stamp_ns) < S // 2 for stamp_ns in late)
+        if told.reason not in ("STATE_STALE", "DEADLINE_MISSED")
+        or not any(abs(told.stamp_ns - stamp_ns) < S // 2 for stamp_ns in late)
     ]
 
 

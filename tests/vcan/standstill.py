@@ -1,0 +1,92 @@
+"""A test that fails while the machine itself stands still is run again: then it has said nothing about the program.
+
+In a kernel of `tools/vcan` a busy host takes the processor away for 50 ms and more, and to stop is right then. Who says
+so is `witness.py`, which nothing in that kernel can hold up; without it, or without its word, a failure is a failure.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from _pytest.runner import runtestprotocol
+
+ATTEMPTS = 3
+_WITNESS = Path(__file__).with_name("witness.py")
+
+
+class Witness:
+    """The process that watches, and what it has said; raises `OSError` where it may not go first."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, str(_WITNESS)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
+        )
+        assert self._process.stdout is not None
+        self._said = self._process.stdout
+        if not self._said.readline():
+            self.close()
+            raise PermissionError("a process of real-time priority is not allowed here")
+        os.set_blocking(self._said.fileno(), False)
+
+    def tell(self, number: signal.Signals) -> None:
+        """Send it a signal."""
+        self._process.send_signal(number)
+
+    def close(self) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.wait()
+        self._said.close()
+
+    def news(self) -> list[float]:
+        """For how long the machine stood still each time since the last question, s."""
+        return [float(line) for line in (self._said.read() or b"").split()]
+
+
+class Standstill:
+    """Runs a test again that failed in a unit of tests within which the machine stood still."""
+
+    def __init__(self, news: Callable[[], list[float]], unit: Callable[[pytest.Item], str]) -> None:
+        """`unit` names what shares a setting-up: what went wrong there shows in a later test of it."""
+        self._news, self._unit = news, unit
+        self._now = ""
+        self._longest_s = 0.0
+        self._attempts = 0
+        self.again: list[str] = []
+        """What was run again, and why."""
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_protocol(self, item: pytest.Item, nextitem: pytest.Item | None) -> bool:
+        """Once; and the same test once more behind it when there is reason to."""
+        seen_s = max(self._news(), default=0.0)
+        if self._unit(item) != self._now:
+            self._now, self._longest_s, self._attempts = self._unit(item), 0.0, 1
+        else:
+            self._longest_s = max(self._longest_s, seen_s)
+        item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+        reports = runtestprotocol(item, nextitem=nextitem, log=False)
+        self._longest_s = max([self._longest_s, *self._news()])
+        if any(report.failed for report in reports) and self._longest_s and self._attempts < ATTEMPTS:
+            self._run_again(item)
+        else:
+            for report in reports:
+                item.ihook.pytest_runtest_logreport(report=report)
+        item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+        return True
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Whoever reads the result reads this as well."""
+        for line in self.again:
+            terminalreporter.write_line(line)
+
+    def _run_again(self, item: pytest.Item) -> None:
+        self.again.append(f"run again, the machine stood still for {self._longest_s * 1e3:.0f} ms: {item.nodeid}")
+        self._attempts += 1
+        self._longest_s = 0.0
+        item.session._setupstate.teardown_exact(None)  # what it shares with others was there when the machine stood
+        items = item.session.items
+        items.insert(items.index(item) + self._attempts - 1, item)

@@ -1,0 +1,27 @@
+"""Wakes every 20 ms, before everything else, and says for how long the machine did not let it: seconds, a line each."""
+
+import os
+import time
+
+PERIOD_S = 0.02
+LATE_S = 0.03
+"""Later than this is a machine that stood still: with this priority nothing that runs on it can be the reason."""
+FIRST = 90
+
+
+def watch() -> None:
+    """Until the end of the process."""
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIRST))
+    print("watching", flush=True)
+    last_s = time.monotonic()
+    while True:
+        time.sleep(PERIOD_S)
+        now_s = time.monotonic()
+        late_s = now_s - last_s - PERIOD_S
+        if late_s > LATE_S:
+            print(f"{late_s:.3f}", flush=True)
+        last_s = now_s
+
+
+if __name__ == "__main__":
+    watch()
