@@ -22,7 +22,7 @@ from hil.cases import CATALOGUE, FILES
 from hil.device import Commands
 from hil.expect import Expectation, Seen
 from hil.plant import Plant
-from hil.result import Verdict
+from hil.result import CaseResult, Verdict
 from hil.rig import Rig, StrangerError
 from hil.vehicle import Instant, Vehicle
 from hil.wire import ProfileError, Wire
@@ -631,6 +631,24 @@ def test_beside_another_vehicle_it_falls_silent(monkeypatch: pytest.MonkeyPatch,
     found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
     assert [case.verdict for case in found.cases] == [Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.NOT_EXECUTED]
     assert all("fallen silent" in case.why for case in found.cases)
+
+
+@pytest.mark.parametrize(("first", "verdict"), [(Verdict.PASS, Verdict.NOT_EXECUTED), (Verdict.FAIL, Verdict.FAIL)])
+def test_an_interrupted_run_keeps_what_it_found_and_never_passes(
+    first: Verdict, verdict: Verdict, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def run(which: run_case.Bench, case: Case, repetition: int) -> CaseResult:
+        if repetition == 2:
+            raise KeyboardInterrupt
+        return run_case.unjudged(which, case, repetition, "", first)
+
+    monkeypatch.setattr(run_case, "run", run)
+    what = run_case.Bench(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    plan = bench.Plan(bench=what, cases=FILES[:3], repeat=4)
+    found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
+    assert [case.verdict for case in found.cases] == [first, Verdict.NOT_EXECUTED]
+    assert found.interrupted == "interrupted in case 2 of 12"
+    assert found.verdict is verdict
 
 
 def test_the_command_line_refuses_what_it_does_not_know(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

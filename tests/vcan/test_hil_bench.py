@@ -82,9 +82,11 @@ def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> Non
 
 
 @pytest.mark.timeout(LONGEST_S)
-def test_told_to_end_in_the_middle_of_a_case_it_ends_the_device_and_puts_everything_back(tmp_path: Path) -> None:
+def test_told_to_end_in_the_middle_of_a_case_it_ends_the_device_puts_everything_back_and_reports_what_it_has(
+    tmp_path: Path,
+) -> None:
     command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
-    command += ["--case", "link-down", "--device", f"{MINIMAL} --arm"]
+    command += ["--case", "link-down", "--repeat", "2", "--device", f"{MINIMAL} --arm"]
     bench = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
         while _is_up():
@@ -97,7 +99,10 @@ def test_told_to_end_in_the_middle_of_a_case_it_ends_the_device_and_puts_everyth
     finally:
         bench.kill()
         subprocess.run(["ip", "link", "set", CHANNEL, "up"], check=True)
-    assert "interrupted" in said
+    run = result.read(tmp_path / "report" / "results.json")
+    assert "interrupted in case 1 of 2; everything is put back" in said
+    assert (run.verdict, [case.verdict for case in run.cases]) == (Verdict.NOT_EXECUTED, [Verdict.NOT_EXECUTED])
+    assert "interrupted in case 1 of 2" in (tmp_path / "report" / "index.html").read_text()
     assert bench.returncode == 130
     assert is_up
     left = subprocess.run(["pgrep", "-f", "minimal_controller"], capture_output=True, text=True, check=False)

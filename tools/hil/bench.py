@@ -1,6 +1,7 @@
 """The bench as a whole: which cases, on what, one after the other, into one folder."""
 
 import datetime
+import itertools
 import os
 import platform
 import shutil
@@ -92,31 +93,41 @@ def traffic(channel: str, wire: Wire, *, device_is_there: bool = False) -> list[
 
 
 def run(plan: Plan, audience: Audience) -> Run:
-    """Every case of the plan; what a case lacks is its reason not to be executed."""
+    """Every case of the plan; what a case lacks is its reason not to be executed.
+
+    `KeyboardInterrupt` within a case ends the run: what was found until then is its result, and that it passed is not.
+    """
     began, begin_s = datetime.datetime.now().astimezone(), time.monotonic()
     bench = plan.bench
     bench.folder.mkdir(parents=True, exist_ok=True)
     done: list[CaseResult] = []
-    audience.begun(len(plan.cases) * plan.repeat)
+    total = len(plan.cases) * plan.repeat
+    audience.begun(total)
     _be_prompt()
-    stranger = ""
-    for case in plan.cases:
-        for repetition in range(1, plan.repeat + 1):
-            audience.case_begun(case.name, case.proves)
-            at_s = round(time.monotonic() - begin_s, 2)
-            try:
-                found = (
-                    run_case.unjudged(bench, case, repetition, stranger)
-                    if stranger
-                    else _executed(bench, case, repetition, plan.route)
-                )
-            except StrangerError as error:
-                stranger = f"the bench has fallen silent: {error}"
-                found = run_case.unjudged(bench, case, repetition, stranger, Verdict.FAIL)
-            done.append(_located(found, bench.folder.name, at_s))
-            audience.case_ended(done[-1])
+    stranger = interrupted = ""
+    for case, repetition in itertools.product(plan.cases, range(1, plan.repeat + 1)):
+        audience.case_begun(case.name, case.proves)
+        at_s = round(time.monotonic() - begin_s, 2)
+        try:
+            found = (
+                run_case.unjudged(bench, case, repetition, stranger)
+                if stranger
+                else _executed(bench, case, repetition, plan.route)
+            )
+        except StrangerError as error:
+            stranger = f"the bench has fallen silent: {error}"
+            found = run_case.unjudged(bench, case, repetition, stranger, Verdict.FAIL)
+        except KeyboardInterrupt:
+            interrupted = f"interrupted in case {len(done) + 1} of {total}"
+            found = run_case.unjudged(bench, case, repetition, interrupted)
+        done.append(_located(found, bench.folder.name, at_s))
+        audience.case_ended(done[-1])
+        if interrupted:
+            break
+    verdict = results.verdict_of(done)
     report = Run(
-        verdict=results.verdict_of(done),
+        verdict=Verdict.NOT_EXECUTED if interrupted and verdict is Verdict.PASS else verdict,
+        interrupted=interrupted,
         evidence=bench.evidence,
         began=began.isoformat(timespec="seconds"),
         duration_s=round(time.monotonic() - begin_s, 1),

@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"hil_bench: {error}", file=sys.stderr)
         return BAD_USAGE
     except KeyboardInterrupt:
-        print("hil_bench: interrupted; everything is put back, and there is no report", file=sys.stderr)
+        print("hil_bench: interrupted before there was anything to report; everything is put back", file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
         print(f"hil_bench: {options.channel}: {error.strerror or error}; run: vehicle-iface doctor", file=sys.stderr)
@@ -106,6 +106,9 @@ def _told(run: Run, folder: Path, old: Run | None, options: argparse.Namespace) 
         if old is not None:
             print(compare.text(compare.differences(old, run)))
         print(f"Report: {folder / 'index.html'}")
+    if run.interrupted:
+        print(f"hil_bench: {run.interrupted}; everything is put back", file=sys.stderr)
+        return INTERRUPTED
     not_executed = any(case.verdict is Verdict.NOT_EXECUTED for case in run.cases)
     return FAILED if options.strict and not_executed else STATUS[run.verdict]
 

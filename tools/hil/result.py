@@ -146,7 +146,9 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     format: Literal[1] = 1
     """Stepped when an older reader would misunderstand; any other is refused."""
     verdict: Verdict
-    """FAIL if any case failed; NOT EXECUTED if none was executed; else PASS."""
+    """FAIL if any case failed; NOT EXECUTED if none was executed or the run was interrupted; else PASS."""
+    interrupted: str = ""
+    """In which case of how many; empty for a run that came to its end."""
     evidence: Evidence
     began: str
     """Wall clock, ISO 8601 with the offset to UTC."""

@@ -139,7 +139,8 @@ def _conclusion(run: Run) -> Text:
     failed, left, passed = (count(run, v) for v in (Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.PASS))
     return Text.assemble(
         (str(run.verdict), _COLOURS[run.verdict]),
-        f"  {passed} passed, {failed} failed, {left} not executed in {duration(run.duration_s)}\n",
+        f"  {passed} passed, {failed} failed, {left} not executed in {duration(run.duration_s)}"
+        f"{', ' + run.interrupted if run.interrupted else ''}\n",
         ("Evidence: ", "dim"),
         clean(run.evidence),
     )
