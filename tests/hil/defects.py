@@ -6,6 +6,7 @@ DEFECTS = {
     "steer_sign_swapped": "the wheels are turned the other way",
     "nan_path": "from 3 s after engaging on its steering is NaN, unchecked, and clamped by min and max to a full lock",
     "limit_off_by_10_percent": "the wheels are led to 0.66 rad where the path demands it; 0.6 rad is their end",
+    "jerk_unlimited": "the acceleration that is wanted is asked for at once, and so is the brake of a stop",
     "counter_repeated_with_fresh_crc": "every 50th pair is sent with the counters of the one before, and good CRCs",
     "stop_without_brake": "a stop asks for SAFE_STOP and for no deceleration",
     "stop_without_reason": "every stop says NOMINAL",

@@ -550,7 +550,7 @@ class Controller:
             travel = math.copysign(1.0, wanted_mps if wanted_mps else v_mps)
             along_mps2 = min(drive_mps2, max(-BRAKE_MPS2, 2.5 * (wanted_mps - v_mps) * travel))
             wanted_mps2 = along_mps2 * travel
-        step_mps2 = ACCEL_MPS3 * dt_s
+        step_mps2 = math.inf if self.defect == "jerk_unlimited" else ACCEL_MPS3 * dt_s
         led_mps2 = min(before_mps2 + step_mps2, max(before_mps2 - step_mps2, wanted_mps2))
         most_mps2, least_mps2 = (ACCEL_MPS2, -BRAKE_MPS2) if travel > 0.0 else (BRAKE_MPS2, -ACCEL_MPS2)
         return min(most_mps2, max(least_mps2, led_mps2))

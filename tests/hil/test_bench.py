@@ -6,7 +6,7 @@ import math
 import random
 import re
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -408,6 +408,12 @@ def with_value(name: str, from_tick: int = 0, **wrong: float) -> Lie:
     return lie(name, lambda tick, values: [values | wrong if tick >= from_tick else values])
 
 
+def ready(wrong: Mapping[str, Callable[[int], Values]]) -> Lie:
+    """To a vehicle that is not autonomous yet."""
+    of = {"VEHICLE_STATUS": lambda _: {"MODE": READY}, **wrong}
+    return lambda name, tick, values: [values | of[name](tick) if name in of else values]
+
+
 def judged(tell: Lie, *, case: Case = CATALOGUE[0]) -> dict[str, Verdict]:
     """Four seconds of commands at 8 m/s, a stop from the second one on; the verdict of each kind."""
     counters: dict[str, int] = {}
@@ -424,8 +430,10 @@ def judged(tell: Lie, *, case: Case = CATALOGUE[0]) -> dict[str, Verdict]:
         number = WIRE.number("REASON", "STATE_INVALID" if is_stop else "NOMINAL")
         for name in WIRE.sample:
             say(at_s, name, tick, **({"SPEED": SPEED_MPS} if name == "MOTION" else {}))
-        braked = -3.0 * is_stop
+        braked = max(-3.0, -0.3 * (tick - STOPPED_FROM + 1)) * is_stop
         drive = {"ENABLE": 1, "SAFE_STOP": is_stop, "REASON": number, "ACCEL_REQUEST": braked, "GEAR_REQUEST": 7}
+        if tick % 2 == 0:
+            say(at_s, "VEHICLE_STATUS", tick, MODE=AUTONOMOUS)
         say(at_s + 0.001, "DRIVE_COMMAND", tick, **drive)
         say(at_s + 0.001, "STEER_COMMAND", tick, ENABLE=1)
         if tick % 10 == 0:
@@ -443,6 +451,17 @@ LIES: dict[str, tuple[str, Lie]] = {
     "a stop with a third of the brake": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-1.0)),
     "a stop that lets the brake go": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM + 60, ACCEL_REQUEST=-1.0)),
     "a stop that brakes too hard": ("dynamics", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-5.0)),
+    "a stop that brakes at once": ("dynamics", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-3.0)),
+    "drive that sets in at once": ("dynamics", with_value("DRIVE_COMMAND", 150, ACCEL_REQUEST=2.0)),
+    "drive that sets in twice as fast": (
+        "dynamics",
+        lie("DRIVE_COMMAND", lambda tick, v: [v | {"ACCEL_REQUEST": min(2.5, max(0.0, 0.6 * (tick - 150)))}]),
+    ),
+    "hard drive while it engages": ("dynamics", ready({"DRIVE_COMMAND": lambda _: {"ACCEL_REQUEST": 1.2}})),
+    "wheels that turn while it engages": (
+        "dynamics",
+        ready({"STEER_COMMAND": lambda tick: {"FRONT_WHEEL_ANGLE_REQUEST": min(0.1, 0.006 * tick)}}),
+    ),
     "a curve too tight for 8 m/s": ("dynamics", with_value("STEER_COMMAND", FRONT_WHEEL_ANGLE_REQUEST=0.19)),
     "rear wheels that it has not": ("dynamics", with_value("STEER_COMMAND", REAR_WHEEL_ANGLE_REQUEST=0.05)),
     "a speed beyond every limit": ("dynamics", with_value("DRIVE_COMMAND", SPEED_REQUEST=90.0)),

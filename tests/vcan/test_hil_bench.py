@@ -24,6 +24,7 @@ DEFECTS = {
     "steer_sign_swapped": ("drive-from-the-side", "comes to the end"),
     "nan_path": ("drive-from-the-side", "comes to the end"),
     "limit_off_by_10_percent": ("drive-from-the-side", "every value within the limits"),
+    "jerk_unlimited": ("end-of-space", "steering, lateral acceleration, braking and jerk"),
     "counter_repeated_with_fresh_crc": ("end-of-space", "its counters step by one"),
     "stop_without_brake": ("crc-always-wrong", "a stop brakes"),
     "stop_without_reason": ("state-lost", "a stop with STATE_STALE"),

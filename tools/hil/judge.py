@@ -11,6 +11,7 @@ from itertools import pairwise
 from bus_contract import AUTONOMOUS, MS, Frame, S
 from bus_contract_judge import SILENCE_NS, Pair, Record, examine, lateral_errors_m
 
+from hil import dynamics
 from hil.case import Case, Then
 from hil.expect import Seen, check
 from hil.result import Check, Distribution, Event, EventKind, Path2D, Plot, Series, Verdict
@@ -26,7 +27,7 @@ KINDS = {
     "doubled": "one pair of commands for each sample, and none besides",
     "silence": "no gap of 200 ms between commands",
     "command": "every value within the limits, and signals that agree with each other",
-    "dynamics": "steering, lateral acceleration and braking as the profile allows at the measured speed",
+    "dynamics": "steering, lateral acceleration, braking and jerk as the profile allows at the measured speed",
     "brakes": "a stop brakes: half the safe deceleration within 250 ms, and until it is slow",
     "burst": "no burst: in 250 ms no more than 1.2 commands for each period, and one",
     "periods": "lights and report in their period, and the report's reason is the command's",
@@ -46,12 +47,8 @@ SLACK_AFTER_S = 0.35
 OWED = 10
 """Answers that a bad cable lost are owed until they are too old: so many may be called in after it was mended."""
 JUST_BEFORE_S = 0.05
-WINDOW_NS = 250 * MS
-SLOW_MPS = 1.0
-"""Below it a brake may be let up."""
-SLOWER_MPS = 0.3
-"""A speed at which the device was not sure to have been slow already."""
 """An unanswered sample is told by when all was answered the last time."""
+WINDOW_NS = 250 * MS
 
 
 def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
@@ -67,10 +64,14 @@ def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
         "doubled": record.doubled,
         "silence": [f"{(a - record.begin_ns) / S:.3f} s: silence of {(b - a) / S:.3f} s" for a, b in record.silences],
         "command": record.violations,
-        "dynamics": list(_dynamics(rig.wire, record)),
-        "brakes": list(_unbraked(rig.wire, record, seen.history)),
+        "dynamics": [
+            *dynamics.beyond(rig.wire, record),
+            *dynamics.jerky(rig.wire, record),
+            *dynamics.rash(rig.wire, record),
+        ],
+        "brakes": list(dynamics.unbraked(rig.wire, record, seen.history)),
         "burst": list(_bursts(rig.wire, record)),
-        "periods": list(_out_of_period(rig.wire, record)),
+        "periods": [*_out_of_period(rig.wire, record), *_lies(record)],
     }
     from_s = (rig.touched_ns - record.begin_ns) / S - JUST_BEFORE_S if rig.touched_ns else math.inf
     until_ns = rig.healthy_ns - round(HEALTHY_S * S) if case.then is Then.REARM else seen.then_ns or seen.end_ns
@@ -100,7 +101,7 @@ def prepared(case: Case, seen: Seen, rig: Rig) -> list[Check]:
     wrong = []
     if not before or before[0].mode != AUTONOMOUS:
         wrong.append("it was not engaged")
-    elif abs(before[0].speed_mps) < case.at_mps - SLOWER_MPS:
+    elif abs(before[0].speed_mps) < case.at_mps - dynamics.SLOWER_MPS:
         wrong.append(f"{seen.at_s(rig.touched_ns):.3f} s: {before[0].speed_mps:.2f} m/s")
     return [check(f"it drives at {case.at_mps} m/s when the injection begins", wrong)]
 
@@ -289,56 +290,6 @@ def timeline(case: Case, rig: Rig, seen: Seen, events: Iterable[Event]) -> list[
     return sorted(unique.values(), key=lambda event: event.at_s)
 
 
-def _dynamics(wire: Wire, record: Record) -> Iterable[str]:
-    """Steering by speed, requested speed, and the deceleration of stops, against the profile's figures."""
-    limits, behavior = wire.profile["limits"], wire.profile["behavior"]
-    table = limits.get("front_wheel_angle_by_speed") or [[0.0, limits["front_wheel_angle_rad"]]]
-    wheelbase_m, rear_rad = wire.profile["geometry"]["wheelbase_m"], limits.get("rear_wheel_angle_rad", 0.0)
-    samples, place, speed = record.samples, 0, 0.0
-    before = braked = 0.0
-    for pair in record.pairs:
-        while place < len(samples) and samples[place].stamp_ns <= pair.drive.stamp_ns:
-            speed, place = samples[place].speed_mps, place + 1
-        if not pair.is_enabled:
-            continue
-        at = f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s:"
-        angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
-        slower_mps = max(0.1, abs(speed) - SLOWER_MPS)
-        sideways_rad = math.atan(limits["lateral_accel_mps2"] * wheelbase_m / slower_mps**2)
-        most_rad = min(_between(table, slower_mps), sideways_rad) + 0.002
-        if abs(angle) > most_rad and abs(angle) >= abs(before):
-            yield f"{at} {angle:.4f} rad at {speed:.2f} m/s"
-        before = angle
-        if abs(pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)) > rear_rad + 1e-9:
-            yield f"{at} {pair.steer['REAR_WHEEL_ANGLE_REQUEST']:.4f} rad of the rear wheels"
-        if abs(pair.drive.signals.get("SPEED_REQUEST", 0.0)) > limits["speed_max_mps"] + 1e-9:
-            yield f"{at} {pair.drive['SPEED_REQUEST']:.3f} m/s asked for"
-        strongest = max(behavior["safe_deceleration_mps2"], 0.0)
-        accel = pair.drive["ACCEL_REQUEST"]
-        if pair.is_stop and abs(accel) > max(strongest, abs(braked)) + 0.002:
-            yield f"{at} a stop with {accel:.3f} m/s²"
-        braked = accel
-
-
-def _unbraked(wire: Wire, record: Record, history: Sequence[Instant]) -> Iterable[str]:
-    """Stops that last, of a vehicle that goes on moving one way, with too little brake."""
-    least_mps2 = wire.profile["behavior"]["safe_deceleration_mps2"] / 2.0
-    place, speed, way, since_ns, before_ns = 0, 0.0, 0.0, 0, 0
-    for pair in record.pairs:
-        while place < len(history) and history[place].at_ns <= pair.stamp_ns:
-            speed, place = history[place].speed_mps, place + 1
-        is_on = pair.is_enabled and pair.is_stop and abs(speed) > SLOW_MPS
-        if not is_on or speed * way <= 0.0 or pair.stamp_ns - before_ns > SILENCE_NS:
-            since_ns, way = pair.stamp_ns, speed if is_on else 0.0
-        before_ns = pair.stamp_ns
-        brake_mps2 = -math.copysign(1.0, speed) * pair.drive["ACCEL_REQUEST"]
-        if is_on and pair.stamp_ns - since_ns > WINDOW_NS and brake_mps2 < least_mps2:
-            yield (
-                f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s: a stop with {pair.reason} "
-                f"brakes with {brake_mps2:.2f} m/s² at {speed:.2f} m/s"
-            )
-
-
 def _bursts(wire: Wire, record: Record) -> Iterable[str]:
     """Too many commands in one window. After a gap, what a device owes may come at once, if it is not too old."""
     timing = wire.profile["timing"]
@@ -375,7 +326,6 @@ def _out_of_period(wire: Wire, record: Record) -> Iterable[str]:
         for a_ns, b_ns in zip(told_ns, told_ns[4:], strict=False):
             if b_ns - a_ns < 2.5 * period_ns:
                 yield f"{(a_ns - record.begin_ns) / S:.3f} s: five {name} within {(b_ns - a_ns) / S:.3f} s"
-    yield from _lies(record)
 
 
 def _lies(record: Record) -> Iterable[str]:
@@ -388,16 +338,6 @@ def _lies(record: Record) -> Iterable[str]:
         if beside and "REASON" in report.signals and report.reason not in beside:
             at = f"{(report.stamp_ns - record.begin_ns) / S:.3f} s:"
             yield f"{at} CONTROLLER_STATUS says {report.reason} beside {' and '.join(sorted(beside))}"
-
-
-def _between(table: Sequence[Sequence[float]], at: float) -> float:
-    """Linear between a table's rows, constant outside."""
-    if at <= table[0][0]:
-        return table[0][1]
-    for (x0, y0), (x1, y1) in pairwise(table):
-        if at <= x1:
-            return y0 + (y1 - y0) * (at - x0) / (x1 - x0)
-    return table[-1][1]
 
 
 def _is_injected(seen: Seen, pair: Pair) -> bool:

@@ -1,0 +1,170 @@
+"""What a profile allows at the measured speed, and how fast it may change: of every command, whatever is done to it."""
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+from bus_contract import AUTONOMOUS, MS, S
+from bus_contract_judge import JITTER_NS, SILENCE_NS, Pair, Record
+
+from hil.vehicle import Instant
+from hil.wire import Wire
+
+SLOW_MPS = 1.0
+"""Below it a brake may be let up."""
+SLOWER_MPS = 0.3
+"""A speed at which the device was not sure to have been slow already."""
+BRAKES_WITHIN_NS = 250 * MS
+
+
+def beyond(wire: Wire, record: Record) -> Iterable[str]:
+    """Steering by speed, requested speed, and the deceleration of stops, against the profile's figures."""
+    limits, behavior = wire.profile["limits"], wire.profile["behavior"]
+    table = limits.get("front_wheel_angle_by_speed") or [[0.0, limits["front_wheel_angle_rad"]]]
+    wheelbase_m, rear_rad = wire.profile["geometry"]["wheelbase_m"], limits.get("rear_wheel_angle_rad", 0.0)
+    samples, place, speed = record.samples, 0, 0.0
+    before = braked = 0.0
+    for pair in record.pairs:
+        while place < len(samples) and samples[place].stamp_ns <= pair.drive.stamp_ns:
+            speed, place = samples[place].speed_mps, place + 1
+        if not pair.is_enabled:
+            continue
+        at = f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s:"
+        angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
+        slower_mps = max(0.1, abs(speed) - SLOWER_MPS)
+        sideways_rad = math.atan(limits["lateral_accel_mps2"] * wheelbase_m / slower_mps**2)
+        most_rad = min(_between(table, slower_mps), sideways_rad) + 0.002
+        if abs(angle) > most_rad and abs(angle) >= abs(before):
+            yield f"{at} {angle:.4f} rad at {speed:.2f} m/s"
+        before = angle
+        if abs(pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)) > rear_rad + 1e-9:
+            yield f"{at} {pair.steer['REAR_WHEEL_ANGLE_REQUEST']:.4f} rad of the rear wheels"
+        if abs(pair.drive.signals.get("SPEED_REQUEST", 0.0)) > limits["speed_max_mps"] + 1e-9:
+            yield f"{at} {pair.drive['SPEED_REQUEST']:.3f} m/s asked for"
+        strongest = max(behavior["safe_deceleration_mps2"], 0.0)
+        accel = pair.drive["ACCEL_REQUEST"]
+        if pair.is_stop and abs(accel) > max(strongest, abs(braked)) + 0.002:
+            yield f"{at} a stop with {accel:.3f} m/s²"
+        braked = accel
+
+
+def unbraked(wire: Wire, record: Record, history: Sequence[Instant]) -> Iterable[str]:
+    """Stops that last, of a vehicle that goes on moving one way, with too little brake."""
+    least_mps2 = wire.profile["behavior"]["safe_deceleration_mps2"] / 2.0
+    place, speed, way, since_ns, before_ns = 0, 0.0, 0.0, 0, 0
+    for pair in record.pairs:
+        while place < len(history) and history[place].at_ns <= pair.stamp_ns:
+            speed, place = history[place].speed_mps, place + 1
+        is_on = pair.is_enabled and pair.is_stop and abs(speed) > SLOW_MPS
+        if not is_on or speed * way <= 0.0 or pair.stamp_ns - before_ns > SILENCE_NS:
+            since_ns, way = pair.stamp_ns, speed if is_on else 0.0
+        before_ns = pair.stamp_ns
+        brake_mps2 = -math.copysign(1.0, speed) * pair.drive["ACCEL_REQUEST"]
+        if is_on and pair.stamp_ns - since_ns > BRAKES_WITHIN_NS and brake_mps2 < least_mps2:
+            yield (
+                f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s: a stop with {pair.reason} "
+                f"brakes with {brake_mps2:.2f} m/s² at {speed:.2f} m/s"
+            )
+
+
+def jerky(wire: Wire, record: Record) -> Iterable[str]:
+    """Accelerations that change faster than the profile has it: while it drives both ways, in a stop the brake's rise.
+
+    A stop may drop at once what drives, and what brakes harder than it does.
+    """
+    drives_mps3, brakes_mps3 = wire.profile["limits"]["accel_rate_mps3"], wire.profile["behavior"]["stop_jerk_mps3"]
+    for stretch in _stretches(record):
+        last = stretch[0]
+        for is_stop, part in _parts(stretch):
+            if is_stop:
+                braked = abs(last.drive["ACCEL_REQUEST"]) if _pulls_alike(last, part[-1]) else 0.0
+                values = [braked, *(abs(pair.drive["ACCEL_REQUEST"]) for pair in part)]
+                yield from _faster([last, *part], values, brakes_mps3, "m/s³", record, falls_freely=True)
+            else:
+                values = [pair.drive["ACCEL_REQUEST"] for pair in part]
+                yield from _faster(part, values, drives_mps3, "m/s³", record)
+            last = part[-1]
+
+
+def rash(wire: Wire, record: Record) -> Iterable[str]:
+    """Commands beyond the stricter limits that hold until the vehicle says that it is autonomous."""
+    limits = wire.profile["limits"].get("engaging", {})
+    modes, place, mode = record.of("VEHICLE_STATUS"), 0, -1.0
+    for stretch in _stretches(record):
+        engaging: list[Pair] = []
+        for pair in stretch:
+            while place < len(modes) and modes[place].stamp_ns <= pair.stamp_ns:
+                mode, place = modes[place]["MODE"], place + 1
+            if mode == AUTONOMOUS:
+                break
+            engaging.append(pair)
+        for pair in engaging:
+            accel = abs(pair.drive["ACCEL_REQUEST"])
+            if accel > limits.get("accel_max_mps2", math.inf) + 1e-9 and not pair.is_stop:
+                yield f"{_at(pair, record)} {accel:.3f} m/s² while it engages"
+        angles = [pair.steer["FRONT_WHEEL_ANGLE_REQUEST"] for pair in engaging]
+        rate_radps = limits.get("front_wheel_rate_radps", math.inf)
+        yield from _faster(engaging, angles, rate_radps, "rad/s while it engages", record)
+
+
+def _stretches(record: Record) -> Iterable[list[Pair]]:
+    """Commands that the vehicle is to obey, without a gap."""
+    stretch: list[Pair] = []
+    for pair in record.pairs:
+        if stretch and (not pair.is_enabled or pair.stamp_ns - stretch[-1].stamp_ns > SILENCE_NS):
+            yield stretch
+            stretch = []
+        if pair.is_enabled:
+            stretch.append(pair)
+    if stretch:
+        yield stretch
+
+
+def _parts(stretch: Sequence[Pair]) -> Iterable[tuple[bool, list[Pair]]]:
+    """Of a stretch, what drives and what stops."""
+    part: list[Pair] = []
+    for pair in stretch:
+        if part and pair.is_stop != part[-1].is_stop:
+            yield part[-1].is_stop, part
+            part = []
+        part.append(pair)
+    yield part[-1].is_stop, part
+
+
+def _pulls_alike(a: Pair, b: Pair) -> bool:
+    return a.drive["ACCEL_REQUEST"] * b.drive["ACCEL_REQUEST"] > 0.0
+
+
+def _faster(
+    pairs: Sequence[Pair],
+    values: Sequence[float],
+    rate: float,
+    unit: str,
+    record: Record,
+    *,
+    falls_freely: bool = False,
+) -> Iterable[str]:
+    """Where a value has changed by more than the rate allows since any time before, however short or long ago."""
+    slack = rate * JITTER_NS / S + 0.001
+    lowest, highest = math.inf, -math.inf
+    for pair, value in zip(pairs, values, strict=True):
+        t_s = (pair.stamp_ns - record.begin_ns) / S
+        rising, falling = value - rate * t_s, value + rate * t_s
+        if rising > lowest + slack or (falling < highest - slack and not falls_freely):
+            yield f"{_at(pair, record)} faster than {rate:g} {unit}, to {value:.3f}"
+            lowest, highest = math.inf, -math.inf
+        lowest, highest = min(lowest, rising), max(highest, falling)
+
+
+def _at(pair: Pair, record: Record) -> str:
+    return f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s:"
+
+
+def _between(table: Sequence[Sequence[float]], at: float) -> float:
+    """Linear between a table's rows, constant outside."""
+    if at <= table[0][0]:
+        return table[0][1]
+    for (x0, y0), (x1, y1) in pairwise(table):
+        if at <= x1:
+            return y0 + (y1 - y0) * (at - x0) / (x1 - x0)
+    return table[-1][1]
