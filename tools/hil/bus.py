@@ -14,6 +14,7 @@ import socket
 import struct
 import subprocess
 import time
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -30,6 +31,9 @@ S = 1_000_000_000
 DRIFT_NS = 500_000
 LINK_LOST = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO)
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
+UNDER_WAY = 32
+"""So many frames at most may still be on their way from a socket that another one has followed."""
+BIT_RATE_SWITCH = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +59,8 @@ class Bus:
         self._aside: list[socket.socket] = []
         self.refused = 0
         """Frames that the queue had no room for."""
+        self._sent: deque[bytes] = deque(maxlen=UNDER_WAY)
+        self._under_way: set[bytes] = set()
         self._probed_ns = 0
         self._clocks = _Clocks()
         self._open()
@@ -64,14 +70,16 @@ class Bus:
         if not self._is_there():
             return False
         assert self._raw is not None
+        record = encoded(frame)
         try:
-            self._raw.send(encoded(frame))
+            self._raw.send(record)
         except OSError as error:
             if error.errno in QUEUE_FULL:
                 self.refused += 1
             else:
                 self._lose(error)
             return False
+        self._sent.append(_content(record))
         return True
 
     def drain(self) -> Iterator[Heard]:
@@ -88,7 +96,7 @@ class Bus:
                 self._lose(error)
                 return
             stamp_ns, hardware_ns = self._clocks.stamps(ancillary)
-            yield Heard(_decoded(record, stamp_ns), bool(flags & MSG_CONFIRM), hardware_ns)
+            yield Heard(_decoded(record, stamp_ns), bool(flags & MSG_CONFIRM) or self._was_ours(record), hardware_ns)
 
     def packets(self) -> int:
         """That have gone out on the interface, whosever they are."""
@@ -125,6 +133,15 @@ class Bus:
             raw.close()
             raise
         self._raw = raw
+        self._under_way = set(self._sent)
+
+    def _was_ours(self, record: bytes) -> bool:
+        """Whether the socket before this one had sent it: the kernel confirms frames only to their own socket."""
+        content = _content(record)
+        if content not in self._under_way:
+            return False
+        self._under_way.remove(content)
+        return True
 
     def _is_there(self) -> bool:
         """Opens it anew, ten times a second, after it was lost."""
@@ -144,6 +161,11 @@ class Bus:
         if error.errno != errno.ENETDOWN and self._raw is not None:
             self._aside.append(self._raw)
             self._raw = None
+
+
+def _content(record: bytes) -> bytes:
+    """Without the flags, to which the kernel adds."""
+    return record[:5] + record[6:]
 
 
 def _decoded(record: bytes, stamp_ns: int) -> Frame:
@@ -191,7 +213,8 @@ def encoded(frame: Frame) -> bytes:
     word |= REMOTE if frame.is_remote else 0
     word |= ERROR if frame.is_error else 0
     room = FD_BYTES if frame.is_fd else CLASSIC_BYTES
-    return (HEADER.pack(word, len(frame.data), 0) + frame.data).ljust(room, b"\0")
+    flags = BIT_RATE_SWITCH if frame.is_fd else 0
+    return (HEADER.pack(word, len(frame.data), flags) + frame.data).ljust(room, b"\0")
 
 
 def is_virtual(channel: str) -> bool:
