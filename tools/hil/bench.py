@@ -2,6 +2,7 @@
 
 import datetime
 import itertools
+import logging
 import os
 import platform
 import shutil
@@ -25,6 +26,7 @@ from hil.result import CaseResult, Run, Verdict
 from hil.rig import RigError, StrangerError
 from hil.wire import ProfileError, Wire
 
+log = logging.getLogger(__name__)
 LISTEN_S = 1.0
 ATTEMPTS = 3
 """At a case during which the bench itself was late."""
@@ -174,6 +176,9 @@ def _executed(bench: run_case.Bench, case: Case, repetition: int, route: str) ->
             raise
         except (RigError, ProfileError, OSError) as error:
             return run_case.unjudged(bench, case, repetition, f"the bench could not go on: {error}")
+        except Exception as error:  # one case's mistake must not cost the results of all others
+            log.exception("%s: a mistake of the bench's own", case.name)
+            return run_case.unjudged(bench, case, repetition, f"a mistake of the bench's own: {error!r}")
         if found.verdict is not Verdict.NOT_EXECUTED or attempt == ATTEMPTS - 1:
             break
     return msgspec.structs.replace(found, counts=found.counts | {"attempts": attempt + 1})

@@ -39,7 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("hil_bench: interrupted before there was anything to report; everything is put back", file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
-        print(f"hil_bench: {options.channel}: {error.strerror or error}; run: vehicle-iface doctor", file=sys.stderr)
+        where = error.filename or f"{options.channel} (try: vehicle-iface doctor --channel {options.channel})"
+        print(f"hil_bench: {where}: {error.strerror or error}", file=sys.stderr)
         return NOTHING_DONE
 
 
@@ -59,6 +60,8 @@ def _be_interruptible() -> None:
 def _bench(options: argparse.Namespace) -> int:
     if not options.channel or not options.out:
         raise bench.BenchError("--channel and --out are needed, or --list")
+    if options.listen_device is None:
+        options.listen_device = OWN if options.device == Commands().start else ""
     if not options.device and not (options.route and options.rearm):
         raise bench.BenchError("--device '' (it is there already) needs --route, what it drives, and --rearm")
     folder = Path(options.out)
@@ -80,7 +83,7 @@ def _bench(options: argparse.Namespace) -> int:
     cases = bench.chosen(options.case, options.tag, quick=options.quick)
     _be_interruptible()
     found = bench.traffic(options.channel, wire, device_is_there=not options.device)
-    if found and not _is_told_twice(options, wire, found):
+    if options.real_vehicle or (found and not _is_told_twice(options, wire, found)):
         run = listen.run(wire, options.channel, folder, options.duration, found, real_vehicle=options.real_vehicle)
     else:
         what = Bench(
@@ -121,7 +124,12 @@ def _is_told_twice(options: argparse.Namespace, wire: Wire, found: Sequence[str]
         return False
     typed = options.type_profile
     if not typed and sys.stdin.isatty():
-        typed = input(f"Nobody is in danger, and the vehicle cannot move? Type the profile's name ({wire.name}): ")
+        print(
+            f"Nobody is in danger, and the vehicle cannot move? Type the profile's name ({wire.name}):",
+            end=" ",
+            flush=True,
+        )
+        typed = sys.stdin.readline()
     if typed.strip() != wire.name:
         print(f"The profile's name was not typed ({wire.name}): it only listens.", file=sys.stderr)
         return False
@@ -182,14 +190,19 @@ def _parser() -> argparse.ArgumentParser:
     add("--json", action="store_true", help="results (or the list) as JSON to the output, progress to the error output")
     add("--strict", action="store_true", help="a case that could not be executed is a failure")
     add("--profile", default="reference", help="the vehicle that is played: a profile's name, or a .toml file")
-    own, commands = OWN.replace("%", "%%"), Commands()
+    commands = Commands()
     add(
         "--device",
         default=commands.start,
         metavar="COMMAND",
         help="starts the device, with {channel} {profile} {trajectory} {route}; '' when it is there already",
     )
-    add("--listen-device", default=own, metavar="COMMAND", help="starts the device without arming it; '' if it cannot")
+    add(
+        "--listen-device",
+        default=None,
+        metavar="COMMAND",
+        help="starts the device without arming it; by default as --device without --arm where that is this program",
+    )
     add("--stop", default="", metavar="COMMAND", help="ends the device; '' for SIGINT to what --device started")
     add("--rearm", default="", metavar="COMMAND", help="arms the device again; '' for SIGUSR1 to what --device started")
     add("--route", default="", metavar="NAME", help="of a device that is there already: what it drives")
@@ -200,7 +213,11 @@ def _parser() -> argparse.ArgumentParser:
         "--despite-traffic", action="store_true", help="play a vehicle on a bus that is not quiet; asks for the profile"
     )
     add("--type-profile", default="", metavar="NAME", help="the profile's name, typed again, for --despite-traffic")
-    add("--real-vehicle", action="store_true", help="what is listened to is a real vehicle: so its evidence is named")
+    add(
+        "--real-vehicle",
+        action="store_true",
+        help="a real vehicle is on the bus: only listen, and name the evidence so",
+    )
     return parser
 
 

@@ -4,6 +4,7 @@ import datetime
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from bus_contract_judge import examine
@@ -27,12 +28,14 @@ def run(
     bus = Bus(channel, wire.names)
     frames = []
     try:
-        end_s = time.monotonic() + duration_s
-        while time.monotonic() < end_s:
-            frames += [heard.frame for heard in bus.drain()]
-            time.sleep(0.01)
+        begin_s = time.monotonic()
+        with suppress(KeyboardInterrupt):  # whoever has heard enough wants to know what it was
+            while time.monotonic() < begin_s + duration_s:
+                frames += [heard.frame for heard in bus.drain()]
+                time.sleep(0.01)
     finally:
         bus.close()
+    duration_s = round(time.monotonic() - begin_s, 1)
     offset_ns = time.time_ns() - time.monotonic_ns()
     lines = [candump_line(frame, channel, offset_ns) for frame in frames]
     (folder / "listened.candump").write_text("".join(f"{line}\n" for line in lines))
@@ -62,7 +65,7 @@ def run(
         channel=channel,
         profile=wire.name,
         profile_hash=wire.hash,
-        device=f"not known; on the bus: {'; '.join(traffic)}",
+        device=f"not known; on the bus: {'; '.join(traffic) or 'nothing at first'}",
         seed=0,
         environment=environment(channel),
         cases=[found],

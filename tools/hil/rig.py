@@ -66,7 +66,7 @@ class Hands:
         assert self._shell.stdin is not None
         line = shlex.join(words) if quoted else " ".join(words)
         self._heard = b""
-        self._shell.stdin.write(f"{line} {'&' if beside else ''}\necho {DONE} $?\n".encode())
+        self._shell.stdin.write(f"{line} </dev/null {'&' if beside else ''}\necho {DONE} $?\n".encode())
 
     def is_done(self) -> bool:
         """Whether it has ended, and how."""
