@@ -30,6 +30,11 @@ FAULT_BRAKE_MPS2 = 3.0
 DRIVER_BRAKE_MPS2 = 4.0
 DRIVER_TORQUE_NM = 3.0
 PAIRS_TO_ENGAGE = 3
+ROLLS_MPS = 0.05
+
+MODES = ("MANUAL", "READY", "AUTONOMOUS", "FAULT", "EMERGENCY_STOP")
+GEARS = ("PARK", "REVERSE", "NEUTRAL", "DRIVE")
+"""By the contract's numbers; a vehicle may number them otherwise."""
 
 Values = dict[str, dict[str, float]]
 """Message → signal → value."""
@@ -99,6 +104,8 @@ class Vehicle:
         self._pairs = 0
         self._counters: Counter[str] = Counter()
         self._tick = 0
+        self._modes = [self.wire.number("MODE", name) for name in MODES]
+        self._gears = [self.wire.number("GEAR", name) for name in GEARS] if self.wire.has("GEAR") else []
 
     def make_ready(self) -> None:
         """The driver lets go, acknowledges faults, and hands over."""
@@ -137,7 +144,7 @@ class Vehicle:
         wheel = {AUTONOMOUS: self._wish_of("FRONT_WHEEL_ANGLE_REQUEST"), FAULT: 0.0}.get(
             self.mode, self.plant.wheel_rad
         )
-        gear = {DRIVE: 1, REVERSE: -1}.get(self.gear, 0)
+        gear = {DRIVE: 1, REVERSE: -1}.get(self.gear, 0) if self.wire.has("GEAR_REQUEST") else self._way()
         self.plant.step(dt_s, accel_mps2=accel, wheel_rad=wheel, gear=gear, only_brake=only_brake)
         plant = self.plant
         self.history.append(
@@ -209,6 +216,11 @@ class Vehicle:
         brake = FAULT_BRAKE_MPS2 if self.mode >= FAULT else DRIVER_BRAKE_MPS2 if self.driver_brake else 0.0
         return (-brake if self.plant.speed_mps > 0.0 else brake), True
 
+    def _way(self) -> int:
+        """Of a vehicle without gears: as it rolls, and from rest as it is pushed."""
+        push = self.plant.speed_mps if abs(self.plant.speed_mps) > ROLLS_MPS else self._wish_of("ACCEL_REQUEST")
+        return -1 if push < 0.0 else 1
+
     def _wish_of(self, word: str) -> float:
         return next((told[word] for told in self.told.values() if word in told.signals), 0.0)
 
@@ -226,8 +238,8 @@ class Vehicle:
             "REAR_WHEEL_ANGLE": 0.0,
             "POSE_FRAME": wire.number("POSE_FRAME", self.pose_frame) if wire.has("POSE_FRAME") else 0,
             "POSE_VALID": self.pose_valid,
-            "MODE": self.mode,
-            "GEAR": self.gear,
+            "MODE": self._modes[self.mode],
+            "GEAR": self._gears[self.gear] if self._gears else 0,
             "DRIVER_BRAKE": self.driver_brake,
             "DRIVER_THROTTLE": self.driver_throttle,
             "DRIVER_STEER_TORQUE": self.driver_torque_nm,

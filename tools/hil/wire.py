@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import cantools
-from bus_contract import REASONS, Frame, Limits, Told, checksum
+from bus_contract import DRIVE, NEUTRAL, NO_REQUEST, PARK, REASONS, REVERSE, Frame, Limits, Told, checksum
 from bus_contract_fd import checksum as checksum_fd
 from cantools.database.can import Database, Message
 from cantools.database.errors import Error as CantoolsError
@@ -66,6 +66,10 @@ MUST = {"command": ("enable", "safe_stop", "accel_mps2", "front_wheel_angle_rad"
 """What a vehicle must have to be benched."""
 
 
+REASON_NUMBERS = {name: number for number, name in enumerate(REASONS)}
+GEAR_NUMBERS = {"PARK": PARK, "REVERSE": REVERSE, "NEUTRAL": NEUTRAL, "DRIVE": DRIVE, "NO_REQUEST": NO_REQUEST}
+
+
 class ProfileError(Exception):
     """The profile cannot be benched, and why."""
 
@@ -84,7 +88,7 @@ class Wire:
     """One vehicle's bus. Raises `ProfileError` for a profile that is not there or that it cannot judge."""
 
     def __init__(self, profile: str) -> None:
-        path = Path(profile) if profile.endswith(".toml") else PROFILES / f"{profile}.toml"
+        path = Path(profile).resolve() if profile.endswith(".toml") else PROFILES / f"{profile}.toml"
         try:
             text = path.read_bytes()
             self.profile: dict[str, Any] = tomllib.loads(text.decode())
@@ -96,11 +100,14 @@ class Wire:
             raise ProfileError(f"{dbc}: is no CAN database")
         self.path, self.dbc = path, dbc
         self.hash = hashlib.sha256(text + dbc.read_bytes()).hexdigest()
-        self.name = str(self.profile["name"])
-        self.is_fd = bool(self.profile["bus"]["fd"])
-        self._bind(database)
-        self._protect()
-        self.limits = self._limits()
+        try:
+            self.name = str(self.profile["name"])
+            self.is_fd = bool(self.profile["bus"]["fd"])
+            self._bind(database)
+            self._protect()
+            self.limits = self._limits()
+        except KeyError as error:
+            raise ProfileError(f"{path}: {error} is missing") from None
         self.names = {layout.message.frame_id: name for name, layout in self._layouts.items()}
         self.ids = {name: layout.message.frame_id for name, layout in self._layouts.items()}
         self.lengths = {name: layout.message.length for name, layout in self._layouts.items()}
@@ -151,6 +158,19 @@ class Wire:
     def has(self, word: str) -> bool:
         """Whether this vehicle has such a signal."""
         return any(word in layout.signal_of for layout in self._layouts.values())
+
+    def free_block(self) -> int:
+        """256 identifiers in a row, of low priority, of which the vehicle uses none; above 0x6FF is diagnosis."""
+        used = {can_id >> 8 for can_id in self.names}
+        return next(block << 8 for block in range(6, -1, -1) if block not in used)
+
+    def greatest(self, word: str) -> tuple[float, float]:
+        """The greatest value that the DBC gives a signal of the sample or the status, and that its bits can say."""
+        layout = self._layouts[self.part_of(word)]
+        signal = layout.message.get_signal_by_name(layout.signal_of[word][0])
+        raw = (1 << signal.length - signal.is_signed) - 1
+        most_of_bits = float(signal.scale * raw + signal.offset)
+        return (most_of_bits if signal.maximum is None else float(signal.maximum)), most_of_bits
 
     def part_of(self, word: str) -> str:
         """The message of the state sample, or the status, that carries a signal. Raises `ProfileError` if none does."""
@@ -237,7 +257,10 @@ class Wire:
         for word, table in (("MODE", "modes"), ("GEAR", "gears")):
             for theirs, ours in self.profile["status"].get(table, {}).items():
                 numbers[word][ours] = numbers[word][theirs]
-        for name, number in numbers.get("REASON", {}).items():
-            if name not in REASONS or REASONS.index(name) != number:
-                raise ProfileError(f"{self.dbc}: REASON {number} {name}: must be numbered as the reference vehicle's")
+        for word, known in (("REASON", REASON_NUMBERS), ("GEAR_REQUEST", GEAR_NUMBERS)):
+            for name, number in numbers.get(word, {}).items():
+                if known.get(name) != number:
+                    raise ProfileError(
+                        f"{self.dbc}: {word} {number} {name}: must be numbered as the reference vehicle's"
+                    )
         return numbers
