@@ -289,12 +289,19 @@ def out_of_time(at_s: float) -> Pair:
 
 
 DRIVES, STOPS, SILENT = [*steady(0, 10)], [*steady(0, 5.06), *steady(5.06, 6, stop), *steady(6, 10)], [*steady(0, 5.05)]
+EIGHTH_MISSING = [pair for number, pair in enumerate(DRIVES) if number % 8]
+HISTORY = [at(tick / 100, 3.0) for tick in range(1000)]
 LETS_GO = [*steady(0, 5.02), *steady(5.02, 8, released), *steady(8, 10)]
 JUDGED: list[tuple[Expectation, Seen, Seen]] = [
     (expect.Stops(("STATE_STALE",)), seen(*STOPS), seen(*DRIVES)),
     (expect.Stops(("STATE_STALE",)), seen(*STOPS), seen(*steady(0, 5.3), *steady(5.3, 6, stop))),
     (expect.Stops(("STATE_STALE",)), seen(*STOPS), seen(*steady(0, 5.06), *steady(5.06, 5.5, stop), *steady(5.5, 6))),
     (expect.Stops(("STATE_STALE",)), seen(*STOPS), seen(*LETS_GO)),
+    (expect.Stops(("STATE_STALE",)), seen(*STOPS), seen(*steady(0, 5.06), *steady(5.06, 5.5, stop), released(5.5))),
+    (expect.Answers(0.7, 0.95), seen(*EIGHTH_MISSING, history=HISTORY), seen(*DRIVES, history=HISTORY)),
+    (expect.Answers(0.7, 1.0), seen(*DRIVES, history=HISTORY), seen(*DRIVES, *DRIVES[::9], history=HISTORY)),
+    (expect.Answers(0.7, 1.0), seen(*DRIVES, history=HISTORY), seen(*steady(0, 10, stop), history=HISTORY)),
+    (expect.Answers(0.7, 1.0), seen(*DRIVES, history=HISTORY), seen(*DRIVES)),
     (expect.FallsSilent(), seen(*SILENT), seen(*DRIVES)),
     (expect.FallsSilent(), seen(*SILENT), seen(*SILENT, pair(7.0))),
     (expect.LetsGo(("DRIVER_OVERRIDE",), 0.06), seen(*LETS_GO), seen(*DRIVES)),
@@ -511,6 +518,7 @@ def test_a_load_that_was_not_there_was_not_borne(share_of_it: float, monkeypatch
     per_second = 0.9 * 500_000 / faults.STRANGERS_BITS
     rig = SimpleNamespace(
         wire=WIRE,
+        heard=[],
         bus=SimpleNamespace(channel="vcan9", packets=lambda: round(now_s[0] * per_second * share_of_it)),
         **dict.fromkeys(("beside", "run_for", "injects", "rest"), lambda *_: None),
     )
@@ -650,6 +658,33 @@ def test_beside_another_vehicle_it_falls_silent(monkeypatch: pytest.MonkeyPatch,
     found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
     assert [case.verdict for case in found.cases] == [Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.NOT_EXECUTED]
     assert all("fallen silent" in case.why for case in found.cases)
+
+
+def test_what_it_injects_ends_in_silence_when_somebody_else_speaks() -> None:
+    def falls_silent(rig: SimpleNamespace) -> None:
+        rig.vehicle_speaks = False
+        rig.every_tick.clear()
+        raise StrangerError("somebody else says POSE")
+
+    for injection in (faults.flood(faults.rival_command, 2), faults.replayed(1.0), faults.skips(6, every=10)):
+        rig = SimpleNamespace(heard=[], every_tick=[], vehicle_speaks=True)
+        with pytest.raises(StrangerError), injection(rig):  # type: ignore[arg-type]
+            falls_silent(rig)
+        assert not rig.every_tick
+        assert not rig.vehicle_speaks
+
+
+def test_a_mistake_of_the_benchs_own_costs_one_case(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def run(which: run_case.Bench, case: Case, repetition: int) -> CaseResult:
+        if case is FILES[1]:
+            raise ZeroDivisionError("in the bench")
+        return run_case.unjudged(which, case, repetition, "", Verdict.PASS)
+
+    monkeypatch.setattr(run_case, "run", run)
+    what = run_case.Bench(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    found = bench.run(bench.Plan(bench=what, cases=FILES[:3]), SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
+    assert [case.verdict for case in found.cases] == [Verdict.PASS, Verdict.NOT_EXECUTED, Verdict.PASS]
+    assert "ZeroDivisionError('in the bench')" in found.cases[1].why
 
 
 @pytest.mark.parametrize(("first", "verdict"), [(Verdict.PASS, Verdict.NOT_EXECUTED), (Verdict.FAIL, Verdict.FAIL)])

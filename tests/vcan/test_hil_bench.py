@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 from hil import result
+from hil.bus import Bus
 from hil.result import Evidence, Run, Verdict
 
-from .contract import CHANNEL
+from .contract import CHANNEL, Frame, drained, raw_socket, send
 
 ROOT = Path(__file__).resolve().parents[2]
 MINIMAL = f"{sys.executable} {ROOT}/tests/hil/minimal_controller.py --channel {{channel}} --route {{trajectory}}"
@@ -134,6 +135,33 @@ def test_on_a_bus_that_is_not_quiet_it_only_listens(tmp_path: Path) -> None:
     assert run.verdict is Verdict.NOT_EXECUTED
     assert "only listens" in done.stderr
     assert done.returncode == 3
+
+
+def test_beside_a_real_vehicle_it_only_listens_however_quiet_the_bus_is(vcan0: None, tmp_path: Path) -> None:  # noqa: ARG001
+    command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
+    with raw_socket() as ear:
+        done = subprocess.run(
+            [*command, "--real-vehicle", "--duration", "1"], capture_output=True, timeout=60, check=False, cwd=ROOT
+        )
+        heard = drained(ear)
+    run = result.read(tmp_path / "report" / "results.json")
+    assert [case.name for case in run.cases] == ["listen-only"]
+    assert (done.returncode, run.verdict, heard) == (3, Verdict.NOT_EXECUTED, [])
+
+
+def test_frames_of_its_own_that_were_under_way_when_it_opened_the_bus_anew_are_no_strangers(vcan0: None) -> None:  # noqa: ARG001
+    frame = Frame(0, 0x110, bytes(range(8)))
+    own = Bus(CHANNEL, None)
+    try:
+        assert own.send(frame)
+        own.reopen()
+        with raw_socket() as other:
+            assert send(other, frame)
+            assert send(other, frame)
+        heard = list(own.drain())
+    finally:
+        own.close()
+    assert [one.is_ours for one in heard] == [True, False]
 
 
 def _is_speaking() -> bool:

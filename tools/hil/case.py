@@ -69,8 +69,10 @@ class Case:
     exit_status: tuple[int, ...] = (0,)
     most_path_error_m: float | None = None
     answers_in_time: bool = True
-    """Whether the median answer must come within the period, outside the injection."""
+    """Whether answers must come in time, outside the injection."""
+    is_measured: bool = False
+    """Answers are measured, and must come in time, while the injection works instead."""
     samples: int = 0
-    """Drive until so many samples were sent."""
+    """The injection goes on until so many samples were sent."""
     setup: dict[str, float] = field(default_factory=dict)
     """Attributes of the plant at the beginning."""

@@ -4,6 +4,7 @@ The rows (B1, F2, S3, …) are those of the catalogue of faults; a row that can 
 is not here. Times are those of the bus contract.
 """
 
+import re
 import signal
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,6 +15,7 @@ from hil import faults as f
 from hil import routes
 from hil.case import Case, Need, Then
 from hil.expect import (
+    Answers,
     DrivesOn,
     Ends,
     EndsOrderly,
@@ -198,6 +200,7 @@ BUS = (
         for name, what, words, most in (
             ("loses-1-percent", "One frame in a hundred that is lost", ("loss", "1%"), 0.2),
             ("loses-5-percent", "One frame in twenty that is lost", ("loss", "5%"), 0.6),
+            ("loses-10-percent", "One frame in ten that is lost", ("loss", "10%"), 1.5),
             ("doubles", "One frame in ten that comes twice", ("duplicate", "10%"), 0.2),
             ("reorders", "Frames that overtake each other", ("delay", "3ms", "reorder", "95%"), 0.6),
             ("damages", "One frame in fifty with a bit that is wrong", ("corrupt", "2%"), 0.6),
@@ -252,16 +255,24 @@ FRAMES = (
             ("other-format", "of the other format (CAN FD, classical)", f.other_format),
         )
     ),
-    Case(
-        name="frames-always-too-short",
-        fault="F1",
-        tags=("frames",),
-        proves="A vehicle whose frames are all too short has no state: it is stopped.",
-        injected="every frame of the sample without its last two bytes",
-        inject=f.frames(f.too_short),
-        for_s=0.4,
-        see=(Stops(STALE), HazardLights()),
-        allow=ANY,
+    *(
+        Case(
+            name=f"frames-always-{name}",
+            fault="F1",
+            tags=("frames",),
+            proves=f"A vehicle whose frames are all {what} has no state: it is stopped.",
+            injected=f"every frame of the sample {what}, for 0.4 s",
+            inject=f.frames(change),
+            for_s=0.4,
+            see=(Stops(STALE), HazardLights()),
+            allow=ANY,
+        )
+        for name, what, change in (
+            ("too-short", "too short", f.too_short),
+            ("extended", "with an extended identifier of the same number", f.extended),
+            ("remote", "remote requests", f.remote),
+            ("other-format", "of the other format (CAN FD, classical)", f.other_format),
+        )
     ),
     Case(
         name="crc-wrong-once",
@@ -334,9 +345,10 @@ FRAMES = (
         fault="F3",
         tags=("frames", "e2e"),
         proves="A counter that jumps is not believed at once, and the drive goes on from it.",
-        injected="the counter jumps by six",
-        inject=f.skips(6),
-        see=(MomentaryAtMost(STALE, 0.1),),
+        injected="the counter jumps by six after every tenth sample, for 1 s",
+        inject=f.skips(6, every=10),
+        for_s=1.0,
+        see=(MomentaryAtMost(STALE, 0.1), Answers(0.75, 0.94)),
         allow=ANY,
     ),
     Case(
@@ -347,7 +359,7 @@ FRAMES = (
         injected="the counter runs from 0 to 7 for 0.6 s",
         inject=f.counter_of(lambda counter: counter % 8),
         for_s=0.6,
-        see=(MomentaryAtMost(STALE, 0.6),),
+        see=(MomentaryAtMost(STALE, 0.3), Answers(0.7, 0.94)),
         allow=ANY,
     ),
     Case(
@@ -384,6 +396,17 @@ FRAMES = (
         allow=ANY,
     ),
     Case(
+        name="value-out-of-range",
+        fault="F5",
+        tags=("frames", "values"),
+        proves="A value beyond the range that the DBC gives drops its frame whole.",
+        injected="a speed above the DBC's greatest, for 0.4 s",
+        inject=f.out_of_range("SPEED"),
+        for_s=0.4,
+        see=(Stops(STALE),),
+        allow=ANY,
+    ),
+    Case(
         name="mode-unknown",
         fault="F5",
         tags=("frames", "values"),
@@ -402,10 +425,10 @@ FRAMES = (
         fault="F6",
         tags=("frames", "e2e"),
         proves="Parts of different cycles are never combined to one sample.",
-        injected="the last part of each sample is the one of the cycle before, for 0.4 s",
+        injected="the last part of one sample, the others of the next, and so on for 0.4 s: none is ever whole",
         inject=f.mixed_cycles(),
         for_s=0.4,
-        see=(MomentaryAtMost(STALE, 0.5),),
+        see=(Stops(STALE),),
         allow=ANY,
     ),
 )
@@ -440,7 +463,7 @@ STATE = (
         name="state-lost-at-speed",
         fault="S1",
         tags=("state", "manoeuvre"),
-        proves="An emergency stop at speed: without state the vehicle is braked from 12 m/s.",
+        proves="Without state the vehicle is braked from 12 m/s, and driven on when it is back in time.",
         injected="no sample for 0.4 s at 12 m/s",
         route=lambda: routes.straight(600.0, 13.0),
         at_mps=12.0,
@@ -448,6 +471,20 @@ STATE = (
         for_s=0.4,
         see=(Stops(STALE),),
         allow=ANY,
+    ),
+    Case(
+        name="emergency-stop-from-12-mps",
+        fault="S5",
+        tags=("state", "manoeuvre"),
+        proves="An emergency stop at speed, to standstill: the stop is held as long as the pose is invalid.",
+        injected="POSE_VALID = 0 for 7 s at 12 m/s",
+        route=lambda: routes.straight(600.0, 13.0),
+        at_mps=12.0,
+        inject=f.attribute(pose_valid=False),
+        for_s=7.0,
+        see=(Stops(INVALID), Standstill(6.0), HazardLights()),
+        after_s=3.0,
+        allow=DROPPED,
     ),
     Case(
         name="status-lost",
@@ -557,7 +594,7 @@ STATE = (
         injected="after every tenth sample the one of 80 ms before comes again, for 1 s",
         inject=f.older_again(10),
         for_s=1.0,
-        see=(MomentaryAtMost(STALE, 0.3),),
+        see=(MomentaryAtMost(STALE, 0.3), Answers(0.75, 1.04)),
         allow=ANY,
     ),
     Case(
@@ -565,7 +602,7 @@ STATE = (
         fault="C2",
         tags=("state", "deviation"),
         proves="A vehicle that is more than 3 m off its path is stopped, and stays so.",
-        injected="the vehicle drifts to the left by 3 m/s, whatever it steers",
+        injected="the vehicle drifts to the left by 4 m/s, whatever it steers",
         inject=f.attribute(plant_drift_mps=4.0),
         for_s=3.0,
         see=(Stops(("DEVIATION",), within_s=2.5), Standstill(5.5)),
@@ -591,7 +628,7 @@ STATE = (
         fault="C2",
         tags=("state", "deviation", "slow"),
         proves="A vehicle that is pushed above the speed limit is stopped.",
-        injected="a tow pulls the vehicle forward by 9 m/s² until far above the limit",
+        injected="a tow pulls the vehicle forward by 14 m/s² until far above the limit",
         route=lambda: routes.straight(900.0, 8.0),
         at_mps=6.0,
         inject=f.attribute(plant_pushed_mps2=14.0),
@@ -798,6 +835,12 @@ def _without(text: str, start: str) -> str:
     return "\n".join(line for line in text.splitlines() if not line.startswith(start)) + "\n"
 
 
+def _second_as_first(dbc: str) -> str:
+    """The second message has the identifier of the first."""
+    first, second = re.findall(r"^BO_ (\d+) ", dbc, re.MULTILINE)[:2]
+    return dbc.replace(f"BO_ {second} ", f"BO_ {first} ", 1)
+
+
 FILES = (
     _refused("with-text-in-a-cell", "with text in a cell", _cell(20, 1, "abc")),
     _refused("with-a-decimal-comma", "with a decimal comma", _cell(20, 1, "1,5")),
@@ -816,7 +859,30 @@ FILES = (
     _spoilt(
         "with-a-misspelt-key", "with a misspelt key", "F8", lambda t, d: (t.replace("wheelbase_m", "wheelbas_m"), d)
     ),
+    _spoilt("with-a-key-twice", "with a key twice", "F8", lambda t, d: (t.replace("[bus]\n", "[bus]\nfd = true\n"), d)),
+    _spoilt(
+        "with-a-word-for-a-number", "with a word for a number", "F8", lambda t, d: (t.replace("= 30.0", '= "much"'), d)
+    ),
+    _spoilt(
+        "with-an-absent-signal",
+        "with a signal that there is not",
+        "F8",
+        lambda t, d: (t.replace(".SPEED", ".SPEEED"), d),
+    ),
     _spoilt("with-a-dbc-cut-short", "whose DBC is cut short", "F7", lambda t, d: (t, d[: len(d) // 2])),
+    _spoilt("with-a-dbc-of-noise", "whose DBC is noise", "F7", lambda t, d: (t, d[::-1])),
+    _spoilt(
+        "with-overlapping-signals",
+        "whose DBC has signals that overlap",
+        "F7",
+        lambda t, d: (t, d.replace(": 48|", ": 40|")),
+    ),
+    _spoilt(
+        "with-a-factor-of-0", "whose DBC has a factor of 0", "F7", lambda t, d: (t, d.replace("(0.005,0)", "(0,0)"))
+    ),
+    _spoilt(
+        "with-an-identifier-twice", "whose DBC has an identifier twice", "F7", lambda t, d: (t, _second_as_first(d))
+    ),
 )
 
 TRAJECTORY = (
@@ -1003,7 +1069,7 @@ TIMING = (
             route=lambda: routes.straight(600.0, 4.0),
             inject=f.both(f.load(share), f.left_out(23)) if share else f.left_out(23),
             for_s=8.0,
-            samples=1,
+            is_measured=True,
             see=(DrivesOn(), FollowsGaps()),
             allow=DROPPED,
         )
@@ -1018,6 +1084,7 @@ TIMING = (
         inject=f.nothing,
         for_s=1.0,
         samples=40_000,
+        is_measured=True,
         see=(DrivesOn(),),
         most_path_error_m=0.6,
     ),

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from bus_contract import AUTONOMOUS, MS, S
+from bus_contract import MS, S
 from bus_contract_judge import JITTER_NS, SILENCE_NS, Pair, Record
 
 from hil.vehicle import Instant
@@ -23,6 +23,7 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
     table = limits.get("front_wheel_angle_by_speed") or [[0.0, limits["front_wheel_angle_rad"]]]
     wheelbase_m, rear_rad = wire.profile["geometry"]["wheelbase_m"], limits.get("rear_wheel_angle_rad", 0.0)
     samples, place, speed = record.samples, 0, 0.0
+    by_speed = limits.get("accel_max_by_speed") or [[0.0, limits["accel_max_mps2"]]]
     before = braked = 0.0
     for pair in record.pairs:
         while place < len(samples) and samples[place].stamp_ns <= pair.drive.stamp_ns:
@@ -43,6 +44,9 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
             yield f"{at} {pair.drive['SPEED_REQUEST']:.3f} m/s asked for"
         strongest = max(behavior["safe_deceleration_mps2"], 0.0)
         accel = pair.drive["ACCEL_REQUEST"]
+        most_mps2 = _between(by_speed, max(0.0, abs(speed) - SLOWER_MPS)) + 0.002
+        if accel * speed > 0.0 and most_mps2 < abs(accel) >= abs(braked):
+            yield f"{at} {accel:.3f} m/s² at {speed:.2f} m/s"
         if pair.is_stop and abs(accel) > max(strongest, abs(braked)) + 0.002:
             yield f"{at} a stop with {accel:.3f} m/s²"
         braked = accel
@@ -90,12 +94,13 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
     """Commands beyond the stricter limits that hold until the vehicle says that it is autonomous."""
     limits = wire.profile["limits"].get("engaging", {})
     modes, place, mode = record.of("VEHICLE_STATUS"), 0, -1.0
+    autonomous = wire.number("MODE", "AUTONOMOUS")
     for stretch in _stretches(record):
         engaging: list[Pair] = []
         for pair in stretch:
             while place < len(modes) and modes[place].stamp_ns <= pair.stamp_ns:
                 mode, place = modes[place]["MODE"], place + 1
-            if mode == AUTONOMOUS:
+            if mode == autonomous:
                 break
             engaging.append(pair)
         for pair in engaging:

@@ -84,7 +84,10 @@ def _described(seen: Seen, pair: Pair) -> str:
 
 @dataclass(frozen=True)
 class Stops:
-    """A stop command with one of these reasons within the time, and only stops until the injection is over."""
+    """A stop command with one of these reasons within the time, and only stops until the injection is over.
+
+    ENABLE stays 1: a vehicle that is let go rolls.
+    """
 
     reasons: tuple[str, ...]
     within_s: float = STOP_S
@@ -102,7 +105,7 @@ class Stops:
         wrong = []
         if self.until_end:
             stretch = seen.between(first.stamp_ns, seen.end_ns)
-            wrong = [_described(seen, pair) for pair in stretch if pair.is_enabled and not pair.is_stop]
+            wrong = [_described(seen, pair) for pair in stretch if not (pair.is_enabled and pair.is_stop)]
         at_s = seen.at_s(first.stamp_ns)
         events = [
             Event(at_s=at_s, kind=EventKind.DETECTION, text=first.reason),
@@ -120,7 +123,11 @@ class FallsSilent:
     def judge(self, seen: Seen) -> tuple[Check, list[Event]]:
         text = f"silence within {self.within_s * 1e3:.0f} ms, until it is armed again"
         late_ns = seen.inject_ns + round(self.within_s * S)
-        wrong = [_described(seen, pair) for pair in seen.between(late_ns, seen.then_ns)]
+        wrong = [
+            f"{seen.at_s(told.stamp_ns):.3f} s: {told.name}"
+            for told in seen.told
+            if told.name.endswith("COMMAND") and told.name != "BODY_COMMAND" and late_ns <= told.stamp_ns < seen.then_ns
+        ]
         last = seen.between(seen.inject_ns, late_ns)
         silent_ns = last[-1].stamp_ns if last else seen.inject_ns
         events = []
@@ -211,6 +218,26 @@ class MomentaryAtMost:
         ]
         stopped_s = sum(pair.is_stop for pair in pairs) * PERIOD_S
         return check(text, wrong, stopped_s, self.most_s), []
+
+
+@dataclass(frozen=True)
+class Answers:
+    """So many of the vehicle's samples while the injection works are answered, in parts of all: no more and no fewer.
+
+    A command that stops for lack of state is no answer.
+    """
+
+    least: float
+    most: float
+    reasons: tuple[str, ...] = ("STATE_STALE",)
+
+    def judge(self, seen: Seen) -> tuple[Check, list[Event]]:
+        text = f"from {self.least:.0%} to {self.most:.0%} of the samples in this time are answered"
+        due = sum(seen.inject_ns <= instant.at_ns < seen.end_ns for instant in seen.history)
+        pairs = [pair for pair in seen.between(seen.inject_ns, seen.end_ns) if pair.reason not in self.reasons]
+        share = len(pairs) / due if due else 0.0
+        wrong = [] if self.least <= share <= self.most else [f"{len(pairs)} commands for {due} samples ({share:.0%})"]
+        return check(text, wrong), []
 
 
 @dataclass(frozen=True)

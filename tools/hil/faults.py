@@ -32,6 +32,10 @@ class BusIsEmptyError(OSError):
     """The load that was to be borne was not there."""
 
 
+class NotApplicableError(OSError):
+    """This vehicle cannot have the fault."""
+
+
 class _Frames(Fault):
     """The next so many frames of some messages go through a function."""
 
@@ -164,30 +168,42 @@ def with_counter(rig: "Rig", frame: Frame, counter: int) -> Frame:
     return rig.wire.pack(told.name, counter, **values)
 
 
-def skips(by: int) -> Injection:
-    """So many counter values of the sample are left out, once."""
+def skips(by: int, every: int = ALWAYS) -> Injection:
+    """So many counter values of the sample are left out, at once and then after every n-th sample."""
 
     @contextmanager
     def inject(rig: "Rig") -> Iterator[None]:
-        rig.vehicle.step_counters(by)
-        yield
+        tick = [0]
+
+        def skip() -> None:
+            if tick[0] % every == 0:
+                rig.vehicle.step_counters(by)
+            tick[0] += 1
+
+        with _each_tick(rig, skip):
+            yield
 
     return inject
 
 
 def mixed_cycles() -> Injection:
-    """The last part of every sample is the one of the cycle before."""
+    """Of one sample only its last part is sent, of the next only the others, and so on: none is ever whole."""
 
     class _Late(Fault):
         def __init__(self) -> None:
-            self._kept: Frame | None = None
+            self._tick = 0
 
         def frames(self, spoken: list[Utterance]) -> list[Frame]:
-            *first, last = spoken
-            kept, self._kept = self._kept, last.frame
-            return [utterance.frame for utterance in first] + ([kept] if kept else [])
+            self._tick += 1
+            last = spoken[-1].name
+            return [u.frame for u in spoken if u.name == "VEHICLE_STATUS" or (u.name == last) is bool(self._tick % 2)]
 
-    return lambda rig: _on(rig, _Late())
+    def inject(rig: "Rig") -> AbstractContextManager[None]:
+        if len(rig.wire.sample) < 2:
+            raise NotApplicableError("a sample of this vehicle's is one message: its parts cannot be mixed")
+        return _on(rig, _Late())
+
+    return inject
 
 
 def older_again(every: int) -> Injection:
@@ -210,6 +226,19 @@ def values(count: int = ALWAYS, **changed: float) -> Injection:
 
     def inject(rig: "Rig") -> AbstractContextManager[None]:
         return _on(rig, _Values(count, lambda all_values: _set(rig, all_values, changed)))
+
+    return inject
+
+
+def out_of_range(word: str) -> Injection:
+    """A signal is above the greatest value that the DBC gives it, as far as its bits allow."""
+
+    def inject(rig: "Rig") -> AbstractContextManager[None]:
+        most, most_of_bits = rig.wire.greatest(word)
+        if most_of_bits <= most:
+            raise NotApplicableError(f"{word} of this vehicle's can say nothing beyond its range")
+        value = min(most_of_bits, most + max(1.0, abs(most)) / 5.0)
+        return _on(rig, _Values(ALWAYS, lambda all_values: _set(rig, all_values, {word: value})))
 
     return inject
 
@@ -442,13 +471,21 @@ def flood(make: Callable[["Rig", int], Frame], per_tick: int) -> Injection:
                 count[0] += 1
                 rig.bus.send(make(rig, count[0]))
 
-        rig.every_tick.append(send)
-        try:
+        with _each_tick(rig, send):
             yield
-        finally:
-            rig.every_tick.remove(send)
 
     return inject
+
+
+@contextmanager
+def _each_tick(rig: "Rig", call: Callable[[], None]) -> Iterator[None]:
+    """A rig that has fallen silent has forgotten it by then."""
+    rig.every_tick.append(call)
+    try:
+        yield
+    finally:
+        if call in rig.every_tick:
+            rig.every_tick.remove(call)
 
 
 def damaged_sample(rig: "Rig", number: int) -> Frame:
@@ -491,30 +528,31 @@ def replayed(back_s: float) -> Injection:
     @contextmanager
     def inject(rig: "Rig") -> Iterator[None]:
         begin_ns = time.monotonic_ns()
-        old = [heard.frame for heard in rig.heard if heard.frame.stamp_ns > begin_ns - round(back_s * S)]
+        since_ns = begin_ns - round(back_s * S)
+        old = [h.frame for h in rig.heard if h.frame.stamp_ns > since_ns and not h.frame.is_error]
 
         def send() -> None:
             while old and old[0].stamp_ns + round(back_s * S) <= time.monotonic_ns():
                 rig.bus.send(old.pop(0))
 
         rig.vehicle_speaks = False
-        rig.every_tick.append(send)
-        try:
+        with _each_tick(rig, send):
             yield
-        finally:
-            rig.every_tick.remove(send)
-            rig.vehicle_speaks = True
+        rig.vehicle_speaks = True
 
     return inject
 
 
 def load(share: float) -> Injection:
-    """Strangers' frames of the lowest priority fill this share of the bus, from a process of their own."""
+    """Strangers' frames of low priority fill the bus up to this share, from a process of their own."""
 
     @contextmanager
     def inject(rig: "Rig") -> Iterator[None]:
-        per_second = share * rig.wire.profile["bus"]["bitrate"] / STRANGERS_BITS
-        rig.beside([sys.executable, str(TOOLS / "hil" / "load.py"), rig.bus.channel, f"{per_second:.0f}"])
+        own_per_second = len([h for h in rig.heard if h.frame.stamp_ns > time.monotonic_ns() - S])
+        all_per_second = share * rig.wire.profile["bus"]["bitrate"] / STRANGERS_BITS
+        per_second = max(0.0, all_per_second - own_per_second)
+        words = [str(TOOLS / "hil" / "load.py"), rig.bus.channel, f"{per_second:.0f}", f"{rig.wire.free_block():x}"]
+        rig.beside([sys.executable, *words])
         rig.run_for(0.5)
         rig.injects()
         begin_s, before = time.monotonic(), rig.bus.packets()
@@ -523,8 +561,8 @@ def load(share: float) -> Injection:
             seen_per_second = (rig.bus.packets() - before) / (time.monotonic() - begin_s)
         finally:
             rig.rest()
-        if seen_per_second < per_second / 2.0:
-            raise BusIsEmptyError(f"{seen_per_second:.0f} of {per_second:.0f} frames a second were on the bus")
+        if seen_per_second < all_per_second / 2.0:
+            raise BusIsEmptyError(f"{seen_per_second:.0f} of {all_per_second:.0f} frames a second were on the bus")
 
     return inject
 

@@ -38,6 +38,9 @@ CERTAIN = ("damaged", "counter", "command", "dynamics")
 
 ANSWER_P50_S = 0.010
 """The contract's period: an answer that usually comes after the next sample is late."""
+ANSWER_P99_S = 0.020
+ANSWER_MAX_S = 0.105
+"""An answer is never given to a sample older than 100 ms; some more until it is on the bus."""
 PLOT_POINTS = 300
 THINNED_M = 0.2
 HEALTHY_S = 0.6
@@ -74,7 +77,10 @@ def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
         "periods": [*_out_of_period(rig.wire, record), *_lies(record)],
     }
     from_s = (rig.touched_ns - record.begin_ns) / S - JUST_BEFORE_S if rig.touched_ns else math.inf
-    until_ns = rig.healthy_ns - round(HEALTHY_S * S) if case.then is Then.REARM else seen.then_ns or seen.end_ns
+    until_ns = {
+        Then.REARM: rig.healthy_ns - round(HEALTHY_S * S),
+        Then.GOES_ON: seen.end_ns,
+    }.get(case.then, seen.then_ns or seen.end_ns)
     to_s = (until_ns - record.begin_ns) / S + SLACK_AFTER_S
     checks = []
     for kind, must in KINDS.items():
@@ -94,7 +100,7 @@ def certain(failed: Sequence[Check]) -> list[Check]:
 
 
 def prepared(case: Case, seen: Seen, rig: Rig) -> list[Check]:
-    """That there was something to be broken: a vehicle that is driven, as fast as the case has it."""
+    """That there was something to be broken: a vehicle that is driven, as fast and as long as the case has it."""
     if case.inject is None or case.at_mps < 0.0:
         return []
     before = [instant for instant in seen.history if instant.at_ns <= rig.touched_ns][-1:]
@@ -103,22 +109,25 @@ def prepared(case: Case, seen: Seen, rig: Rig) -> list[Check]:
         wrong.append("it was not engaged")
     elif abs(before[0].speed_mps) < case.at_mps - dynamics.SLOWER_MPS:
         wrong.append(f"{seen.at_s(rig.touched_ns):.3f} s: {before[0].speed_mps:.2f} m/s")
-    return [check(f"it drives at {case.at_mps} m/s when the injection begins", wrong)]
+    found = [check(f"it drives at {case.at_mps} m/s when the injection begins", wrong)]
+    if case.samples:
+        driven = sum(rig.inject_ns <= i.at_ns <= rig.end_ns and i.mode == AUTONOMOUS for i in seen.history)
+        found.append(check(f"{case.samples} samples of driving", [f"{driven}"] if driven < case.samples else []))
+    return found
 
 
 def answers(case: Case, record: Record, seen: Seen, rig: Rig) -> tuple[list[Check], list[Distribution]]:
-    """How long the device took for an answer, and how regular its commands were, outside the injection."""
+    """How long the device took for an answer, and how regular its commands were, outside the injection or within it."""
     hardware = _hardware_stamps(rig)
-    everywhere = case.inject is None or bool(case.samples)
-    latencies = [
-        _latency_s(begin_ns, pair, hardware)
-        for begin_ns, pair in _newest_answers(record)
-        if everywhere or not _is_injected(seen, pair)
-    ]
+
+    def counts(pair: Pair) -> bool:
+        return case.inject is None or _is_injected(seen, pair) is case.is_measured
+
+    latencies = [_latency_s(begin_ns, pair, hardware) for begin_ns, pair in record.answers if counts(pair)]
     periods = [
         (b.drive.stamp_ns - a.drive.stamp_ns) / S
         for a, b in pairwise(record.pairs)
-        if b.drive.stamp_ns - a.drive.stamp_ns < 200 * MS and (everywhere or not _is_injected(seen, b))
+        if b.drive.stamp_ns - a.drive.stamp_ns < 200 * MS and counts(b)
     ]
     if not latencies or not periods:
         return [], []
@@ -128,6 +137,9 @@ def answers(case: Case, record: Record, seen: Seen, rig: Rig) -> tuple[list[Chec
     checks = []
     if case.answers_in_time:
         checks.append(check("half of the answers within the sample period", [], latency.p50 / 1e3, ANSWER_P50_S))
+        if "unanswered" not in case.allow or case.is_measured:
+            checks.append(check("99 of 100 answers within two periods", [], latency.p99 / 1e3, ANSWER_P99_S))
+            checks.append(check("every answer before its sample is too old", [], latency.max / 1e3, ANSWER_MAX_S))
     return checks, [latency, jitter]
 
 
@@ -140,7 +152,7 @@ def health(case: Case, seen: Seen, rig: Rig, killed: Sequence[str]) -> list[Chec
         wrong = sorted(
             {f"{pair.reason}, ENABLE {pair.is_enabled:d}" for pair in last if pair.is_stop or not pair.is_enabled}
         )
-        if len(last) < HEALTHY_S * 50:
+        if len(last) < HEALTHY_S * 90:
             wrong.append(f"{len(last)} commands in the last {HEALTHY_S} s")
         at_end = [instant for instant in seen.history if instant.at_ns <= end_ns][-1:]
         if not at_end or at_end[0].mode != AUTONOMOUS or abs(at_end[0].speed_mps) < MOVING_MPS:
@@ -348,18 +360,6 @@ def _hardware_stamps(rig: Rig) -> dict[int, int]:
     """Kernel stamp → the adapter's, where every frame has one."""
     stamps = {heard.frame.stamp_ns: heard.hardware_ns for heard in rig.heard}
     return stamps if stamps and all(stamps.values()) else {}
-
-
-def _newest_answers(record: Record) -> Iterable[tuple[int, Pair]]:
-    """Each pair beside the newest sample before it; of two pairs after one sample the first."""
-    samples, place = record.samples, 0
-    answered = -1
-    for pair in record.pairs:
-        while place < len(samples) and samples[place].stamp_ns <= pair.drive.stamp_ns:
-            place += 1
-        if place and place != answered:
-            answered = place
-            yield samples[place - 1].stamp_ns, pair
 
 
 def _latency_s(begin_ns: int, pair: Pair, hardware: dict[int, int]) -> float:

@@ -1,25 +1,29 @@
-"""Fills a CAN interface with strangers' frames: `python load.py CHANNEL FRAMES_PER_SECOND`, until SIGTERM."""
+"""Fills a CAN interface with strangers' frames: `python load.py CHANNEL FRAMES_PER_SECOND FIRST_ID`, until SIGTERM.
 
+It ends with whoever started it: nobody else would take it off the bus.
+"""
+
+import os
 import socket
 import struct
 import sys
 import time
 
 PERIOD_S = 0.005
-FIRST_ID, IDS = 0x600, 0x100
+IDS = 0x100
 
 
 def main() -> None:
-    channel, per_second = sys.argv[1], float(sys.argv[2])
+    channel, per_second, first_id = sys.argv[1], float(sys.argv[2]), int(sys.argv[3], 16)
     raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"")
     raw.bind((channel,))
-    begin, sent = time.monotonic(), 0
-    while True:
+    parent, begin, sent = os.getppid(), time.monotonic(), 0
+    while os.getppid() == parent:
         due = round((time.monotonic() - begin) * per_second)
         for number in range(sent, min(due, sent + 200)):
             try:
-                raw.send(struct.pack("=IB3xQ", FIRST_ID + number % IDS, 8, number))
+                raw.send(struct.pack("=IB3xQ", first_id + number % IDS, 8, number))
             except OSError:
                 break  # a full queue is a full bus
         sent = due

@@ -144,7 +144,8 @@ def _inject(rig: Rig, case: Case) -> None:
     with (case.inject or nothing)(rig):
         rig.run_for(case.for_s)
         if case.samples:
-            rig.wait_for(lambda: len(rig.vehicle.history) >= case.samples, case.samples / 50.0, "the samples")
+            count = len(rig.vehicle.history) + case.samples
+            rig.wait_for(lambda: len(rig.vehicle.history) >= count, case.samples / 50.0, "the samples")
         rig.end_ns = time.monotonic_ns()
     rig.end_ns = max(rig.end_ns, time.monotonic_ns())
 
