@@ -13,7 +13,7 @@ import pytest
 from harness import NAME_OF, OURS, START_NS, Drive, Pair, counters_step_by_one, ms, pure_pursuit, reference, straight
 from sim.contract import pack
 
-from vehicle_iface import Command, ControllerBase, Reason, Trajectory, VehicleState, compose
+from vehicle_iface import Command, ControllerBase, Reason, Trajectory, VehicleState, cli, clock, compose
 from vehicle_iface.control.tracking import point_at, tracking_error
 from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
@@ -534,6 +534,40 @@ def test_asked_twice_at_once_it_sends_exactly_one_pair_that_lets_go() -> None:
     drive.loop.request_end()
     drive.run_until(lambda: drive.loop.done, 0.05)
     assert [pair["ENABLE"] for pair in drive.pairs(since)].count(0) == 1
+
+
+def stops_for_good_before_it_lets_go(drive: Drive, since: int) -> bool:
+    """Whether the vehicle stood when it was let go."""
+    drive.run_until(lambda: drive.loop.done, 10.0)
+    pairs = drive.pairs(since)
+    assert says(pairs[-1], enable=0, stop=0, reason=Reason.SHUTDOWN)
+    return len([pair for pair in pairs if pair["ENABLE"]]) > 150 and abs(drive.vehicle.state.speed_mps) < 0.05
+
+
+def test_a_planned_end_that_falls_into_a_stop_for_good_does_not_cut_it_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = cruising().engage(4.5)
+    monkeypatch.setattr(clock, "monotonic_ns", drive.clock.now_ns)
+    since = len(drive.sent)
+    drive.loop.request_end()
+    cli._run_for(drive.loop, 0.3)
+    assert stops_for_good_before_it_lets_go(drive, since)
+
+
+def test_after_a_planned_end_only_the_second_request_cuts_the_stop_short() -> None:
+    drive = cruising().engage(4.5)
+    since = len(drive.sent)
+    drive.loop.end_as_planned()
+    drive.run_s(0.1)
+    drive.loop.request_end()
+    assert stops_for_good_before_it_lets_go(drive, since)
+    again = cruising()
+    again.loop.end_as_planned()
+    again.run_s(0.1)
+    again.loop.request_end()
+    again.loop.request_end()
+    again.run_until(lambda: again.loop.done, 0.05)
+    assert says(again.last(), enable=0, stop=0, reason=Reason.SHUTDOWN)
+    assert again.vehicle.state.speed_mps > 1.0
 
 
 def test_a_driver_who_takes_over_during_the_end_ends_it() -> None:

@@ -267,7 +267,7 @@ def _run_for(loop: Loop, duration_s: float | None) -> None:
     loop.plan_end(deadline_ns)
     while not loop.done and clock.monotonic_ns() < deadline_ns:
         loop.step()
-    loop.request_end()
+    loop.end_as_planned()
     loop.run()
 
 

@@ -102,7 +102,8 @@ class Loop:
         self._newest: Sample | None = None
         self._answer: Answer | None = None
         self._end_requests = 0
-        self._ends_heard = 0
+        self._end_is_due = False
+        self._has_begun_to_end = False
         self._arm_requested = False
         self._released_ns: int | None = None
         self._standing = 0
@@ -147,8 +148,12 @@ class Loop:
         self._end_requests += 1
 
     def plan_end(self, at_ns: int) -> None:
-        """`request_end` will be called then: the person is warned before."""
+        """`end_as_planned` will be called then: the person is warned before."""
         self._handover.plan(at_ns)
+
+    def end_as_planned(self) -> None:
+        """Stop the vehicle and end, unless that was asked for already: no request, so the next one is not a second."""
+        self._end_is_due = True
 
     def request_arming(self) -> None:
         """Engage (again) when everything is well. Safe in a signal handler."""
@@ -313,7 +318,7 @@ class Loop:
         if self._parts.teller.is_quiet(now_ns):
             self._tell(now_ns)
         self._parts.teller.tell_details(now_ns, self.details)
-        if self._ends_heard:
+        if self._has_begun_to_end:
             self._end_when_let_go(now_ns)
 
     def _answer_silence(self, newest: Sample, now_ns: int, reason: Reason) -> None:
@@ -361,13 +366,12 @@ class Loop:
                 self._engagement.happened(Event.ARMED, now_ns)
             else:
                 log.warning("not armed: the link is %s", self.link.state.name)
-        while self._ends_heard < self._end_requests:
-            self._ends_heard += 1
-            if self._ends_heard == 1:
-                self.ended_in_fault = self._engagement.latched
-                self._engagement.happened(Event.END, now_ns)
-            else:
-                self._let_go_at_once(now_ns)
+        if not self._has_begun_to_end and (self._end_is_due or self._end_requests):
+            self._has_begun_to_end = True
+            self.ended_in_fault = self._engagement.latched
+            self._engagement.happened(Event.END, now_ns)
+        if self._end_requests > 1 and not self.done:
+            self._let_go_at_once(now_ns)
 
     def _let_go_at_once(self, now_ns: int) -> None:
         """Asked to end twice: one ENABLE = 0, and out."""
