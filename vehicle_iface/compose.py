@@ -198,6 +198,7 @@ def build_loop(
         gear_change_speed_mps=profile.limits.gear_change_speed_mps,
         status_stale_ns=ns_from_s(timing.status_stale_s),
         budget_ns=ns_from_s(timing.controller_budget_s),
+        answer_age_ns=ns_from_s(timing.answer_age_s),
         counts=counts,
         now_ns=now_ns,
     )

@@ -66,6 +66,7 @@ class Cabin:
             gear_change_speed_mps=0.5,
             status_stale_ns=ms(200),
             budget_ns=ms(50),
+            answer_age_ns=ms(100),
             counts=self.counts,
             now_ns=lambda: self.now_ns,
         )
@@ -86,7 +87,7 @@ class Cabin:
         status = None
         if gear is not None:
             status = VehicleStatus(stamp_ns=NOW_NS - status_age_ns, mode=VehicleMode.AUTONOMOUS, gear=gear)
-        return self.pilot.answer(sample, status, NOW_NS)
+        return self.pilot.answer(sample, status, self.now_ns)
 
 
 def test_a_sample_without_complete_knowledge_of_the_vehicle_is_answered_by_a_stop() -> None:
@@ -212,3 +213,28 @@ def test_a_controller_that_takes_longer_than_its_budget_stops_the_vehicle(takes_
     controller.takes_ns = ms(takes_ms)
     assert cabin.answer().safe.reason is reason
     assert cabin.counts.controller_too_slow == (reason is not Reason.NOMINAL)
+
+
+@pytest.mark.parametrize(("age_ms", "reason"), [(100, Reason.NOMINAL), (100.001, Reason.STATE_STALE)])
+def test_a_sample_that_grows_too_old_while_the_controller_thinks_is_answered_by_a_stop(
+    age_ms: float, reason: Reason
+) -> None:
+    controller = Slow()
+    controller.cabin = cabin = Cabin(controller)
+    controller.takes_ns = ms(40)
+    cabin.now_ns = NOW_NS + ms(age_ms) - ms(40)
+    safe = cabin.answer().safe
+    assert (safe.reason, safe.safe_stop) == (reason, reason is not Reason.NOMINAL)
+    assert cabin.counts.controller_too_slow == 0
+
+
+def test_the_gate_grants_the_time_until_the_command_is_sent() -> None:
+    """Wheels may turn for as long as the controller thought, too: the limit is one of what is on the bus."""
+    controller = Slow(front_wheel_angle_rad=0.5)
+    controller.cabin = cabin = Cabin(controller, Mode.STANDBY)
+    cabin.answer()
+    cabin.engagement.mode = Mode.ENGAGED
+    assert cabin.answer(speed_mps=0.0).safe.front_wheel_angle_rad == 0.0
+    controller.takes_ns = ms(40)
+    turned_rad = cabin.answer(speed_mps=0.0).safe.front_wheel_angle_rad
+    assert turned_rad == pytest.approx(0.04 * reference().profile.limits.front_wheel_rate_radps, abs=1e-3)

@@ -203,15 +203,16 @@ class Loop:
             self._engagement.see_sample(sample.state.stamp_ns, now_ns)
         is_backlog = now_ns - samples[0].state.stamp_ns > self._stale_ns
         answered = samples[-1:] if is_backlog else samples
-        if now_ns - answered[-1].state.stamp_ns > self._answer_age_ns:
-            answered = []
         self._counts.too_old_to_answer += len(samples) - len(answered)
         for sample in answered:
             self._answer_sample(sample)
 
     def _answer_sample(self, sample: Sample) -> None:
-        """Decide, send, and only then tell."""
+        """Decide, send, and only then tell; nothing of it for a sample that has grown old behind the others."""
         now_ns = self._now_ns()
+        if now_ns - sample.state.stamp_ns > self._answer_age_ns:
+            self._counts.too_old_to_answer += 1
+            return
         if self._answer is None:
             self._take_trajectory(sample)
         self._standing = self._standing + 1 if abs(sample.state.speed_mps) <= AT_REST_MPS else 0
@@ -328,7 +329,7 @@ class Loop:
         """
         if not self._engagement.enables and reason is not Reason.STATE_INVALID:
             return
-        self._answer = self._pilot.answer_without_sample(newest.state, self._tracker.status, now_ns, reason)
+        self._answer = self._pilot.answer_without_sample(newest.state, self._tracker.status, reason)
         sent = self._send_command(self._answer, now_ns)
         self._counts.stale_stops += sent and self._answer.safe.enable
         self._tell(now_ns, sent=sent)
@@ -379,9 +380,8 @@ class Loop:
         self._engagement.happened(Event.STANDSTILL, now_ns)
         if self._engagement.mode is Mode.RELEASED and self._newest is not None:
             state = self._newest.state
-            self._send_command(
-                self._pilot.answer_without_sample(state, self._tracker.status, now_ns, Reason.SHUTDOWN), now_ns
-            )
+            answer = self._pilot.answer_without_sample(state, self._tracker.status, Reason.SHUTDOWN)
+            self._send_command(answer, now_ns)
 
     def _end_when_let_go(self, now_ns: int) -> None:
         """Done when the vehicle says that it has let go, was told so long enough, or hears nothing from us."""

@@ -42,14 +42,16 @@ class Pilot:
         gear_change_speed_mps: float,
         status_stale_ns: int,
         budget_ns: int,
+        answer_age_ns: int,
         counts: Counts,
         now_ns: Callable[[], int],
     ) -> None:
-        """`budget_ns` is what the controller may take for a command, by the clock `now_ns`."""
+        """By the clock `now_ns` the controller may take `budget_ns` for a command, and no longer than until the sample
+        is `answer_age_ns` old."""
         self.controller = controller
         self.gate = gate
         self.deviation = deviation
-        self._budget_ns, self._now_ns = budget_ns, now_ns
+        self._budget_ns, self._answer_age_ns, self._now_ns = budget_ns, answer_age_ns, now_ns
         self._engagement = engagement
         self._gear_change_speed_mps = gear_change_speed_mps
         self._status_stale_ns = status_stale_ns
@@ -78,15 +80,13 @@ class Pilot:
             wish = self._stop(sample.state, fault)
         else:
             wish = self._wish(sample.state, now_ns)
-        return self._permitted(wish, sample.state, status, now_ns, other_takes_over=other_takes_over)
+        return self._permitted(wish, sample.state, status, other_takes_over=other_takes_over)
 
-    def answer_without_sample(
-        self, last: VehicleState, status: VehicleStatus | None, now_ns: int, reason: Reason
-    ) -> Answer:
+    def answer_without_sample(self, last: VehicleState, status: VehicleStatus | None, reason: Reason) -> Answer:
         """A stop from the last known state, because no sample came that can be believed."""
         if self._engagement.mode is Mode.ENDING:
             reason = Reason.SHUTDOWN
-        return self._permitted(self._stop(last, reason), last, status, now_ns)
+        return self._permitted(self._stop(last, reason), last, status)
 
     def _stop(self, state: VehicleState, reason: Reason, *, may_track: bool = False) -> Command:
         """Steered along the path only where nothing is wrong but what it stops for."""
@@ -113,9 +113,12 @@ class Pilot:
             if self._counts.controller_errors == 1:
                 log.exception("the controller raised; the vehicle is stopped (further ones are counted)")
             return stop(state, Reason.CONTROLLER_ERROR)
-        if self._now_ns() - now_ns > self._budget_ns:
+        done_ns = self._now_ns()
+        if done_ns - now_ns > self._budget_ns:
             self._counts.controller_too_slow += 1
             return stop(state, Reason.DEADLINE_MISSED)
+        if done_ns - state.stamp_ns > self._answer_age_ns:
+            return stop(state, Reason.STATE_STALE)
         return stop(state, Reason.DEVIATION) if self._deviates(state, wish) else wish
 
     def _deviates(self, state: VehicleState, wish: Command) -> bool:
@@ -129,11 +132,10 @@ class Pilot:
         wish: Command,
         state: VehicleState,
         status: VehicleStatus | None,
-        now_ns: int,
         *,
         other_takes_over: bool = False,
     ) -> Answer:
-        engagement = self._engagement
+        engagement, now_ns = self._engagement, self._now_ns()
         driving = engagement.enables or engagement.mode is Mode.LISTENING
         if driving and not self._was_enabled:
             self.gate.start_from(state, now_ns)
