@@ -224,6 +224,7 @@ def build_loop(
             command_ids=frozenset((message.can_id, message.is_extended) for message in database.sent),
             body_message=database.body.name if database.body else None,
             report_message=database.report.name if database.report else None,
+            report_ranges=database.report_ranges,
             now_ns=now_ns,
             sleep_until=sleep_until,
             live=live,

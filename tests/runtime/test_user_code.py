@@ -83,3 +83,139 @@ def test_a_bus_that_takes_nothing_for_100_ms_silences_and_latches() -> None:
     since = len(drive.sent)
     drive.run_s(1.0)
     assert drive.pairs(since) == []
+
+
+class _Thinks(_Handy):
+    """Takes its time for each command, while the vehicle goes on sending."""
+
+    drive: Drive | None = None
+    takes_s = 0.0
+
+    def compute_command_impl(self, state: VehicleState) -> Command:
+        if self.drive is not None:
+            self.drive.stall(self.takes_s)
+        return super().compute_command_impl(state)
+
+
+def test_with_a_controller_that_takes_most_of_its_budget_nothing_is_driven_by_an_old_state(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    controller = _Thinks()
+    drive = Drive(controller=controller).engage(3.0)
+    ages_ns: dict[Reason, list[int]] = {}
+    send = drive.line.send
+
+    def heard(*frames: Any) -> int:
+        if drive.loop._answer is not None and len(frames) == 2:
+            safe = drive.loop._answer.safe
+            ages_ns.setdefault(safe.reason, []).append(drive.clock.t_ns - safe.stamp_ns)
+        return send(*frames)
+
+    monkeypatch.setattr(drive.line, "send", heard)
+    controller.drive, controller.takes_s = drive, 0.045
+    too_old = drive.loop.details()["loop"]["too_old_to_answer"]
+    drive.run_s(1.0)
+    assert ages_ns[Reason.STATE_STALE]
+    assert max(ages_ns[Reason.NOMINAL]) <= ms(100)
+    assert max(ages_ns[Reason.STATE_STALE]) > ms(100)
+    assert drive.loop.details()["loop"]["too_old_to_answer"] > too_old
+
+
+@pytest.mark.parametrize("error", [SystemExit(0), asyncio.CancelledError()], ids=["exit", "cancelled"])
+def test_a_source_or_hook_that_wants_to_end_the_program_does_not(
+    error: BaseException, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ends(*_: object) -> None:
+        raise error
+
+    drive = Drive().engage(3.0)
+    monkeypatch.setattr(drive.source, "next", ends)
+    drive.run_s(0.1)
+    monkeypatch.undo()
+    monkeypatch.setattr(drive.controller, "check_new_trajectory", ends)
+    drive.source.restart()
+    drive.run_s(0.1)
+    assert drive.loop.details()["loop"]["trajectories_rejected"] >= 11
+    assert drive.loop.reason is Reason.NOMINAL
+
+
+def test_a_tracking_hook_that_wants_to_end_the_program_is_a_straight_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    def ends(_: VehicleState) -> tuple[float, float]:
+        raise SystemExit(1)
+
+    drive = Drive(controller=_Handy(BehaviorConfig(stop_steering=StopSteering.TRACK))).engage(3.0)
+    monkeypatch.setattr(drive.controller, "stop_steering_impl", ends)
+    drive.loop.request_end()
+    drive.run_s(0.5)
+    assert (drive.last()["SAFE_STOP"], drive.last()["FRONT_WHEEL_ANGLE_REQUEST"]) == (1, 0.0)
+
+
+class _Page:
+    """A telemetry writer that keeps the newest snapshot."""
+
+    newest: Snapshot
+
+    def publish(self, snapshot: Snapshot) -> None:
+        self.newest = snapshot
+
+    def publish_trajectory(self, _: Trajectory | None) -> int:
+        return 1
+
+
+class _Looks(_Handy):
+    """Says where it looks ahead to, or what else is in its mind."""
+
+    point: Any = (7.0, -2)
+
+    @property
+    def lookahead_point(self) -> Any:
+        if isinstance(self.point, BaseException):
+            raise self.point
+        return self.point
+
+
+@pytest.mark.parametrize(
+    "nonsense",
+    [
+        *(ValueError("x"), SystemExit(1), asyncio.CancelledError(), 3.0, "ab", (1.0,), (1.0, 2.0, 3.0)),
+        *((float("nan"), 0.0), (0.0, float("inf")), (None, None)),
+    ],
+    ids=repr,
+)
+def test_whatever_a_controllers_look_ahead_is_it_is_drawn_or_said_once(
+    nonsense: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    controller, page = _Looks(), _Page()
+    controller.set_trajectory(straight())
+    teller = Teller(page, controller, Counts())  # type: ignore[arg-type]
+    for point, is_drawn in ((None, 0), ((7.0, -2), 1), (nonsense, 0), (nonsense, 0)):
+        controller.point = point
+        _tell(teller)
+        assert page.newest.has_lookahead == is_drawn
+        assert (page.newest.lookahead_x_m, page.newest.lookahead_y_m) == ((7.0, -2.0) if is_drawn else (0.0, 0.0))
+    assert [record.message for record in caplog.records] == ["lookahead_point is no place; none is drawn (said once)"]
+
+
+def _tell(teller: Teller) -> None:
+    state = VehicleState(stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0)
+    teller.tell(0, controller_state=Mode.ENGAGED, reason=Reason.NOMINAL, state=state, status=None, answer=None)  # type: ignore[arg-type]
+
+
+def test_a_count_or_index_that_its_signal_cannot_say_is_said_as_its_greatest(tmp_path: Path) -> None:
+    profile = reference().profile
+    dbc = Path(profile.dbc).read_text(encoding="utf-8")
+    for was, becomes in (
+        ("56|8@1+ (1,0) [0|255]", "56|7@1+ (1,0) [0|127]"),
+        ("24|16@1+ (1,0) [0|65535]", "24|6@1+ (1,0) [1|60]"),
+    ):
+        assert was in dbc
+        dbc = dbc.replace(was, becomes)
+    (tmp_path / "reference.dbc").write_text(dbc, encoding="utf-8")
+    (tmp_path / "few.toml").write_text(Path(profile.file).read_text(encoding="utf-8"), encoding="utf-8")
+    drive = Drive(database=load_database(load_profile(tmp_path / "few.toml"))).engage(3.0)
+    said = [report.frame.data for report in drive.named("CONTROLLER_STATUS")]
+    assert (min(data[3] & 0x3F for data in said), said[-1][7]) == (1, 0)
+    drive.loop._counts.answered_late = 1000
+    drive.run_s(20.0)
+    last = drive.named("CONTROLLER_STATUS")[-1].frame.data
+    assert (last[3] & 0x3F, last[7]) == (60, 127)

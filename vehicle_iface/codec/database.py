@@ -108,6 +108,8 @@ class VehicleDatabase:
     """Number of `pose_frame` on the bus = frame of reference."""
     resolutions: Mapping[str, float]
     """The step of each bound command field on the wire, in its unit; 0 for a float."""
+    report_ranges: Mapping[str, tuple[float, float]]
+    """What each bound report field can say."""
 
     @property
     def received(self) -> tuple[BoundMessage, ...]:
@@ -198,8 +200,7 @@ class _Binder:
         return bound
 
     def database(self) -> VehicleDatabase:
-        profile, bound = self._profile, self.check()
-        command = _named(profile.command.signals)
+        profile, bound, named = self._profile, self.check(), self._named_signals()
         return VehicleDatabase(
             profile=profile,
             sample=tuple(bound[name] for name in profile.state.sample),
@@ -209,7 +210,8 @@ class _Binder:
             body=next((message for message in bound.values() if message.role is Role.BODY), None),
             report=next((message for message in bound.values() if message.role is Role.REPORT), None),
             frames=self._frames(),
-            resolutions={field: self._resolution(places) for field, places in command.items()},
+            resolutions={field: self._resolution(places) for field, places in named["command"].items()},
+            report_ranges={field: self._range(places) for field, places in named["report"].items()},
         )
 
     # --- names
@@ -562,6 +564,11 @@ class _Binder:
     def _resolution(self, signals: tuple[str, ...]) -> float:
         found = [self._signal(dotted, "") for dotted in signals]
         return max(0.0 if signal.is_float else abs(float(signal.scale)) for signal in found)
+
+    def _range(self, signals: tuple[str, ...]) -> tuple[float, float]:
+        """What all of them can say."""
+        lows, highs = zip(*(_expressible(self._signal(dotted, "")) for dotted in signals), strict=True)
+        return max(lows), min(highs)
 
 
 def _members(kind: type[IntEnum]) -> dict[str, int]:

@@ -1,7 +1,7 @@
 """The corridor: frames in, a command computed from each complete sample and sent within the same pass."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import Any
@@ -37,7 +37,6 @@ LETTING_GO_NS = 200 * NS_PER_MS
 AT_REST_MPS, AT_REST_SAMPLES = 0.01, 3
 """Two counts of the reference vehicle's speed signal, several times in a row: only then is it let go."""
 END_OF_TRAJECTORY = (Reason.PAST_END_SPACE, Reason.PAST_END_TIME)
-MAX_INDEX, MAX_MISSES = 0xFFFF, 0xFF
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +66,8 @@ class Parts:
     """The message that carries a `BodyRequest`; None where the vehicle has none."""
     report_message: str | None
     """The message that carries a `ControllerReport`; None where the vehicle has none."""
+    report_ranges: Mapping[str, tuple[float, float]]
+    """Of its bound fields."""
     now_ns: Callable[[], int]
     sleep_until: Callable[[int], None]
     live: Callable[[], None]
@@ -345,12 +346,17 @@ class Loop:
             content = ControllerReport(
                 state=self._engagement.wire_state(stopping=self._is_stopping),
                 reason=self.reason,
-                ref_spatial_index=min(spatial, MAX_INDEX),
-                ref_temporal_index=min(temporal, MAX_INDEX),
-                deadline_misses=min(self._counts.deadline_misses, MAX_MISSES),
+                ref_spatial_index=self._sayable("ref_spatial_index", spatial),
+                ref_temporal_index=self._sayable("ref_temporal_index", temporal),
+                deadline_misses=self._sayable("deadline_misses", self._counts.deadline_misses),
                 handover=self._handover.warns,
             )
             self._hand_over((self._encoder.encode(report, content),))
+
+    def _sayable(self, field: str, count: int) -> int:
+        """The nearest that the report's signal can say."""
+        low, high = self._parts.report_ranges.get(field, (count, count))
+        return int(max(low, min(high, count)))
 
     @property
     def _is_stopping(self) -> bool:
