@@ -64,6 +64,7 @@ def test_a_summary_that_cannot_be_written_is_refused_before_anything_drives(tmp_
         ("class Mine: pass", "takes no arguments"),
         ("from vehicle_iface import ControllerBase\nclass Mine(ControllerBase): pass", "compute_command_impl"),
         ("Mine = 3", "no class Mine"),
+        ("import sys\nsys.exit(0)", "SystemExit"),
     ],
 )
 def test_a_controller_that_cannot_be_made_is_refused_by_file_and_line(

@@ -111,9 +111,9 @@ def _own_controller(name: str, profile: Profile, behavior: BehaviorConfig) -> Co
             raise ConfigError(f"--controller {name}: there is no class {class_name} in {place}")
         make: Any = kind
         controller = make.from_profile(profile, behavior) if hasattr(kind, "from_profile") else make(behavior)
-    except ConfigError:
+    except (ConfigError, KeyboardInterrupt):
         raise
-    except Exception as error:
+    except BaseException as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         line = error.lineno if isinstance(error, SyntaxError) else where.lineno
         file = error.filename if isinstance(error, SyntaxError) else where.filename

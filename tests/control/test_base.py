@@ -1,5 +1,6 @@
 """The base by itself, under a controller that does as little as possible."""
 
+import asyncio
 import math
 from dataclasses import replace
 
@@ -36,7 +37,7 @@ class Steering(Coasting):
     answer: object = (0.3, -0.1)
 
     def stop_steering_impl(self, state: VehicleState) -> tuple[float, float]:  # noqa: ARG002
-        if isinstance(self.answer, Exception):
+        if isinstance(self.answer, BaseException):
             raise self.answer
         return self.answer  # type: ignore[return-value]
 
@@ -156,10 +157,14 @@ def test_a_child_that_says_nothing_stops_straight_and_one_that_fails_is_logged_o
     assert (command.front_wheel_angle_rad, command.rear_wheel_angle_rad) == (0.0, 0.0)
     assert caplog.records == []
     failing = Steering(BehaviorConfig(stop_steering=StopSteering.TRACK))
-    failing.answer = ZeroDivisionError()
-    for _ in range(3):
-        failing.compute_stop_command(at(0.0))
+    for error in (ZeroDivisionError(), SystemExit(1), asyncio.CancelledError()):
+        failing.answer = error
+        command = failing.compute_stop_command(at(0.0))
+        assert (command.front_wheel_angle_rad, command.rear_wheel_angle_rad) == (0.0, 0.0)
     assert len(caplog.records) == 1
+    failing.answer = KeyboardInterrupt()
+    with pytest.raises(KeyboardInterrupt):
+        failing.compute_stop_command(at(0.0))
 
 
 def test_what_is_no_trajectory_is_refused_before_the_child_sees_it() -> None:

@@ -1,5 +1,6 @@
 """What is answered to one sample: the reason that decides, the gear, and the gate's permission."""
 
+import asyncio
 import math
 from typing import Any
 
@@ -37,7 +38,7 @@ class Always(ControllerBase):
 class Raises(Always):
     """A controller with somebody's mistake in it."""
 
-    def __init__(self, error: Exception) -> None:
+    def __init__(self, error: BaseException) -> None:
         super().__init__()
         self.error = error
 
@@ -129,14 +130,22 @@ def test_without_a_status_the_gear_is_asked_for() -> None:
 
 @pytest.mark.parametrize(
     "error",
-    [ValueError("x"), ZeroDivisionError(), KeyError(1), RecursionError(), AssertionError(), MemoryError(), OSError(5)],
+    [
+        *(ValueError("x"), ZeroDivisionError(), KeyError(1), RecursionError(), AssertionError(), MemoryError()),
+        *(OSError(5), SystemExit(1), asyncio.CancelledError(), GeneratorExit()),
+    ],
     ids=lambda error: type(error).__name__,
 )
-def test_whatever_a_controller_raises_is_a_stop_with_its_reason(error: Exception) -> None:
+def test_whatever_a_controller_raises_is_a_stop_with_its_reason(error: BaseException) -> None:
     cabin = Cabin(Raises(error))
     safe = cabin.answer(speed_mps=2.0).safe
     assert (safe.enable, safe.safe_stop, safe.reason) == (True, True, Reason.CONTROLLER_ERROR)
     assert cabin.counts.controller_errors == 1
+
+
+def test_who_wants_the_program_to_end_from_the_keyboard_is_not_kept_from_it() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        Cabin(Raises(KeyboardInterrupt())).answer()
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None, "fast"])

@@ -1,11 +1,19 @@
 """Whatever a user's controller, hook or source does, the loop goes on and the vehicle has an answer."""
 
+import asyncio
 from collections import Counter
+from pathlib import Path
+from typing import Any
 
 import pytest
-from harness import Drive, straight
+from harness import Drive, ms, reference, straight
 
 from vehicle_iface import BehaviorConfig, Command, ControllerBase, Reason, StopSteering, Trajectory, VehicleState
+from vehicle_iface.codec.database import load_database
+from vehicle_iface.profile import load_profile
+from vehicle_iface.runtime.counts import Counts
+from vehicle_iface.runtime.telemetry import Snapshot
+from vehicle_iface.runtime.teller import Teller
 from vehicle_iface.safety.engagement import Mode
 
 

@@ -237,7 +237,9 @@ class ControllerBase(ABC):
         try:
             front_rad, rear_rad = self.stop_steering_impl(state)
             return checks.finite("front_wheel_angle_rad", front_rad), checks.finite("rear_wheel_angle_rad", rear_rad)
-        except Exception:  # a child's hook may raise anything, and a stop must always have an answer
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # a child's hook may raise anything, and a stop must always have an answer
             if not self._stop_steering_failed:
                 self._stop_steering_failed = True
                 log.exception("stop_steering_impl raised; stops are straight while it does (said once)")

@@ -51,7 +51,9 @@ class TrajectoryIntake:
             self._counts.trajectories_rejected += 1
             log.warning("trajectory rejected, the old one stays in force: %s", error)
             return False
-        except Exception:  # source and controller are the user's code: they may raise anything
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # source and controller are the user's code: they may raise anything
             self._counts.trajectories_rejected += 1
             if not self._has_raised:
                 self._has_raised = True

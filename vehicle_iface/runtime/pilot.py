@@ -108,7 +108,9 @@ class Pilot:
             wish = self.controller.compute_command(state)
         except FrameMismatchError:
             return stop(state, Reason.FRAME_MISMATCH)
-        except Exception:  # a controller is the user's code: whatever it raises stops the vehicle
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # a controller is the user's code: whatever it raises stops the vehicle
             self._counts.controller_errors += 1
             if self._counts.controller_errors == 1:
                 log.exception("the controller raised; the vehicle is stopped (further ones are counted)")

@@ -1,8 +1,10 @@
 """What leaves the loop by the one-way door: a snapshot per sample, the trajectory, the counters."""
 
+import logging
 from collections.abc import Callable
 from typing import Any
 
+from vehicle_iface import checks
 from vehicle_iface.control.base import ControllerBase
 from vehicle_iface.control.tracking import plain_values, turned_back
 from vehicle_iface.reason import Reason
@@ -14,6 +16,8 @@ from vehicle_iface.state import VehicleState
 from vehicle_iface.status import ControllerState, Gear, VehicleStatus
 from vehicle_iface.trajectory import Trajectory
 from vehicle_iface.units import NS_PER_MS, wrapped_rad
+
+log = logging.getLogger(__name__)
 
 QUIET_NS = 100 * NS_PER_MS
 """Without samples a snapshot is published this often, so that a viewer sees the loop alive."""
@@ -45,6 +49,7 @@ class Teller:
         self._last_ns = 0
         self._details_grid: Grid | None = None
         self._path: _Path | None = None
+        self._lookahead_failed = False
 
     def tell(
         self,
@@ -146,8 +151,23 @@ class Teller:
             lateral_m,
             wrapped_rad(state.heading_rad - heading_rad),
         )
-        lookahead = getattr(self._controller, "lookahead_point", None)
-        return reference, (True, *lookahead) if lookahead is not None else _NO_LOOKAHEAD
+        return reference, self._lookahead()
+
+    def _lookahead(self) -> tuple[Any, ...]:
+        """Where the controller says that it looks ahead to, if it does."""
+        try:
+            point = getattr(self._controller, "lookahead_point", None)
+            if point is None:
+                return _NO_LOOKAHEAD
+            x_m, y_m = point
+            return True, checks.finite("x_m", x_m), checks.finite("y_m", y_m)
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # a controller is the user's code: it may raise anything, and say what is no place
+            if not self._lookahead_failed:
+                self._lookahead_failed = True
+                log.exception("lookahead_point is no place; none is drawn (said once)")
+            return _NO_LOOKAHEAD
 
 
 class _Path:
