@@ -782,3 +782,43 @@ def test_a_vehicle_without_lights_and_report_can_be_benched(tmp_path: Path) -> N
     (tmp_path / "plain.toml").write_text(WIRE.path.read_text().partition("[body.signals]")[0])
     wire = Wire(str(tmp_path / "plain.toml"))
     assert set(wire.ids) == set(WIRE.ids) - {"BODY_COMMAND", "CONTROLLER_STATUS"}
+
+
+def test_a_vehicle_without_gears_whose_modes_have_other_numbers_can_be_benched(tmp_path: Path) -> None:
+    gears = ('"VEHICLE_STATUS.GEAR"', '"DRIVE_COMMAND.GEAR_REQUEST"')
+    toml = [line for line in WIRE.path.read_text().splitlines() if not any(gear in line for gear in gears)]
+    toml[toml.index(next(line for line in toml if "[status.modes]" in line))] = '[status.modes]\nAUTO = "AUTONOMOUS"'
+    dbc = [line for line in WIRE.dbc.read_text().splitlines() if not {"GEAR", "GEAR_REQUEST"} & set(line.split()[:4])]
+    modes = 'MODE 4 "MANUAL" 3 "READY" 0 "AUTO" 2 "FAULT" 1 "EMERGENCY_STOP" ;'
+    (tmp_path / "reference.dbc").write_text(re.sub(r'MODE 0 "MANUAL".*', modes, "\n".join(dbc) + "\n"))
+    (tmp_path / "other.toml").write_text("\n".join(toml) + "\n")
+    wire = Wire(str(tmp_path / "other.toml"))
+    vehicle = Vehicle(wire, Plant(wheelbase_m=2.7))
+    for accel, way in ((1.0, 1.0), (-1.0, -1.0)):
+        vehicle.mode = AUTONOMOUS
+        vehicle.told = {"DRIVE_COMMAND": Told(0, "DRIVE_COMMAND", {"ACCEL_REQUEST": accel, "SAFE_STOP": 0.0})}
+        vehicle._seen_ns = dict.fromkeys(wire.command, 10 * S)
+        vehicle.plant.speed_mps = 0.0
+        for _ in range(50):
+            vehicle.move(0.01, 10 * S)
+        assert vehicle.plant.speed_mps * way > 0.2
+    status = wire.intact(vehicle.speak()[0])
+    assert status is not None
+    assert status["MODE"] == 0
+
+
+def test_a_device_that_ends_before_its_first_frame_is_told_by_its_last_words(tmp_path: Path) -> None:
+    log = tmp_path / "device.log"
+    log.write_text("begun\nno such option: --arm\n")
+    rig = SimpleNamespace(device=SimpleNamespace(log=log))
+    dead = replace(seen(status=2), exit_ns=1 * S)
+    found = judge.alive(named("state-lost"), dead, rig)  # type: ignore[arg-type]
+    assert [(c.verdict, c.found) for c in found] == [
+        (Verdict.FAIL, ["it ended with status 2 before its first frame; it said: no such option: --arm"])
+    ]
+    for case, what in (
+        (FILES[0], dead),
+        (named("state-lost"), seen(status=None)),
+        (named("state-lost"), seen(pair(1))),
+    ):
+        assert judge.alive(case, what, rig) == []  # type: ignore[arg-type]

@@ -99,6 +99,16 @@ def certain(failed: Sequence[Check]) -> list[Check]:
     return [c for c in failed if c.text in texts and not all("faster" in text for text in c.found)]
 
 
+def alive(case: Case, seen: Seen, rig: Rig) -> list[Check]:
+    """That the device did not end before it had said anything, where it should drive: its own words say why."""
+    if case.then is Then.ENDED or seen.frames or seen.exit_status is None or seen.exit_ns >= seen.then_ns:
+        return []
+    last = (rig.device.log.read_text(errors="replace").strip() or "nothing").splitlines()[-1]
+    return [
+        check("the device lives", [f"it ended with status {seen.exit_status} before its first frame; it said: {last}"])
+    ]
+
+
 def prepared(case: Case, seen: Seen, rig: Rig) -> list[Check]:
     """That there was something to be broken: a vehicle that is driven, as fast and as long as the case has it."""
     if case.inject is None or case.at_mps < 0.0:

@@ -23,7 +23,8 @@ from hil.result import Event, EventKind
 from hil.vehicle import PERIOD_NS, Vehicle
 from hil.wire import Wire
 
-STUCK_TICKS = 600
+STUCK_TICKS = 2000
+"""Longer than any trajectory of the catalogue lets it wait for a change of direction."""
 LATE_NS = 30 * MS
 """What is said later than this makes what the bench saw doubtful: with a period it comes near the 50 ms without state
 after which a device stops."""

@@ -14,7 +14,7 @@ from hil.case import Case, Then
 from hil.device import Commands
 from hil.expect import Seen
 from hil.faults import nothing
-from hil.result import CaseResult, Check, Event, EventKind, Evidence, Verdict
+from hil.result import CaseResult, Event, EventKind, Evidence, Verdict
 from hil.rig import Rig
 from hil.routes import Route
 from hil.wire import Wire
@@ -107,7 +107,7 @@ def unjudged(
 def _profile(bench: Bench, case: Case, name: str) -> str:
     """What the device is told to load: the profile, or the case's own spoilt copy of it."""
     if case.profile is None:
-        return bench.profile
+        return str(bench.wire.path) if bench.profile.endswith(".toml") else bench.profile
     toml, dbc = case.profile(bench.wire.path.read_text(), bench.wire.dbc.read_text())
     copy = bench.folder / f"{name}.toml"
     copy.write_text(toml)
@@ -227,7 +227,7 @@ def _judged(bench: Bench, case: Case, rig: Rig, route: Route, killed: list[str],
         exit_ns=rig.exit_ns,
         route=route,
     )
-    checks: list[Check] = []
+    checks = judge.alive(case, seen, rig)
     events: list[Event] = []
     for expectation in case.see:
         expected, at = expectation.judge(seen)
