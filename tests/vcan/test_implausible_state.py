@@ -11,7 +11,7 @@ from .driving import driven, own_faults, summary, wait_until_driven
 from .peer import ALWAYS, Vehicle
 
 JUMP_M, FAR_M = 5.0, 50.0
-SLIP_M, BRAKE_MPS, PUSH_MPS = 0.06, 0.35, 0.4
+SLIP_M, SPIN_RAD, BRAKE_MPS, PUSH_MPS = 0.06, 0.025, 0.35, 0.4
 """What each sample changes by: little enough to be true of a vehicle."""
 LONG_ENOUGH = 150
 """Samples, until whatever strays is far off."""
@@ -158,6 +158,11 @@ def slips(vehicle: Vehicle) -> None:
     vehicle.y_m += SLIP_M
 
 
+def spins(vehicle: Vehicle) -> None:
+    """On ice, about itself, faster than it can be steered back."""
+    vehicle.heading_rad += SPIN_RAD
+
+
 def rolls_back(vehicle: Vehicle) -> None:
     """Down a hill that the brakes do not hold it on."""
     vehicle.speed_mps = max(-2.0, vehicle.speed_mps - BRAKE_MPS)
@@ -172,11 +177,12 @@ def runs_away(vehicle: Vehicle) -> None:
     ("strays", "finding"),
     [
         (slips, "off the path"),
+        (spins, "heading away from the path"),
         (rolls_back, "rolling against the direction of travel"),
         (runs_away, "faster than the vehicle may go"),
     ],
 )
-def test_a_vehicle_that_leaves_its_path_rolls_back_or_runs_away_is_stopped_and_stays_stopped(
+def test_a_vehicle_that_leaves_its_path_or_its_heading_rolls_back_or_runs_away_is_stopped_and_stays_stopped(
     programs: Programs, bus: Observer, vehicle: Vehicle, strays: Callable[[Vehicle], None], finding: str
 ) -> None:
     loop, moving = driven(programs, bus)
