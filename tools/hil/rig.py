@@ -134,8 +134,11 @@ class Rig:
             delay_s = self.delay_s()
             if delay_s > 0.0:
                 time.sleep(delay_s)
+            refused = self.bus.refused
             for frame in spoken:
                 self.bus.send(frame)
+            if self.bus.refused > refused:
+                self.late.append(f"{self._now_s():.3f} s: its queue had no room")
         self._note_lateness(time.monotonic_ns() - due_ns)
         for call in tuple(self.every_tick):
             call()
@@ -240,7 +243,10 @@ class Rig:
     def _note_lateness(self, late_ns: int) -> None:
         """Before the device speaks nothing depends on it."""
         if late_ns > LATE_NS and self.vehicle.told:
-            self.late.append(f"{(self._next_ns - self.begin_ns) / S:.3f} s: {late_ns / MS:.0f} ms")
+            self.late.append(f"{self._now_s():.3f} s: {late_ns / MS:.0f} ms")
+
+    def _now_s(self) -> float:
+        return (self._next_ns - self.begin_ns) / S
 
     def _drain(self, now_ns: int) -> None:
         for heard in self.bus.drain():
