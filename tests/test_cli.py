@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,39 @@ def test_a_summary_that_cannot_be_written_is_refused_before_anything_drives(tmp_
     assert done.returncode == 2
     assert "armed" not in done.stderr
     assert "cannot be written" in done.stderr
+
+
+@pytest.mark.parametrize("wait", [[], ["--wait"]])
+def test_told_to_end_before_there_is_a_loop_it_ends_without_arming(tmp_path: Path, wait: list[str]) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "import os, signal\n"
+        "from vehicle_iface import PurePursuit\n"
+        "os.kill(os.getpid(), signal.SIGUSR1)\n"
+        "os.kill(os.getpid(), signal.SIGTERM)\n"
+    )
+    done = run(tmp_path, "--route", "line", "--arm", "--duration", "1", "--controller", f"{file}:PurePursuit", *wait)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (0, "", 1), done.stderr
+    assert "told to end before the loop had begun" in done.stderr
+
+
+def test_told_to_end_while_its_recorder_begins_it_ends_without_arming(tmp_path: Path) -> None:
+    telemetry, folder = tmp_path / "telemetry", tmp_path / "drive"
+    told = ("--telemetry", str(telemetry), "--record", str(folder), "--route", "line", "--duration", "2")
+    program = subprocess.Popen(
+        [sys.executable, "-P", "-m", "vehicle_iface", "run", "--interface", "embedded", "--arm", "--wait", *told],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not telemetry.exists():  # the bus is there by now, and the recorder takes a while to begin
+        assert program.poll() is None
+        time.sleep(0.001)
+    program.send_signal(signal.SIGTERM)
+    _, said = program.communicate(timeout=30)
+    assert program.returncode == 0, said
+    assert "told to end before the loop had begun" in said
+    assert "STANDBY" not in said
 
 
 @pytest.mark.parametrize(

@@ -78,6 +78,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """The loop."""
+    end = _EarlyEnd()
+    _on_end_signals(end.set)
+    signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # nothing is there yet to be armed
     if options.summary:
         check_writable(options.summary)
     profile = load_profile(options.profile)
@@ -89,8 +92,8 @@ def run(options: argparse.Namespace) -> int:
     source = _source(options, database)
     controller = compose.build_controller(options.controller, database.profile)
     open_bus = _bus_opener(options, database)
-    if options.wait is not None and not _is_there(open_bus, options.wait):
-        return DONE
+    if options.wait is not None and not _is_there(open_bus, options.wait, end):
+        return _ended_early()
     with _telemetry(options, database) as telemetry, _recording(options, database) as recording:
         with Watchdog() as watchdog:
             loop = compose.build_loop(
@@ -104,6 +107,9 @@ def run(options: argparse.Namespace) -> int:
             )
             signal.signal(signal.SIGUSR1, lambda *_: loop.request_arming())
             _on_end_signals(loop.request_end)
+            if end.is_set:  # before the loop's own handlers were there, or it would have been told
+                loop.link.close()
+                return _ended_early()
             log.info("%s, %s: %s", loop.link.description, _arming(options), _wanted(options))
             for lack in realtime.claim(cpu=options.cpu):
                 log.warning("%s", lack)
@@ -244,11 +250,16 @@ class _Flag:
         self.is_set = True
 
 
-def _is_there(open_bus: Callable[[], Bus], limit_s: float) -> bool:
-    """Whether the bus is there by now; False when somebody ended the waiting for it."""
-    end = _Flag()
-    _on_end_signals(end.set)
-    signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # nothing is there yet to be armed
+class _EarlyEnd(_Flag):
+    """Set before there is a loop; told again, the program ends as usual, wherever somebody's code may hang."""
+
+    def set(self) -> None:
+        super().set()
+        _on_end_signals(None)
+
+
+def _is_there(open_bus: Callable[[], Bus], limit_s: float, end: _EarlyEnd) -> bool:
+    """Whether the bus is there by now; False when `end` was set before."""
     return can_be_opened(
         open_bus,
         limit_s=limit_s,
@@ -256,6 +267,11 @@ def _is_there(open_bus: Callable[[], Bus], limit_s: float) -> bool:
         now_ns=clock.monotonic_ns,
         sleep_until=clock.sleep_until,
     )
+
+
+def _ended_early() -> int:
+    log.info("told to end before the loop had begun")
+    return DONE
 
 
 def _run_for(loop: Loop, duration_s: float | None) -> None:

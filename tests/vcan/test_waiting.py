@@ -1,6 +1,8 @@
 """`run --wait`: an interface that is down or absent at the start is waited for, in plain sight."""
 
 import signal
+import time
+from pathlib import Path
 
 import pytest
 
@@ -40,3 +42,20 @@ def test_waiting_goes_on_being_said_and_ends_with_its_time_in_status_3_or_when_t
     patient.says(r"waiting for [5-9] s by now")
     patient.tell(signal.SIGTERM)
     assert patient.ends() == 0
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_told_to_end_when_the_bus_has_come_and_the_recorder_begins_it_sends_nothing(
+    programs: Programs, bus: Observer
+) -> None:
+    set_link("down")
+    loop = programs.run("--arm", "--wait", "--route", "line", "--record", str(programs.folder / "drive"))
+    loop.says("waiting for 0 s by now")
+    set_link("up")
+    while not Path(programs.telemetry).exists():  # made when the waiting is over
+        assert loop.is_running, loop.text
+        time.sleep(0.001)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    loop.says("told to end before the loop had begun")
+    assert bus.sent_by_controller() == []
