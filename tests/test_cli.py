@@ -50,11 +50,19 @@ def test_a_terminal_that_takes_nothing_costs_neither_summary_nor_status(tmp_path
     assert json.loads(file.read_text())["samples"] > 50
 
 
-def test_a_summary_that_cannot_be_written_is_refused_before_anything_drives(tmp_path: Path) -> None:
-    done = run(tmp_path, "--route", "line", "--arm", "--duration", "1", "--summary", str(tmp_path / "no" / "s.json"))
+@pytest.mark.parametrize("place", ["", "no/s.json"])
+def test_a_summary_that_cannot_be_written_is_refused_before_anything_drives(tmp_path: Path, place: str) -> None:
+    done = run(tmp_path, "--route", "line", "--arm", "--duration", "1", "--summary", str(tmp_path / place))
     assert done.returncode == 2
     assert "armed" not in done.stderr
-    assert "cannot be written" in done.stderr
+    assert f"--summary {tmp_path / place}: cannot be written" in done.stderr
+
+
+def test_a_summary_that_cannot_be_written_at_the_end_costs_the_status_and_not_the_table(tmp_path: Path) -> None:
+    done = run(tmp_path, "--route", "line", "--duration", "1", "--summary", "/dev/full")
+    assert done.returncode == 2
+    assert "--summary /dev/full: cannot be written: No space left on device" in done.stderr
+    assert "samples" in done.stdout
 
 
 @pytest.mark.parametrize("wait", [[], ["--wait"]])

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from vehicle_iface import clock, compose
 from vehicle_iface.bus.base import Bus
@@ -120,10 +120,9 @@ def run(options: argparse.Namespace) -> int:
         if recording is not None:
             summary["recorder"] = recording.end()
             recording.save_summary(summary)
-    if options.summary:
-        save_summary(options.summary, summary)
+    is_saved = not options.summary or _is_saved(options.summary, summary)
     _say(table(summary))
-    return LATCHED_FAULT if loop.ended_in_fault else DONE
+    return LATCHED_FAULT if loop.ended_in_fault else DONE if is_saved else BAD_USAGE
 
 
 def sim(options: argparse.Namespace) -> int:
@@ -272,6 +271,16 @@ def _is_there(open_bus: Callable[[], Bus], limit_s: float, end: _EarlyEnd) -> bo
 def _ended_early() -> int:
     log.info("told to end before the loop had begun")
     return DONE
+
+
+def _is_saved(path: str, summary: dict[str, Any]) -> bool:
+    """Whether the summary is in its file; why not is said."""
+    try:
+        save_summary(path, summary)
+    except ConfigError as error:
+        log.error("%s", error)
+        return False
+    return True
 
 
 def _run_for(loop: Loop, duration_s: float | None) -> None:
@@ -494,6 +503,11 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cpu", type=int, metavar="N", help="run on this processor only, counted from 0")
     parser.add_argument("--frame", default="map", help="frame of reference of the route")
     parser.add_argument("--verbose", action="store_true", help="say more")
+    parser.epilog = (
+        "Exit status: 0 done, 2 bad usage, configuration or file (also a summary that cannot be written after a drive "
+        "without fault), 3 the bus cannot be used, 4 ended in a latched fault. SIGINT or SIGTERM stops the vehicle and "
+        "ends, a second one lets it go at once; SIGUSR1 arms again."
+    )
     parser.set_defaults(command=run)
 
 

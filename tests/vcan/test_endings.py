@@ -98,6 +98,20 @@ def test_a_killed_vehicle_makes_the_loop_stop_fall_silent_and_end_in_status_4(
     assert bus.sent_by_controller(silent) == []
 
 
+def test_a_summary_that_cannot_be_written_changes_neither_the_status_4_nor_the_table(
+    programs: Programs, bus: Observer
+) -> None:
+    sim = programs.start("sim", "--pedals", str(programs.folder / "pedals.sock"))
+    bus.wait_for("the vehicle's first sample", "CHASSIS")
+    loop, _ = driven(programs, bus, "--trajectory", line_file(programs.folder), "--summary", "/dev/full")
+    sim.kill()
+    loop.says("SILENT .STATE_STALE")
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 4
+    loop.says(r"  latched fault +STATE_STALE")
+    loop.says("--summary /dev/full: cannot be written: No space left on device")
+
+
 def test_a_link_that_goes_down_silences_the_loop_and_it_drives_again_only_when_armed(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:

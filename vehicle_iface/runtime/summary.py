@@ -10,7 +10,8 @@ from vehicle_iface.errors import ConfigError
 def check_writable(path: str) -> None:
     """Make the file, empty where there is none, before anything drives; `ConfigError` when that fails."""
     try:
-        Path(path).touch()
+        with open(path, "a", encoding="utf-8"):
+            pass
     except OSError as error:
         raise ConfigError(f"--summary {path}: cannot be written: {error.strerror}") from error
 
