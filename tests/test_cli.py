@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from vehicle_iface import cli
+
 ROOT = Path(__file__).resolve().parents[1]
 EMBEDDED = ("run", "--interface", "embedded", "--channel", "embedded", "--telemetry", "test-cli")
 
@@ -118,6 +120,78 @@ def test_a_controller_that_cannot_be_made_is_refused_by_file_and_line(
     assert done.returncode == 2
     assert complaint in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        *(
+            (
+                [command, f"--{option}={value}"],
+                f"--{option}: '{value}': must be a number of {unit} above 0, at most 1e+09",
+            )
+            for command, option, unit in (
+                ("run", "speed-cap", "m/s"),
+                ("run", "duration", "seconds"),
+                ("run", "wait", "seconds"),
+                ("sim", "duration", "seconds"),
+                ("demo", "duration", "seconds"),
+            )
+            for value in ("", "a", "0", "-1", "nan", "inf", "1e300")
+        ),
+        *(
+            (["run", f"--cpu={value}"], f"--cpu: '{value}': must be one of this program's: ")
+            for value in ("", "a", "-1", "nan", "inf", "1.0", "4096")
+        ),
+        *(
+            (["demo", f"--port={value}"], f"--port: '{value}': must be within 0 … 65535")
+            for value in ("", "a", "-1", "nan", "inf", "65536", "²")
+        ),
+        *(
+            ([command, f"--{option}="], f"--{option}: '': must not be empty")
+            for command, options in {
+                "run": "channel interface profile trajectory trajectory-post controller telemetry record summary frame",
+                "sim": "channel interface profile start frame pedals",
+                "demo": "summary record",
+                "doctor": "channel profile",
+                "decode": "profile dbc out message",
+            }.items()
+            for option in options.split()
+        ),
+        (["check-dbc", ""], "FILE: '': must not be empty"),
+        (["run", "--record=\udcff"], r"--record: '\udcff': must be UTF-8"),
+        (["run", "--route=a"], "--route: invalid choice: 'a' (choose from"),
+        (["demo", "--route=nan"], "--route: invalid choice: 'nan' (choose from"),
+    ],
+)
+def test_an_impossible_value_is_refused_with_option_value_and_what_is_allowed(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], complaint: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(arguments)
+    assert ended.value.code == 2
+    assert f"error: argument {complaint}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ("run --route line --frame a", "--frame a: must be one of: odom, map"),
+        ("sim --frame a", "--frame a: must be one of: odom, map"),
+        ("sim --interface embedded", "--interface embedded: that bus has its vehicle in `run`"),
+        ("sim --start a", "--start 'a': must be X,Y,HEADING in metres and radians"),
+        ("sim --start 0,0", "--start '0,0': must be X,Y,HEADING in metres and radians"),
+        ("sim --start 0,0,nan", "--start 0,0,nan: heading_rad = nan: must be a finite number"),
+        ("sim --start inf,0,0", "--start inf,0,0: x_m = inf: must be a finite number"),
+        ("run --trajectory-post .", "--trajectory-post .: is a folder, must be a file in one"),
+        ("run --route line --summary .", "--summary .: cannot be written: Is a directory"),
+    ],
+)
+def test_a_value_that_does_not_fit_the_vehicle_or_the_disk_is_refused(arguments: str, complaint: str) -> None:
+    done = command(*arguments.split())
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"vehicle-iface: {complaint}")
+    assert done.stderr.count("\n") == 1
 
 
 def test_what_lies_in_the_current_folder_is_not_imported(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from vehicle_iface import clock, compose
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.dbc_file import read_dbc
-from vehicle_iface.errors import BusError, ConfigError, TrajectoryFileError, VehicleIfaceError
+from vehicle_iface.errors import BusError, ConfigError, InvalidValueError, TrajectoryFileError, VehicleIfaceError
 from vehicle_iface.first_use import guarded
 from vehicle_iface.process import python_module
 from vehicle_iface.profile import load_profile
@@ -47,6 +47,9 @@ log = logging.getLogger("vehicle_iface")
 
 DONE, BAD_USAGE, NO_BUS, LATCHED_FAULT = 0, 2, 3, 4
 LAST_WORDS_S = 1.0
+MOST = 1e9
+"""Of any option's number: 1e9 s, some 30 years, still fit into the nanoseconds of the telemetry."""
+MAX_PORT = 0xFFFF
 REFUSED_SHOWN = 20
 """Lines of a log that are named one by one."""
 EMBEDDED = "embedded"
@@ -133,10 +136,14 @@ def sim(options: argparse.Namespace) -> int:
 
     database = load_database(load_profile(options.profile))
     if options.interface == EMBEDDED:
-        raise ConfigError("sim needs a bus of its own; the embedded one has its vehicle in `run`")
-    vehicle = simulated_vehicle(
-        database, start_ns=clock.monotonic_ns(), start=_start(options.start), frame_id=options.frame
-    )
+        raise ConfigError("--interface embedded: that bus has its vehicle in `run`; sim needs one of its own")
+    frame_id = _frame(options, database)
+    try:
+        vehicle = simulated_vehicle(
+            database, start_ns=clock.monotonic_ns(), start=_start(options.start), frame_id=frame_id
+        )
+    except InvalidValueError as error:
+        raise ConfigError(f"--start {options.start}: {error}") from None
     end = _Flag()
     _on_end_signals(end.set)
     deadline_ns = clock.monotonic_ns() + ns_from_s(options.duration) if options.duration else None
@@ -319,8 +326,18 @@ def _source(options: argparse.Namespace, database: VehicleDatabase) -> Trajector
     if options.trajectory:
         return FixedTrajectory(compose.load_trajectory(options.trajectory, database.profile))
     if options.trajectory_post:
+        if Path(options.trajectory_post).is_dir():
+            raise ConfigError(f"--trajectory-post {options.trajectory_post}: is a folder, must be a file in one")
         return PostedTrajectories(options.trajectory_post)
-    return RecedingRoute(compose.build_route(options.route, database.profile), frame_id=options.frame)
+    return RecedingRoute(compose.build_route(options.route, database.profile), frame_id=_frame(options, database))
+
+
+def _frame(options: argparse.Namespace, database: VehicleDatabase) -> str:
+    """The frame of reference that was asked for; `ConfigError` when the vehicle's pose is never in it."""
+    known = list(database.frames.values()) or [database.profile.state.frame_id]
+    if options.frame not in known:
+        raise ConfigError(f"--frame {options.frame}: must be one of: {', '.join(known)}")
+    return str(options.frame)
 
 
 def _bus_opener(options: argparse.Namespace, database: VehicleDatabase) -> Callable[[], Bus]:
@@ -336,7 +353,7 @@ def _bus_opener(options: argparse.Namespace, database: VehicleDatabase) -> Calla
     from vehicle_iface.sim.embedded import EmbeddedBus
     from vehicle_iface.sim.wire import simulated_vehicle
 
-    vehicle = simulated_vehicle(database, start_ns=clock.monotonic_ns(), frame_id=options.frame)
+    vehicle = simulated_vehicle(database, start_ns=clock.monotonic_ns(), frame_id=_frame(options, database))
     return lambda: EmbeddedBus(vehicle, clock.monotonic_ns, clock.sleep_until)
 
 
@@ -452,15 +469,21 @@ def command_names() -> set[str]:
     return {name for action in actions._group_actions for name in action.choices or ()}
 
 
+class _HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
+    """Says the defaults that there are."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        return super()._get_help_string(action) if action.default else action.help
+
+
 def _command(
     commands: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, text: str
 ) -> argparse.ArgumentParser:
-    return commands.add_parser(
-        name,
-        help=text,
-        description=f"{text[0].upper()}{text[1:]}.",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    parser = commands.add_parser(
+        name, help=text, description=f"{text[0].upper()}{text[1:]}.", formatter_class=_HelpFormatter
     )
+    parser.register("type", None, _text)  # of every option that names no other
+    return parser
 
 
 def _add_run(parser: argparse.ArgumentParser) -> None:
@@ -479,18 +502,24 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--arm", action="store_true", help="engage once, when the vehicle is READY; without it not one frame leaves"
     )
     parser.add_argument(
-        "--speed-cap", type=_positive, metavar="M/S", help="drive no faster than this; a must with --arm on a real bus"
+        "--speed-cap",
+        type=_above_0("m/s"),
+        metavar="M/S",
+        help="drive no faster than this, nor than the profile allows; a must with --arm on a real bus",
     )
     arming.add_argument(
         "--shadow", action="store_true", help="listen and compute only, by intent; another commander is compared with"
     )
     parser.add_argument(
-        "--duration", type=_positive, metavar="S", help="stop the vehicle and end after so many seconds"
+        "--duration",
+        type=_above_0("seconds"),
+        metavar="S",
+        help="stop the vehicle and end after so many seconds; without it when told to",
     )
     parser.add_argument(
         "--wait",
         nargs="?",
-        type=_positive,
+        type=_above_0("seconds"),
         const=math.inf,
         metavar="S",
         help="wait for a bus that is absent or down, and say so; for so many seconds at most",
@@ -500,7 +529,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--record", metavar="DIR", help="write frames and telemetry down in this new folder")
     parser.add_argument("--summary", metavar="FILE.json", help="write the run's counts and latencies there")
-    parser.add_argument("--cpu", type=int, metavar="N", help="run on this processor only, counted from 0")
+    parser.add_argument("--cpu", type=_processor, metavar="N", help="run on this processor only, counted from 0")
     parser.add_argument("--frame", default="map", help="frame of reference of the route")
     parser.add_argument("--verbose", action="store_true", help="say more")
     parser.epilog = (
@@ -515,7 +544,7 @@ def _add_sim(parser: argparse.ArgumentParser) -> None:
     _add_bus(parser)
     parser.add_argument("--start", default="0,0,0", metavar="X,Y,HEADING", help="start pose in m, m, rad")
     parser.add_argument("--frame", default="map", help="frame of reference of its pose")
-    parser.add_argument("--duration", type=_positive, metavar="S", help="end after so many seconds")
+    parser.add_argument("--duration", type=_above_0("seconds"), metavar="S", help="end after so many seconds")
     parser.add_argument(
         "--pedals", metavar="PATH", help="its pedals' socket; in the user's runtime directory, else /tmp"
     )
@@ -531,8 +560,8 @@ def _add_pedals(parser: argparse.ArgumentParser) -> None:
 
 def _add_demo(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--route", default="figure8", choices=sorted(ROUTES), help="what to drive")
-    parser.add_argument("--port", type=int, default=8080, help="TCP port of the page on 127.0.0.1")
-    parser.add_argument("--duration", type=_positive, metavar="S", help="end after so many seconds")
+    parser.add_argument("--port", type=_port, default=8080, help="TCP port of the page on 127.0.0.1")
+    parser.add_argument("--duration", type=_above_0("seconds"), metavar="S", help="end after so many seconds")
     parser.add_argument("--summary", metavar="FILE.json", help="write the run's counts and latencies there")
     parser.add_argument("--record", metavar="DIR", help="write frames and telemetry down in this new folder")
     parser.add_argument("--no-viewer", action="store_true", help="without the page")
@@ -572,11 +601,40 @@ def _add_bus(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--profile", default="reference", help="the vehicle: a profile's name, or a .toml file")
 
 
-def _positive(text: str) -> float:
+def _above_0(unit: str) -> Callable[[str], float]:
+    """The type of an option that is a number of that unit."""
+
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not 0.0 < value <= MOST:
+            raise argparse.ArgumentTypeError(f"{text!r}: must be a number of {unit} above 0, at most {MOST:g}")
+        return value
+
+    return number
+
+
+def _text(text: str) -> str:
+    """An empty one is a variable that somebody's script has not set; other than UTF-8 nothing can be told to a page."""
     try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text}: must be a number of seconds above 0")
-    return value
+        text.encode()
+    except UnicodeEncodeError:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be UTF-8") from None
+    if not text:
+        raise argparse.ArgumentTypeError("'': must not be empty")
+    return text
+
+
+def _port(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and int(text) <= MAX_PORT):
+        raise argparse.ArgumentTypeError(f"{text!r}: must be within 0 … {MAX_PORT}")
+    return int(text)
+
+
+def _processor(text: str) -> int:
+    allowed = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)
+    if text not in map(str, allowed):
+        raise argparse.ArgumentTypeError(f"{text!r}: must be one of this program's: {', '.join(map(str, allowed))}")
+    return int(text)
