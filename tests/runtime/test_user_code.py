@@ -1,6 +1,7 @@
 """Whatever a user's controller, hook or source does, the loop goes on and the vehicle has an answer."""
 
 import asyncio
+import dataclasses
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,25 @@ def test_a_stop_steering_hook_that_raises_anything_is_a_straight_stop() -> None:
     drive.run_s(0.5)
     assert drive.last()["SAFE_STOP"] == 1
     assert drive.last()["FRONT_WHEEL_ANGLE_REQUEST"] == 0.0
+
+
+@pytest.mark.parametrize("ahead_s", [9.99, 10.01, 1.7e9])
+def test_a_trajectory_that_was_stamped_by_another_clock_is_rejected(
+    ahead_s: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    class Ahead(_Broken):
+        def restart(self) -> None:
+            pass
+
+        def next(self, now_ns: int, _state: VehicleState) -> Trajectory | None:
+            return dataclasses.replace(straight(speed_mps=5.0), stamp_ns=now_ns + round(ahead_s * 1e9))
+
+    drive = Drive(Ahead())
+    drive.run_s(1.0)
+    is_rejected = ahead_s > 10.0
+    assert (drive.loop.details()["loop"]["trajectories_rejected"] > 0) is is_rejected
+    assert ("ahead of time.monotonic_ns()" in caplog.text) is is_rejected
+    assert (drive.loop.reason is Reason.NO_TRAJECTORY) is is_rejected
 
 
 def test_a_source_that_raises_stops_the_vehicle_and_not_the_loop() -> None:

@@ -10,6 +10,10 @@ from vehicle_iface.safety.feasible import refusal
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectories.source import TrajectorySource
 from vehicle_iface.trajectory import FloatArray
+from vehicle_iface.units import NS_PER_S, s_from_ns
+
+FUTURE_NS = 10 * NS_PER_S
+"""A trajectory may begin a little later; one that begins later than this was stamped by another clock."""
 
 log = logging.getLogger(__name__)
 
@@ -40,6 +44,11 @@ class TrajectoryIntake:
             trajectory = self._source.next(now_ns, state)
             if trajectory is None:
                 return False
+            if trajectory.stamp_ns - now_ns > FUTURE_NS:
+                raise TrajectoryRejectedError(
+                    f"stamp_ns {trajectory.stamp_ns} is {s_from_ns(trajectory.stamp_ns - now_ns):.3g} s ahead of "
+                    f"time.monotonic_ns() ({now_ns}), more than {s_from_ns(FUTURE_NS):.0f} s: another clock's?"
+                )
             # The same points at another time, as at engagement, are not looked at again: arrays are locked.
             if trajectory.x_m is not self._feasible:
                 text = refusal(trajectory, self._limits, self._wheelbase_m)
