@@ -148,10 +148,15 @@ def test_a_controller_that_cannot_be_made_is_refused_by_file_and_line(
             for value in ("", "a", "-1", "nan", "inf", "65536", "²")
         ),
         *(
+            ([command, f"--interface={value}"], f"--interface: '{value}': must be socketcan, embedded or one of")
+            for command in ("run", "sim")
+            for value in ("", "a", "-1", "nan", "inf", "0")
+        ),
+        *(
             ([command, f"--{option}="], f"--{option}: '': must not be empty")
             for command, options in {
-                "run": "channel interface profile trajectory trajectory-post controller telemetry record summary frame",
-                "sim": "channel interface profile start frame pedals",
+                "run": "channel profile trajectory trajectory-post controller telemetry record summary frame",
+                "sim": "channel profile start frame pedals",
                 "demo": "summary record",
                 "doctor": "channel profile",
                 "decode": "profile dbc out message",

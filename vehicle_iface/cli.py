@@ -596,7 +596,10 @@ def _add_decode(parser: argparse.ArgumentParser) -> None:
 def _add_bus(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--channel", default="vcan0", help="the bus: vcan0, can0, or what the interface calls it")
     parser.add_argument(
-        "--interface", default="socketcan", help="socketcan, embedded, or the name of a python-can interface"
+        "--interface",
+        type=_interface,
+        default="socketcan",
+        help="socketcan, embedded, or the name of a python-can interface",
     )
     parser.add_argument("--profile", default="reference", help="the vehicle: a profile's name, or a .toml file")
 
@@ -624,6 +627,16 @@ def _text(text: str) -> str:
         raise argparse.ArgumentTypeError(f"{text!r}: must be UTF-8") from None
     if not text:
         raise argparse.ArgumentTypeError("'': must not be empty")
+    return text
+
+
+def _interface(text: str) -> str:
+    if text not in ("socketcan", EMBEDDED):
+        from vehicle_iface.bus.python_can import INTERFACES  # 0.2 s, and whoever comes here needs it anyway
+
+        if text not in INTERFACES:
+            known = ", ".join(sorted(INTERFACES))
+            raise argparse.ArgumentTypeError(f"{text!r}: must be socketcan, embedded or one of python-can's: {known}")
     return text
 
 

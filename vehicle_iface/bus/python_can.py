@@ -9,6 +9,8 @@ from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.units import NS_PER_MS
 
+INTERFACES: frozenset[str] = can.VALID_INTERFACES
+"""The names that it knows, those of installed plugins too."""
 POLL_NS = NS_PER_MS // 2
 """How often an adapter is asked: python-can's own waiting runs on the wall clock, which may step."""
 
