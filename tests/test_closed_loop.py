@@ -170,6 +170,14 @@ def test_it_engages_after_half_a_second_of_fresh_samples_when_the_vehicle_is_rea
     assert drive.vehicle.mode is VehicleMode.AUTONOMOUS
 
 
+def test_an_arming_that_changes_nothing_is_answered_by_why(caplog: pytest.LogCaptureFixture) -> None:
+    drive = Drive().engage()
+    drive.loop.request_arming()
+    drive.run_s(0.1)
+    assert [text for text in caplog.messages if "not armed" in text] == ["not armed: it drives"]
+    assert drive.last()["ENABLE"] == 1
+
+
 def test_a_vehicle_in_manual_is_not_engaged_until_it_is_ready() -> None:
     drive = Drive(mode=VehicleMode.MANUAL)
     drive.run_s(2.0)

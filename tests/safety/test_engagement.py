@@ -148,6 +148,19 @@ def test_who_is_not_armed_sends_nothing_whatever_comes() -> None:
     assert not run.engagement.enables
 
 
+def test_what_cannot_be_armed_says_why_and_what_the_vehicle_lacks() -> None:
+    said = {mode: in_mode(mode).refusal_to_arm(None) for mode in Mode if (mode, Event.ARMED) not in TABLE}
+    assert "--arm" in said[Mode.LISTENING]
+    assert "samples" in said[Mode.STARTING]
+    assert said[Mode.STANDBY] == "it is armed, and waits for the vehicle to be READY"
+    assert len({said[mode] for mode in (Mode.ENGAGING, Mode.ENGAGED, Mode.ENDING)}) == 3
+    standby = in_mode(Mode.STANDBY)
+    manual = standby.refusal_to_arm(status(VehicleMode.MANUAL, driver_brake=True))
+    assert manual == f"{said[Mode.STANDBY]}; it is MANUAL, and the driver acts"
+    assert standby.refusal_to_arm(status()) == f"{said[Mode.STANDBY]}; it is READY"
+    assert in_mode(Mode.ENGAGED).refusal_to_arm(status()) == said[Mode.ENGAGED]
+
+
 @pytest.mark.parametrize("missing_ns", [0, 1])
 def test_it_takes_half_a_second_of_fresh_samples_to_the_nanosecond(missing_ns: int) -> None:
     engagement = Engagement(TIMING, armed=True)

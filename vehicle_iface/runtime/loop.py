@@ -369,10 +369,10 @@ class Loop:
     def _hear_requests(self, now_ns: int) -> None:
         if self._arm_requested:
             self._arm_requested = False
-            if self.link.state in OPEN:
-                self._engagement.happened(Event.ARMED, now_ns)
-            else:
+            if self.link.state not in OPEN:
                 log.warning("not armed: the link is %s", self.link.state.name)
+            elif not self._engagement.happened(Event.ARMED, now_ns):
+                log.warning("not armed: %s", self._engagement.refusal_to_arm(self._tracker.status))
         if not self._has_begun_to_end and (self._end_is_due or self._end_requests):
             self._has_begun_to_end = True
             self.ended_in_fault = self._engagement.latched

@@ -97,6 +97,18 @@ _WIRE_STATE = {
 }
 
 
+_NOT_ARMED = {
+    Mode.LISTENING: "this run only listens; start it with --arm",
+    Mode.STARTING: "it is armed, and waits for fresh samples",
+    Mode.STANDBY: "it is armed, and waits for the vehicle to be READY",
+    Mode.ENGAGING: "it is engaging",
+    Mode.ENGAGED: "it drives",
+    Mode.ENDING: "it is ending",
+    Mode.RELEASED: "it is ending",
+}
+"""Every mode that `Event.ARMED` does not change."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EngagementTiming:
     """How long things may take, in nanoseconds."""
@@ -160,6 +172,13 @@ class Engagement:
         self._since_ns = now_ns
         self.transitions.append((now_ns, self.mode, self.reason))
         return True
+
+    def refusal_to_arm(self, status: VehicleStatus | None) -> str:
+        """Why `Event.ARMED` has changed nothing, in words."""
+        if self.mode is not Mode.STANDBY or status is None:
+            return _NOT_ARMED[self.mode]
+        hands = ", and the driver acts" if self.driver_acts(status) else ""
+        return f"{_NOT_ARMED[self.mode]}; it is {status.mode.name}{hands}"
 
     def see_sample(self, stamp_ns: int, now_ns: int) -> None:
         """A complete sample of `stamp_ns` has come."""
