@@ -748,6 +748,46 @@ def test_a_vehicle_that_was_set_beside_its_path_is_stopped_until_there_is_a_new_
     assert drive.loop.details()["deviations"]["off the path"] > 10
 
 
+def test_a_deviation_holds_until_the_vehicle_stands_however_often_its_way_is_planned_anew() -> None:
+    mailbox = Mailbox()
+    drive = Drive(mailbox, start=BicycleState(speed_mps=21.5), gear=Gear.DRIVE)
+    mailbox.put(straight(time_s=1e4))
+    drive.engage()
+    told: list[tuple[float, Pair]] = []
+    for _ in range(100):
+        since = len(drive.sent)
+        mailbox.put(replace_stamp(straight(time_s=1e4), drive))
+        drive.run_s(0.1)
+        told += [(drive.state.speed_mps, pair) for pair in drive.pairs(since)]
+    moving = [pair for speed_mps, pair in told if speed_mps > 0.2]
+    held = next(k for k, pair in enumerate(moving) if pair["REASON"] == Reason.DEVIATION)
+    stopped = [pair for pair in moving[held:] if says(pair, enable=1, stop=1, reason=Reason.DEVIATION)]
+    assert len(stopped) > 600
+    assert says(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)  # from standstill it is driven on
+
+
+class OnceMore:
+    """A path beside the vehicle, and after the engagement one that it is on."""
+
+    def __init__(self) -> None:
+        self.paths = [straight(time_s=1e4)]
+
+    def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:
+        del now_ns
+        return replace(self.paths.pop(), stamp_ns=state.stamp_ns) if self.paths else None
+
+    def restart(self) -> None:
+        path = straight(time_s=1e4)
+        self.paths = [replace(path, y_m=np.full(len(path), 3.5))]
+
+
+def test_what_a_vehicle_did_before_it_was_driven_does_not_stop_it() -> None:
+    drive = Drive(OnceMore(), start=BicycleState(speed_mps=4.0, y_m=3.5), gear=Gear.DRIVE).engage()
+    assert drive.loop.details()["deviations"]["off the path"] > 10
+    assert {pair["SAFE_STOP"] for pair in after(drive, 1.0)} == {0}
+    assert drive.vehicle.state.speed_mps > 3.5
+
+
 def test_a_little_beside_its_path_is_counted_and_driven_back() -> None:
     drive = Drive(start=BicycleState(y_m=1.2)).engage()
     assert {pair["SAFE_STOP"] for pair in after(drive, 8.0)} == {0}

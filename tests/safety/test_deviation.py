@@ -1,6 +1,7 @@
 """When the vehicle is not where or how it is told to be."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -57,11 +58,70 @@ def test_rolling_against_the_direction_of_travel(speed_mps: float, direction_mps
     assert monitor().stops(state(speed_mps=speed_mps), PATH, 10, direction_mps) is stops
 
 
-def test_a_deviation_holds_until_there_is_a_new_trajectory() -> None:
-    watching = monitor()
+def test_a_deviation_holds_until_the_vehicle_stands_and_there_is_a_new_trajectory() -> None:
+    watching, planned = monitor(), [straight(length_m=100.0) for _ in range(3)]
     assert watching.stops(state(y_m=4.0), PATH, 10, 5.0)
     assert watching.stops(state(), PATH, 11, 5.0)
-    assert not watching.stops(state(), straight(length_m=100.0), 11, 5.0)
+    assert all(watching.stops(state(speed_mps=speed_mps), planned[0], 11, 5.0) for speed_mps in (5.0, 0.051, -0.051))
+    assert not watching.stops(state(speed_mps=0.05), planned[0], 11, 5.0)
+    assert not watching.stops(state(), planned[0], 11, 5.0)
+    assert watching.stops(state(y_m=4.0, speed_mps=0.0), planned[1], 11, 5.0)
+    assert watching.stops(state(speed_mps=0.0), planned[1], 11, 5.0)
+    assert not watching.stops(state(speed_mps=-0.05), planned[2], 11, 5.0)
+
+
+def test_what_is_still_off_the_new_trajectory_as_well_needs_another_one() -> None:
+    watching, planned = monitor(), straight(length_m=100.0)
+    for path in (PATH, planned):
+        assert watching.stops(state(y_m=4.0, speed_mps=0.0), path, 10, 5.0)
+    assert watching.stops(state(speed_mps=0.0), planned, 10, 5.0)
+    assert not watching.stops(state(speed_mps=0.0), PATH, 10, 5.0)
+
+
+def test_the_newest_trajectory_is_the_one_that_counts() -> None:
+    watching = monitor()
+    aside = replace(PATH, y_m=np.full(len(PATH), 3.5))
+    assert not watching.stops(state(), PATH, 10, 5.0)
+    assert watching.stops(state(), aside, 10, 5.0)
+
+
+def test_what_is_forgotten_does_not_stop_a_vehicle_that_moves() -> None:
+    watching = monitor()
+    assert watching.stops(state(y_m=4.0), PATH, 10, 5.0)
+    watching.forget()
+    assert not watching.stops(state(), PATH, 10, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"y_m": -3.214}, "off the path: lateral_m = 3.214, limit 3"),
+        ({"heading_rad": -0.85}, "heading away from the path: heading_rad = 0.85, limit 0.8"),
+        ({"speed_mps": 21.5}, "faster than the vehicle may go: speed_mps = 21.5, limit 21"),
+        ({"speed_mps": -0.6}, "rolling against the direction of travel: rollback_mps = 0.6, limit 0.5"),
+        (
+            {"y_m": 4.0, "speed_mps": 21.5},
+            "off the path: lateral_m = 4, limit 3; faster than the vehicle may go: speed_mps = 21.5, limit 21",
+        ),
+        (
+            {"speed_mps": -21.5},
+            "faster than the vehicle may go: speed_mps = 21.5, limit 21; "
+            "rolling against the direction of travel: rollback_mps = 21.5, limit 0.5",
+        ),
+        ({"y_m": 2.0}, ""),
+    ],
+)
+def test_what_is_wrong_is_said_once_with_value_limit_and_place(
+    change: dict[str, float], said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    watching = monitor()
+    for trajectory in (PATH, PATH, straight(length_m=100.0)):
+        watching.stops(state(**change), trajectory, 10, 5.0)
+    expected = [f"deviation at point 10: {said}"] if said else []
+    assert caplog.messages == expected
+    watching.stops(state(speed_mps=0.0), straight(length_m=100.0), 10, 5.0)
+    watching.stops(state(**change), PATH, 10, 5.0)
+    assert caplog.messages == 2 * expected
 
 
 def test_far_before_the_first_point_and_far_behind_the_last_one_only_what_is_beside_counts() -> None:

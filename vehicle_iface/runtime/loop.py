@@ -299,6 +299,8 @@ class Loop:
             self._take_trajectory(self._newest, restart=True)  # its time 0 is the instant of engagement
 
     def _take_trajectory(self, sample: Sample | None, *, restart: bool = False) -> None:
+        if restart:
+            self._pilot.deviation.forget()
         if sample is not None and self._parts.intake.take(self._now_ns(), sample.state, restart=restart):
             self._parts.teller.tell_trajectory()
 

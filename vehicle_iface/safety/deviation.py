@@ -1,14 +1,19 @@
 """Whether the vehicle does what it is told: on the path, along it, and not faster than it may go."""
 
+import logging
 import math
 from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
 from vehicle_iface.profile import Deviation
+from vehicle_iface.safety.excess import Excess
+from vehicle_iface.safety.plausibility import STANDING_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
 from vehicle_iface.units import wrapped_rad
+
+log = logging.getLogger(__name__)
 
 
 class Finding(Enum):
@@ -30,13 +35,18 @@ class _Path(NamedTuple):
 
 
 class DeviationMonitor:
-    """Compares each state with the trajectory; a deviation that stops holds until there is a new trajectory."""
+    """Compares each state with the trajectory.
+
+    A deviation that stops holds until the vehicle stands and has another trajectory. That alone is no reason to drive
+    on: a planner makes one ten times a second.
+    """
 
     def __init__(self, limits: Deviation, *, speed_max_mps: float) -> None:
         self._limits = limits
         self._greatest_mps = speed_max_mps + limits.overspeed_mps
         self._path: _Path | None = None
-        self._stops = False
+        self._left: Trajectory | None = None
+        """The one that the vehicle was last found off, while that stops it."""
         self.found = dict.fromkeys((finding.value for finding in Finding), 0)
         """How often each was seen."""
 
@@ -49,28 +59,39 @@ class DeviationMonitor:
         if self._path is None or self._path.trajectory is not trajectory:
             views = (memoryview(array) for array in (trajectory.x_m, trajectory.y_m, trajectory.heading_rad))  # type: ignore[arg-type]
             self._path = _Path(trajectory, *views)
-            self._stops = False
-        for finding in self._findings(state, self._path, index, direction_mps):
-            self.found[finding.value] += 1
-            self._stops = self._stops or finding is not Finding.BESIDE
-        return self._stops
+        findings = self._findings(state, self._path, index, direction_mps)
+        for finding in findings:
+            self.found[finding.kind.value] += 1
+        stopping = [finding for finding in findings if finding.kind is not Finding.BESIDE]
+        if stopping:
+            if self._left is None:
+                log.warning("deviation at point %d: %s", index, "; ".join(map(str, stopping)))
+            self._left = trajectory
+        elif trajectory is not self._left and abs(state.speed_mps) <= STANDING_MPS:
+            self._left = None
+        return self._left is not None
 
-    def _findings(self, state: VehicleState, path: _Path, index: int, direction_mps: float) -> list[Finding]:
+    def forget(self) -> None:
+        """Start anew: from now on the vehicle is driven."""
+        self._left = None
+
+    def _findings(self, state: VehicleState, path: _Path, index: int, direction_mps: float) -> list[Excess]:
         limits, found = self._limits, []
         following = min(index + 1, len(path.xs_m) - 1)
         lateral_m = _distance_m(state, path, index, following)
         if lateral_m > limits.lateral_stop_m:
-            found.append(Finding.OFF_PATH)
+            found.append(Excess(Finding.OFF_PATH, "lateral_m", lateral_m, limits.lateral_stop_m))
         elif lateral_m > limits.lateral_warn_m:
-            found.append(Finding.BESIDE)
+            found.append(Excess(Finding.BESIDE, "lateral_m", lateral_m, limits.lateral_warn_m))
         # Between two points the heading is that of either: a path that is drawn coarsely turns in its points.
         off_rad = min(abs(wrapped_rad(state.heading_rad - path.headings_rad[i])) for i in (index, following))
         if off_rad > limits.heading_stop_rad:
-            found.append(Finding.HEADING)
+            found.append(Excess(Finding.HEADING, "heading_rad", off_rad, limits.heading_stop_rad))
         if abs(state.speed_mps) > self._greatest_mps:
-            found.append(Finding.OVERSPEED)
-        if state.speed_mps * math.copysign(1.0, direction_mps) < -limits.rollback_mps and direction_mps != 0.0:
-            found.append(Finding.ROLLING_BACK)
+            found.append(Excess(Finding.OVERSPEED, "speed_mps", abs(state.speed_mps), self._greatest_mps))
+        back_mps = -state.speed_mps * math.copysign(1.0, direction_mps)
+        if back_mps > limits.rollback_mps and direction_mps != 0.0:
+            found.append(Excess(Finding.ROLLING_BACK, "rollback_mps", back_mps, limits.rollback_mps))
         return found
 
 
