@@ -728,6 +728,31 @@ def test_a_vehicle_that_drops_out_with_samples_that_cannot_be_true_is_let_go() -
     assert says(drive.last(), enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
 
 
+def test_samples_that_could_not_be_true_and_then_stop_coming_are_stale_and_then_there_is_silence() -> None:
+    drive = cruising()
+    drive.say("jump 4.0 0.0")
+    drive.run_s(0.06)
+    drive.say("mute STATE on")
+    drive.run_s(0.07)
+    assert says(drive.last(), enable=1, stop=1, reason=Reason.STATE_STALE)
+    drive.run_s(0.5)
+    assert drive.mode() is Mode.SILENT
+    assert drive.loop.reason is Reason.STATE_STALE
+
+
+def test_who_does_not_drive_answers_samples_that_cannot_be_true_only_while_they_come() -> None:
+    drive = Drive(mode=VehicleMode.MANUAL)
+    drive.run_s(1.0)
+    drive.say("jump 4.0 0.0")
+    drive.run_s(0.5)
+    assert len(after(drive, 0.2)) == pytest.approx(20, abs=1)
+    drive.say("mute STATE on")
+    drive.run_s(0.07)
+    since = len(drive.sent)
+    drive.run_s(1.0)
+    assert drive.pairs(since) == []
+
+
 def test_a_vehicle_that_stands_is_not_frozen() -> None:
     drive = Drive(FixedTrajectory(straight(speed_mps=5.0, time_s=1e6)))
     drive.vehicle._car._goal_mps2 = lambda *_: 0.0  # type: ignore[method-assign]  # an engine that does nothing

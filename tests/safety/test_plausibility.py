@@ -85,7 +85,7 @@ def test_what_no_vehicle_does_is_dropped_and_counted_by_its_kind(change: dict[st
     assert not checked.believes(replace(states[10], **change), pose_valid=True)
     assert doubts(checked) == {doubt.value: 1}
     assert checked.believes(states[11], pose_valid=True)
-    assert not checked.persists
+    assert not checked.persists(since_ns=0)
 
 
 @pytest.mark.parametrize(
@@ -104,10 +104,11 @@ def test_the_third_in_a_row_persists_and_a_good_one_ends_it() -> None:
     seen = []
     for state in states[1:4]:
         assert not checked.believes(replace(state, x_m=50.0), pose_valid=True)
-        seen.append(checked.persists)
+        seen.append(checked.persists(since_ns=state.stamp_ns))
     assert seen == [False, False, True]
+    assert not checked.persists(since_ns=states[3].stamp_ns + 1)
     assert checked.believes(states[4], pose_valid=True)
-    assert not checked.persists
+    assert not checked.persists(since_ns=0)
 
 
 def test_after_a_jump_that_stays_the_new_place_is_believed_in_the_end() -> None:
@@ -116,6 +117,21 @@ def test_after_a_jump_that_stays_the_new_place_is_believed_in_the_end() -> None:
     there = [replace(state, x_m=state.x_m + 50.0) for state in states[1:]]
     believed = [checked.believes(state, pose_valid=True) for state in there]
     assert believed == [False] * 100 + [True] * (len(there) - 100)
+
+
+def test_a_jump_before_does_not_count_for_the_place_that_is_believed_in_the_end() -> None:
+    checked, states = check(), drive(2 * BELIEVED_AGAIN)
+    there = [replace(state, x_m=state.x_m + 50.0) for state in states]
+    believed = [checked.believes(state, pose_valid=True) for state in [states[0], there[1], states[2], *there[3:]]]
+    assert believed == [True, False, True] + [False] * 100 + [True] * (len(believed) - 103)
+
+
+def test_what_stood_before_forgetting_is_not_frozen_after_it() -> None:
+    checked = check()
+    for first_ns in (0, ms(90)):
+        for tick in range(9):
+            assert checked.believes(still(first_ns + tick * PERIOD_NS, speed_mps=5.0), pose_valid=True)
+        checked.forget()
 
 
 def test_positions_that_jump_about_are_never_believed() -> None:
@@ -211,6 +227,96 @@ def test_without_a_valid_pose_only_the_rest_is_looked_at() -> None:
     checked.believes(states[0], pose_valid=True)
     assert checked.believes(replace(states[1], x_m=500.0), pose_valid=False)
     assert not checked.believes(replace(states[2], speed_mps=9.0), pose_valid=False)
+
+
+@pytest.mark.parametrize(("frame_id", "pose_valid"), [("map", False), ("odom", True), ("odom", False)])
+def test_a_jump_is_seen_past_samples_without_a_valid_pose_and_in_another_frame(frame_id: str, pose_valid: bool) -> None:
+    checked, states = check(), drive(5)
+    checked.believes(states[0], pose_valid=True)
+    there = [replace(state, x_m=60.0) for state in states]
+    assert checked.believes(replace(there[1], frame_id=frame_id), pose_valid=pose_valid)
+    assert not checked.believes(there[2], pose_valid=True)
+    assert not checked.believes(replace(there[3], x_m=-60.0, heading_rad=3.0), pose_valid=True)
+    assert checked.believes(states[4], pose_valid=True)
+    assert doubts(checked) == {Doubt.JUMP.value: 2}
+
+
+def test_a_speed_that_jumps_does_so_in_any_frame_of_reference() -> None:
+    checked, states = check(), drive(2)
+    checked.believes(states[0], pose_valid=True)
+    assert not checked.believes(replace(states[1], speed_mps=9.0, frame_id="odom"), pose_valid=True)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "heading_rad", "believed"),
+    [(20.0, 0.0, True), (20.49, 0.0, True), (20.51, 0.0, False), (0.0, 0.999, True), (0.0, 1.01, False)],
+)
+def test_without_a_valid_pose_the_vehicle_went_as_far_and_turned_as_much_as_at_its_fastest_then(
+    x_m: float, heading_rad: float, believed: bool
+) -> None:
+    """A second without, in which it was at 20 m/s and turned by 0.8 rad/s."""
+    checked = check()
+    checked.believes(still(), pose_valid=True)
+    for tick in range(1, 100):
+        speed_mps = 0.5 * min(tick, 40, 100 - tick)
+        assert checked.believes(still(tick * PERIOD_NS, speed_mps=speed_mps, yaw_rate_radps=-0.8), pose_valid=False)
+    assert checked.believes(still(ms(1000), x_m=x_m, heading_rad=heading_rad), pose_valid=True) is believed
+
+
+def test_what_a_place_was_reached_by_does_not_count_from_there_on() -> None:
+    checked = check()
+    checked.believes(still(), pose_valid=True)
+    checked.believes(still(PERIOD_NS, speed_mps=0.9, yaw_rate_radps=0.79), pose_valid=False)
+    checked.believes(still(2 * PERIOD_NS), pose_valid=True)
+    assert not checked.believes(still(ms(401), x_m=0.501), pose_valid=True)
+    assert not checked.believes(still(ms(402), heading_rad=0.201), pose_valid=True)
+
+
+def test_a_place_that_was_believed_again_is_the_one_that_counts_then() -> None:
+    checked, states = check(), drive(BELIEVED_AGAIN + 4)
+    checked.believes(states[0], pose_valid=True)
+    there = [replace(state, x_m=state.x_m + 50.0) for state in states]
+    for state in there[1 : BELIEVED_AGAIN + 1]:
+        assert not checked.believes(state, pose_valid=True)
+    assert checked.believes(there[BELIEVED_AGAIN + 1], pose_valid=True)
+    assert not checked.believes(states[BELIEVED_AGAIN + 2], pose_valid=True)
+    assert checked.believes(there[BELIEVED_AGAIN + 3], pose_valid=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"x_m": 60.0}, "jumped: moved_m = 60, limit 0.65"),
+        ({"heading_rad": -3.0}, "jumped: turned_rad = 3, limit 0.2"),
+        ({"speed_mps": -3.0}, "jumped: speed_change_mps = 8, limit 1.1"),
+        ({"speed_mps": 41.5}, "out of range: speed_mps = 41.5, limit 40"),
+        ({"accel_mps2": -21.0}, "out of range: accel_mps2 = 21, limit 20"),
+        ({"yaw_rate_radps": 3.5}, "out of range: yaw_rate_radps = 3.5, limit 3"),
+        ({"yaw_rate_radps": -2.5}, "disagree: yaw_rate_apart_radps = 2.5, limit 0.8"),
+        ({"stamp_ns": -ms(20)}, "out of order: older_s = 0.02, limit 0"),
+    ],
+)
+def test_what_persists_is_said_once_with_value_limit_and_place(
+    change: dict[str, float], said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    checked, states = check(), drive(4)
+    checked.believes(states[0], pose_valid=True)
+    for _ in range(5):
+        assert not checked.believes(replace(states[3], **change), pose_valid=True)
+    place = "x_m = 60, y_m = 0" if "x_m" in change else "x_m = 0.15, y_m = 0"
+    assert caplog.messages == [f"3 implausible samples in a row; the last one, at {place}: {said}"]
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "said"), [(5.0, "frozen: still_s = 0.11, limit 0.09"), (0.4, "frozen: still_m = 0.512, limit 0.5")]
+)
+def test_how_long_and_how_far_values_were_frozen_is_said(
+    speed_mps: float, said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    checked = check()
+    for tick in range(150):
+        checked.believes(still(tick * PERIOD_NS, speed_mps=speed_mps), pose_valid=True)
+    assert [message.partition(": ")[2] for message in caplog.messages] == [said]
 
 
 def test_another_frame_of_reference_and_a_long_gap_begin_anew() -> None:
@@ -311,7 +417,7 @@ def test_implausible_samples_are_counted_in_a_row_from_the_start_and_anew_after_
         persists = []
         for _ in range(3):
             assert not checked.believes(bad, pose_valid=True)
-            persists.append(checked.persists)
+            persists.append(checked.persists(since_ns=0))
         assert persists == [False, False, True]
         checked.forget()
-        assert not checked.persists
+        assert not checked.persists(since_ns=0)

@@ -313,9 +313,9 @@ class Loop:
         if self._handover.look(now_ns, is_driven=self._engagement.enables, is_ending=self._is_ending):
             log.warning("HANDOVER: control is about to be given back")
         self.account.note(self._engagement, self.reason)
-        newest = self._newest
-        implausible = self._parts.plausibility.persists
-        if newest is not None and (implausible or now_ns - newest.state.stamp_ns > self._stale_ns):
+        newest, stale_ns = self._newest, now_ns - self._stale_ns
+        implausible = self._parts.plausibility.persists(since_ns=stale_ns)
+        if newest is not None and (implausible or newest.state.stamp_ns < stale_ns):
             self._answer_silence(newest, now_ns, Reason.STATE_INVALID if implausible else Reason.STATE_STALE)
         if self._engagement.sends and now_ns - self._commanded_ns > 2 * self._late_ns and self._has_room():
             self._send_reports(now_ns)
