@@ -224,6 +224,16 @@ def test_a_controller_that_takes_longer_than_its_budget_stops_the_vehicle(takes_
     assert cabin.counts.controller_too_slow == (reason is not Reason.NOMINAL)
 
 
+def test_how_slow_a_controller_is_is_said_once_while_it_is(caplog: pytest.LogCaptureFixture) -> None:
+    controller = Slow()
+    controller.cabin = cabin = Cabin(controller)
+    for takes_ms in (62, 62, 1, 70):
+        controller.takes_ns = ms(takes_ms)
+        cabin.now_ns = NOW_NS
+        cabin.answer()
+    assert caplog.messages == [f"the controller took {took} ms, its budget is 50 ms" for took in (62, 70)]
+
+
 @pytest.mark.parametrize(("age_ms", "reason"), [(100, Reason.NOMINAL), (100.001, Reason.STATE_STALE)])
 def test_a_sample_that_grows_too_old_while_the_controller_thinks_is_answered_by_a_stop(
     age_ms: float, reason: Reason

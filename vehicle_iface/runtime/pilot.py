@@ -15,6 +15,7 @@ from vehicle_iface.safety.gate import Gate
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear, VehicleStatus
 from vehicle_iface.tracker import Sample
+from vehicle_iface.units import NS_PER_MS
 
 log = logging.getLogger(__name__)
 
@@ -57,6 +58,7 @@ class Pilot:
         self._status_stale_ns = status_stale_ns
         self._counts = counts
         self._was_enabled = False
+        self._is_slow = False
 
     def answer(
         self,
@@ -118,7 +120,12 @@ class Pilot:
         done_ns = self._now_ns()
         if done_ns - now_ns > self._budget_ns:
             self._counts.controller_too_slow += 1
+            if not self._is_slow:
+                took_ms, budget_ms = (done_ns - now_ns) / NS_PER_MS, self._budget_ns / NS_PER_MS
+                log.warning("the controller took %.4g ms, its budget is %.4g ms", took_ms, budget_ms)
+            self._is_slow = True
             return stop(state, Reason.DEADLINE_MISSED)
+        self._is_slow = False
         if done_ns - state.stamp_ns > self._answer_age_ns:
             return stop(state, Reason.STATE_STALE)
         return stop(state, Reason.DEVIATION) if self._deviates(state, wish) else wish
