@@ -54,10 +54,16 @@ def test_told_twice_the_loop_lets_go_at_once_with_one_pair(
     assert vehicle.mode == READY
 
 
-def test_when_its_time_is_over_the_loop_stops_the_vehicle_and_ends(programs: Programs, bus: Observer) -> None:
+@pytest.mark.parametrize("is_told", [False, True], ids=["alone", "told once meanwhile"])
+def test_when_its_time_is_over_the_loop_stops_the_vehicle_and_ends(
+    programs: Programs, bus: Observer, is_told: bool
+) -> None:
     programs.start("sim", "--pedals", str(programs.folder / "pedals.sock"))
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     loop, moving = driven(programs, bus, "--trajectory", line_file(programs.folder), "--duration", "2.5")
+    if is_told:
+        bus.wait_for("the stop", "DRIVE_COMMAND", REASON="SHUTDOWN", ENABLE=1, since=moving)
+        loop.tell(signal.SIGTERM)
     assert loop.ends() == 0
     record = bus.record(moving, bus.wait_samples(5))
     assert decided(record) == ["NOMINAL", "SHUTDOWN"]
