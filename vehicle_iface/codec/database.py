@@ -401,6 +401,10 @@ class _Binder:
                 if not signal.is_float and signal.allowed_raw()[0] > signal.allowed_raw()[1]:
                     text = f"no value lies in its range [{signal.minimum}|{signal.maximum}]"
                     raise self._file.fault(f"{name}.{signal.name}", text)
+                counts = self._fields.get(f"{name}.{signal.name}") in _COUNTS
+                if counts and 0 < len(signal.enumeration()) <= signal.highest - signal.lowest:
+                    text = f"is a count, but its VAL_ table names only {len(signal.enumeration())} of its numbers"
+                    raise self._file.fault(f"{name}.{signal.name}", text)
         protection: Protection | None = None
         with self.noted():
             protection = self._protection(message)
@@ -575,6 +579,8 @@ def _members(kind: type[IntEnum]) -> dict[str, int]:
     return {member.name: int(member) for member in kind}
 
 
+_COUNTS = ("ref_spatial_index", "ref_temporal_index", "deadline_misses")
+"""Fields of the report in which every number means itself."""
 _ONE_SAMPLE = ("x_m", "y_m", "heading_rad", "speed_mps", "pose_frame")
 """Fields of the state that must come in messages of its sample: where the vehicle is, in which frame, how fast."""
 _LIGHTS = {"OFF": 0, "LOW": 1, "HIGH": 2}
