@@ -465,6 +465,7 @@ LIES: dict[str, tuple[str, Lie]] = {
         lie("DRIVE_COMMAND", lambda tick, v: [v | {"ACCEL_REQUEST": min(2.5, max(0.0, 0.6 * (tick - 150)))}]),
     ),
     "hard drive while it engages": ("dynamics", ready({"DRIVE_COMMAND": lambda _: {"ACCEL_REQUEST": 1.2}})),
+    "drive that stays hard while it engages": ("dynamics", ready({"DRIVE_COMMAND": lambda _: {"ACCEL_REQUEST": 1.5}})),
     "wheels that turn while it engages": (
         "dynamics",
         ready({"STEER_COMMAND": lambda tick: {"FRONT_WHEEL_ANGLE_REQUEST": min(0.1, 0.006 * tick)}}),
@@ -491,6 +492,8 @@ LIES: dict[str, tuple[str, Lie]] = {
 
 def test_a_device_that_says_the_truth_has_nothing_against_it() -> None:
     assert set(judged(truth).values()) == {Verdict.PASS}
+    brakes_meanwhile = ready({"DRIVE_COMMAND": lambda tick: {"ACCEL_REQUEST": -1.5} if tick < STOPPED_FROM else {}})
+    assert judged(brakes_meanwhile)["dynamics"] is Verdict.PASS
 
 
 @pytest.mark.parametrize("name", LIES)

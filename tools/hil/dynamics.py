@@ -91,9 +91,10 @@ def jerky(wire: Wire, record: Record) -> Iterable[str]:
 
 
 def rash(wire: Wire, record: Record) -> Iterable[str]:
-    """Commands beyond the stricter limits that hold until the vehicle says that it is autonomous."""
+    """Commands beyond the stricter limits until the vehicle says that it is autonomous; to brake harder is none."""
     limits = wire.profile["limits"].get("engaging", {})
     modes, place, mode = record.of("VEHICLE_STATUS"), 0, -1.0
+    speeds = _Speeds(record)
     autonomous = wire.number("MODE", "AUTONOMOUS")
     for stretch in _stretches(record):
         engaging: list[Pair] = []
@@ -104,12 +105,25 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
                 break
             engaging.append(pair)
         for pair in engaging:
-            accel = abs(pair.drive["ACCEL_REQUEST"])
-            if accel > limits.get("accel_max_mps2", math.inf) + 1e-9 and not pair.is_stop:
+            accel = pair.drive["ACCEL_REQUEST"]
+            drives = accel * speeds.at(pair.stamp_ns) >= 0.0 and not pair.is_stop
+            if drives and abs(accel) > limits.get("accel_max_mps2", math.inf) + 1e-9:
                 yield f"{_at(pair, record)} {accel:.3f} m/s² while it engages"
         angles = [pair.steer["FRONT_WHEEL_ANGLE_REQUEST"] for pair in engaging]
         rate_radps = limits.get("front_wheel_rate_radps", math.inf)
         yield from _faster(engaging, angles, rate_radps, "rad/s while it engages", record)
+
+
+class _Speeds:
+    """What the vehicle last said of its speed, asked for in the order of time."""
+
+    def __init__(self, record: Record) -> None:
+        self._samples, self._place = record.samples, 0
+
+    def at(self, stamp_ns: int) -> float:
+        while self._place < len(self._samples) and self._samples[self._place].stamp_ns <= stamp_ns:
+            self._place += 1
+        return self._samples[self._place - 1].speed_mps if self._place else 0.0
 
 
 def _stretches(record: Record) -> Iterable[list[Pair]]:
