@@ -49,6 +49,7 @@ STRETCH_S = 20.0
 """So much is judged at a time."""
 ARMING_S = 2.0
 """An operator waits so long for an arming to show."""
+STANDS_MPS = 0.05
 MOST_GROWTH_MIB = 2.0
 
 
@@ -98,7 +99,11 @@ class Operator:
         self._reader.close()
 
     def _help(self) -> None:
-        mode = json.loads(press(self._pedals, "status"))["mode"]
+        """Once its watchdog has braked the vehicle to rest: one that is reset while it rolls leaves its path."""
+        vehicle = json.loads(press(self._pedals, "status"))
+        mode = vehicle["mode"]
+        if mode in ("AUTONOMOUS", "FAULT") and abs(vehicle["speed_mps"]) > STANDS_MPS:
+            return
         if mode == "FAULT":
             press(self._pedals, "reset")
         elif mode == "MANUAL":
