@@ -14,6 +14,7 @@ SLOW_MPS = 1.0
 """Below it a brake may be let up."""
 SLOWER_MPS = 0.3
 """A speed at which the device was not sure to have been slow already."""
+STANDS_MPS = 0.05
 BRAKES_WITHIN_NS = 250 * MS
 
 
@@ -106,8 +107,9 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
             engaging.append(pair)
         for pair in engaging:
             accel = pair.drive["ACCEL_REQUEST"]
-            drives = accel * speeds.at(pair.stamp_ns) >= 0.0 and not pair.is_stop
-            if drives and abs(accel) > limits.get("accel_max_mps2", math.inf) + 1e-9:
+            speed = speeds.at(pair.stamp_ns)
+            way = speed if abs(speed) > STANDS_MPS else pair.drive.signals.get("SPEED_REQUEST", 0.0)
+            if accel * way > 0.0 and not pair.is_stop and abs(accel) > limits.get("accel_max_mps2", math.inf) + 1e-9:
                 yield f"{_at(pair, record)} {accel:.3f} m/s² while it engages"
         angles = [pair.steer["FRONT_WHEEL_ANGLE_REQUEST"] for pair in engaging]
         rate_radps = limits.get("front_wheel_rate_radps", math.inf)
