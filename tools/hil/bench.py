@@ -126,9 +126,8 @@ def run(plan: Plan, audience: Audience) -> Run:
         audience.case_ended(done[-1])
         if interrupted:
             break
-    verdict = results.verdict_of(done)
     report = Run(
-        verdict=Verdict.NOT_EXECUTED if interrupted and verdict is Verdict.PASS else verdict,
+        verdict=results.verdict_of(done, interrupted=interrupted),
         interrupted=interrupted,
         evidence=bench.evidence,
         began=began.isoformat(timespec="seconds"),

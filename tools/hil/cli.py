@@ -128,6 +128,7 @@ def _is_told_twice(options: argparse.Namespace, wire: Wire, found: Sequence[str]
             f"Nobody is in danger, and the vehicle cannot move? Type the profile's name ({wire.name}):",
             end=" ",
             flush=True,
+            file=sys.stderr,
         )
         typed = sys.stdin.readline()
     if typed.strip() != wire.name:

@@ -23,15 +23,14 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
     limits, behavior = wire.profile["limits"], wire.profile["behavior"]
     table = limits.get("front_wheel_angle_by_speed") or [[0.0, limits["front_wheel_angle_rad"]]]
     wheelbase_m, rear_rad = wire.profile["geometry"]["wheelbase_m"], limits.get("rear_wheel_angle_rad", 0.0)
-    samples, place, speed = record.samples, 0, 0.0
+    speeds = _Speeds(record)
     by_speed = limits.get("accel_max_by_speed") or [[0.0, limits["accel_max_mps2"]]]
     before = braked = 0.0
     for pair in record.pairs:
-        while place < len(samples) and samples[place].stamp_ns <= pair.drive.stamp_ns:
-            speed, place = samples[place].speed_mps, place + 1
+        speed = speeds.at(pair.drive.stamp_ns)
         if not pair.is_enabled:
             continue
-        at = f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s:"
+        at = _at(pair, record)
         angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
         slower_mps = max(0.1, abs(speed) - SLOWER_MPS)
         sideways_rad = math.atan(limits["lateral_accel_mps2"] * wheelbase_m / slower_mps**2)
@@ -67,8 +66,7 @@ def unbraked(wire: Wire, record: Record, history: Sequence[Instant]) -> Iterable
         brake_mps2 = -math.copysign(1.0, speed) * pair.drive["ACCEL_REQUEST"]
         if is_on and pair.stamp_ns - since_ns > BRAKES_WITHIN_NS and brake_mps2 < least_mps2:
             yield (
-                f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s: a stop with {pair.reason} "
-                f"brakes with {brake_mps2:.2f} m/s² at {speed:.2f} m/s"
+                f"{_at(pair, record)} a stop with {pair.reason} brakes with {brake_mps2:.2f} m/s² at {speed:.2f} m/s"
             )
 
 

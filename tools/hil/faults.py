@@ -548,7 +548,8 @@ def load(share: float) -> Injection:
 
     @contextmanager
     def inject(rig: "Rig") -> Iterator[None]:
-        own_per_second = len([h for h in rig.heard if h.frame.stamp_ns > time.monotonic_ns() - S])
+        since_ns = time.monotonic_ns() - S
+        own_per_second = sum(heard.frame.stamp_ns > since_ns for heard in rig.heard)
         all_per_second = share * rig.wire.profile["bus"]["bitrate"] / STRANGERS_BITS
         per_second = max(0.0, all_per_second - own_per_second)
         words = [str(TOOLS / "hil" / "load.py"), rig.bus.channel, f"{per_second:.0f}", f"{rig.wire.free_block():x}"]

@@ -4,7 +4,6 @@ import datetime
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from bus_contract_judge import examine
@@ -26,13 +25,14 @@ def run(
     folder.mkdir(parents=True, exist_ok=True)
     began = datetime.datetime.now().astimezone()
     bus = Bus(channel, wire.names)
-    frames = []
+    frames, interrupted = [], ""
     try:
         begin_s = time.monotonic()
-        with suppress(KeyboardInterrupt):  # whoever has heard enough wants to know what it was
-            while time.monotonic() < begin_s + duration_s:
-                frames += [heard.frame for heard in bus.drain()]
-                time.sleep(0.01)
+        while time.monotonic() < begin_s + duration_s:
+            frames += [heard.frame for heard in bus.drain()]
+            time.sleep(0.01)
+    except KeyboardInterrupt:  # whoever has heard enough wants to know what it was
+        interrupted = "interrupted while it listened"
     finally:
         bus.close()
     duration_s = round(time.monotonic() - begin_s, 1)
@@ -57,7 +57,8 @@ def run(
         candump="listened.candump",
     )
     return Run(
-        verdict=verdict_of([found]),
+        verdict=verdict_of([found], interrupted=interrupted),
+        interrupted=interrupted,
         evidence=evidence,
         began=began.isoformat(timespec="seconds"),
         duration_s=duration_s,

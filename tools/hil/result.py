@@ -167,9 +167,11 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     cases: list[CaseResult]
 
 
-def verdict_of(cases: list[CaseResult]) -> Verdict:
-    """What a list of cases comes to."""
+def verdict_of(cases: list[CaseResult], *, interrupted: str = "") -> Verdict:
+    """What a list of cases comes to; that an interrupted run passed is not known."""
     verdicts = {case.verdict for case in cases}
+    if interrupted:
+        verdicts.discard(Verdict.PASS)
     return next((v for v in (Verdict.FAIL, Verdict.PASS) if v in verdicts), Verdict.NOT_EXECUTED)
 
 
