@@ -1,5 +1,6 @@
 """Real programs on a real vcan0: started, watched, ended, and their words shown when a test fails."""
 
+import gc
 import os
 import re
 import signal
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from . import peer
 from .cable import LOOP_END, VEHICLE_END, Cable
 from .contract import CHANNEL, PATIENCE_S, Observer
 from .peer import Vehicle
@@ -73,9 +75,11 @@ class Program:
         self._process.send_signal(number)
 
     def ends(self, patience_s: float = PATIENCE_S) -> int:
-        """Its exit status, once it has ended by itself."""
+        """Its exit status, once it has ended by itself and its last words are kept."""
         try:
-            return self._process.wait(patience_s)
+            status = self._process.wait(patience_s)
+            self._reader.join(patience_s)
+            return status
         except subprocess.TimeoutExpired:
             raise AssertionError(f"{self.name} has not ended in {patience_s:.0f} s\n{self.text}") from None
 
@@ -171,7 +175,13 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     with suppress(PermissionError):  # without the right to go first nobody can say that the machine stood still
         witness = Witness()
         session.config.add_cleanup(witness.close)
-        session.config.pluginmanager.register(Standstill(witness.news, _unit))
+        session.config.pluginmanager.register(Standstill(lambda: [*witness.news(), *peer.news()], _unit))
+    gc.disable()  # with all that a test has heard it takes 0.1 s, and for so long the test's own vehicle is silent
+
+
+def pytest_runtest_logfinish() -> None:
+    """Between two tests nobody waits for the vehicle."""
+    gc.collect()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
