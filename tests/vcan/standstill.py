@@ -1,7 +1,8 @@
 """A test that fails while the machine itself stands still is run again: then it has said nothing about the program.
 
 In a kernel of `tools/vcan` a busy host takes the processor away for 50 ms and more, and to stop is right then. Who says
-so is `witness.py`, which nothing in that kernel can hold up; without it, or without its word, a failure is a failure.
+so is `witness.py`, which nothing in that kernel can hold up, or the test's own vehicle, whose thread may only be kept
+waiting by the test itself; without them, or without their word, a failure is a failure.
 """
 
 import os
@@ -71,7 +72,7 @@ class Standstill:
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
         self._longest_s = max([self._longest_s, *self._news()])
         if any(report.failed for report in reports) and self._longest_s and self._attempts < ATTEMPTS:
-            self._run_again(item)
+            self._run_again(item, reports)
         else:
             for report in reports:
                 item.ihook.pytest_runtest_logreport(report=report)
@@ -83,8 +84,10 @@ class Standstill:
         for line in self.again:
             terminalreporter.write_line(line)
 
-    def _run_again(self, item: pytest.Item) -> None:
+    def _run_again(self, item: pytest.Item, reports: list[pytest.TestReport]) -> None:
+        reason = next(report.longreprtext for report in reports if report.failed)
         self.again.append(f"run again, the machine stood still for {self._longest_s * 1e3:.0f} ms: {item.nodeid}")
+        self.again += [f"  {line}" for line in reason.splitlines() if line.startswith("E ")]
         self._attempts += 1
         self._longest_s = 0.0
         item.session._setupstate.teardown_exact(None)  # what it shares with others was there when the machine stood

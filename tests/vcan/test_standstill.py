@@ -1,8 +1,13 @@
 """Whoever says that the machine stood still says so when it did."""
 
+import ctypes
 import signal
+import threading
 import time
 
+from . import peer
+from .contract import READY
+from .peer import Vehicle
 from .standstill import Witness
 
 
@@ -22,3 +27,35 @@ def test_the_witness_says_for_how_long_it_could_not_wake_and_nothing_can_keep_it
         witness.close()
     assert 0.1 < max(stopped) < 1.0
     assert max(busy, default=0.0) < max(stopped)
+
+
+def test_many_short_standstills_add_up() -> None:
+    witness = Witness()
+    try:
+        witness.news()
+        for _ in range(5):
+            witness.tell(signal.SIGSTOP)
+            time.sleep(0.045)  # too late by at least 25 ms less one period
+            witness.tell(signal.SIGCONT)
+            time.sleep(0.002)
+        time.sleep(0.05)
+        assert max(witness.news()) > 0.03
+    finally:
+        witness.close()
+
+
+def test_a_vehicle_of_the_test_itself_says_when_it_was_late(vehicle: Vehicle) -> None:
+    hold_s, held = 0.2, threading.Event()
+    peer.news()
+
+    def hold_up() -> None:
+        held.set()
+        ctypes.PyDLL(None).usleep(round(hold_s * 1e6))  # keeps the interpreter's lock
+
+    holder = threading.Thread(target=hold_up)
+    holder.start()
+    held.wait()
+    holder.join()
+    time.sleep(0.1)
+    assert vehicle.mode == READY
+    assert 0.5 * hold_s < max(peer.news()) < 5 * hold_s
