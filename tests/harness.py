@@ -115,6 +115,8 @@ class Line:
         self.sent: list[Sent] = []
         self.down = False
         self.full = False
+        self.takes: int | None = None
+        """Of each command only the first so many frames; None: all."""
         self.waiting = False
         """What was sent last has not left yet."""
         self.opened = 0
@@ -144,6 +146,7 @@ class Line:
         self._check()
         if self.full:
             return 0
+        frames = frames[: self.takes]
         self.sent += [taken_apart(frame, self.clock.t_ns, self.step) for frame in frames]
         return self.inner.send(*frames)
 

@@ -72,6 +72,21 @@ class Recorded(ControllerBase):
         return Command(stamp_ns=0, accel_mps2=0.5, front_wheel_angle_rad=self.angles_rad[-1], speed_mps=5.0)
 
 
+class Alternating(ControllerBase):
+    """Drives on until it alternates between the extremes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.alternates = False
+        self._sign = 1.0
+
+    def compute_command_impl(self, state: VehicleState) -> Command:  # noqa: ARG002
+        if not self.alternates:
+            return Command(stamp_ns=0, accel_mps2=1.0, front_wheel_angle_rad=0.0, speed_mps=5.0)
+        self._sign = -self._sign
+        return Command(stamp_ns=0, accel_mps2=self._sign * 6.0, front_wheel_angle_rad=self._sign * 0.6, speed_mps=5.0)
+
+
 def says(pair: Pair, *, enable: int, stop: int, reason: Reason) -> bool:
     """Whether both commands say so."""
     assert pair.steer["ENABLE"] == pair.drive["ENABLE"]
@@ -648,6 +663,29 @@ def test_a_command_is_not_sent_behind_one_that_still_waits() -> None:
     drive.line.waiting = False
     drive.run_s(0.5)
     assert drive.loop.details()["loop"]["commands_refused"] >= 4
+    assert counters_step_by_one(drive.sent)
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_where_half_a_command_found_room_the_next_one_is_limited_by_what_left_of_it(lost: int) -> None:
+    controller = Alternating()
+    drive = Drive(controller=controller).engage(3.0)
+    controller.alternates = True
+    drive.run_s(0.05)
+    since = len(drive.sent)
+    for _ in range(10):
+        drive.line.takes = 1
+        drive.run_s(lost * 0.01)
+        drive.line.takes = None
+        drive.run_s(0.03)
+    for name, signal, most in (
+        ("DRIVE_COMMAND", "ACCEL_REQUEST", 0.3),
+        ("STEER_COMMAND", "FRONT_WHEEL_ANGLE_REQUEST", 0.008),
+    ):
+        for before, later in pairwise(drive.named(name, since)):
+            periods = (later.at_ns - before.at_ns) / ms(10)
+            assert abs(later[signal] - before[signal]) <= most * periods + 1e-9, (name, later.at_ns)
+    assert len(drive.named("DRIVE_COMMAND", since)) > len(drive.named("STEER_COMMAND", since))
     assert counters_step_by_one(drive.sent)
 
 

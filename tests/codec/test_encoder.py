@@ -183,6 +183,16 @@ def test_a_command_arrives_within_half_a_step(accel, angle, speed, reason, gear,
     assert (seen["reason"], seen["gear_request"], seen["enable"]) == (reason, gear, enable)
 
 
+def test_it_knows_which_fields_a_frame_carries(database):
+    encoder = Encoder(database.sent)
+    drive, steer = encoder.encode_command(COMMAND)
+    assert encoder.fields_of(()) == set()
+    assert {"accel_mps2", "enable", "reason"} <= encoder.fields_of([drive])
+    assert "front_wheel_angle_rad" in encoder.fields_of([steer]) - encoder.fields_of([drive])
+    assert encoder.fields_of([drive, steer]) == encoder.fields_of([drive]) | encoder.fields_of([steer])
+    assert "" not in encoder.fields_of([drive, steer])
+
+
 def test_a_frame_that_is_none_of_ours_has_no_counter_to_take_back(database):
     encoder = Encoder(database.sent)
     before = dict(encoder.sent)

@@ -346,6 +346,31 @@ def test_a_permission_that_was_not_sent_does_not_move_the_rates() -> None:
     assert -again.front_wheel_angle_rad == lost.front_wheel_angle_rad == pytest.approx(0.008)
 
 
+@pytest.mark.parametrize(
+    ("left", "accel_mps2", "front_rad", "rear_rad"),
+    [
+        ((), -0.6, -0.016, -0.010),
+        (("accel_mps2", "speed_mps"), 0.3 - 0.3, -0.008, -0.005),
+        (("front_wheel_angle_rad",), -0.3, 0.008 - 0.008, -0.005),
+        (("rear_wheel_angle_rad",), -0.3, -0.008, 0.005 - 0.005),
+        (("speed_mps",), -0.3, -0.008, -0.005),
+    ],
+)
+def test_the_next_permission_is_counted_from_what_left_of_the_last_one(
+    left: tuple[str, ...], accel_mps2: float, front_rad: float, rear_rad: float
+) -> None:
+    gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
+    gate.start_from(state(), 0)
+    most = wish(accel_mps2=3.0, front_wheel_angle_rad=0.6, rear_wheel_angle_rad=0.1)
+    least = wish(accel_mps2=-6.0, front_wheel_angle_rad=-0.6, rear_wheel_angle_rad=-0.1)
+    gate.permit(most, state(), now_ns=10_000_000, reversing=False)
+    gate.take_back(left=left)
+    safe = gate.permit(least, state(), now_ns=20_000_000, reversing=False)
+    assert safe.accel_mps2 == pytest.approx(accel_mps2)
+    assert safe.front_wheel_angle_rad == pytest.approx(front_rad)
+    assert safe.rear_wheel_angle_rad == pytest.approx(rear_rad)
+
+
 def test_a_gate_that_nobody_told_where_to_start_counts_from_nothing_at_time_zero() -> None:
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
     everything = wish(accel_mps2=3.0, front_wheel_angle_rad=0.6, rear_wheel_angle_rad=0.1)

@@ -20,6 +20,7 @@ class _Output:
         "can_id",
         "counter",
         "encode",
+        "fields",
         "is_extended",
         "is_fd",
         "last",
@@ -37,6 +38,7 @@ class _Output:
         self.encode = message.codec.encode
         self.protection = message.protection
         self.values_of = _collector(message)
+        self.fields = message.fields
         self.counter = 0
         self.sent = 0
         self.last = 0
@@ -93,6 +95,10 @@ class Encoder:
         """One frame of each command message; all of them, or `SignalError` and no counter has stepped."""
         payloads = [output.payload(command) for output in self._commands]
         return tuple(output.frame(data) for output, data in zip(self._commands, payloads, strict=True))
+
+    def fields_of(self, frames: Iterable[CanFrame]) -> set[str]:
+        """The fields whose values these frames of ours carry."""
+        return {field for frame in frames for field in self._by_id[frame.can_id, frame.is_extended].fields if field}
 
     def take_back(self, frame: CanFrame) -> None:
         """The newest frame of its message was not sent: the next one bears its counter again.

@@ -247,13 +247,15 @@ class Loop:
         self._commanded_ns = now_ns
         if not self._engagement.sends:
             return False
-        left = self._has_room() and self._hand_over(self._encoder.encode_command(answer.safe))
-        if left:
+        frames = self._encoder.encode_command(answer.safe) if self._has_room() else ()
+        left = self._hand_over(frames)
+        is_sent = bool(frames) and len(left) == len(frames)
+        if is_sent:
             self._counts.commands += 1
             self._send_reports(now_ns)
         elif answer.safe.enable:
-            self._pilot.gate.take_back()
-        return left
+            self._pilot.gate.take_back(left=self._encoder.fields_of(left))
+        return is_sent
 
     def _has_room(self) -> bool:
         """Asked once a pass."""
@@ -261,14 +263,14 @@ class Loop:
             self._room = self.link.has_room()
         return self._room
 
-    def _hand_over(self, frames: tuple[CanFrame, ...]) -> bool:
-        """Up to the first that is refused; what did not leave has stepped no counter."""
+    def _hand_over(self, frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
+        """Up to the first that is refused: those that left. What did not leave has stepped no counter."""
         now_ns, outlet = self._now_ns(), self._parts.outlet
         allowed = list(takewhile(lambda frame: outlet.lets_out(frame, now_ns), frames))
         sent = self.link.send(*allowed) if allowed else 0
         for unsent in frames[sent:]:
             self._encoder.take_back(unsent)
-        return sent == len(frames)
+        return frames[:sent]
 
     def _look_at_foreign(self, frame: CanFrame) -> None:
         """Our own frames do not come back to us, so this one is another node's command."""

@@ -1,7 +1,7 @@
 """From a wish to a permission: the one place where a `SafeCommand` is made."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -115,9 +115,18 @@ class Gate:
             gear_request=gear_request,
         )
 
-    def take_back(self) -> None:
-        """The last permission was not sent: rates are counted from the one before it."""
-        self._last = self._before
+    def take_back(self, *, left: Collection[str] = ()) -> None:
+        """The last permission was not sent, up to the fields that `left`: the others' rates are counted from before it.
+
+        Where some left, all are counted from their time: that grants the others less, never more.
+        """
+        sent, before = self._last, self._before
+        self._last = _Sent(
+            sent.at_ns if left else before.at_ns,
+            sent.accel_raw if "accel_mps2" in left else before.accel_raw,
+            sent.front_raw if "front_wheel_angle_rad" in left else before.front_raw,
+            sent.rear_raw if "rear_wheel_angle_rad" in left else before.rear_raw,
+        )
 
     def release(self, *, stamp_ns: int, reason: Reason) -> SafeCommand:
         """Let the vehicle go: nothing is asked of it."""
