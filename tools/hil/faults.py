@@ -445,16 +445,27 @@ def paused() -> Injection:
     return inject
 
 
+@contextmanager
+def without_memory(rig: "Rig") -> Iterator[None]:
+    """The device gets no more memory than it has, until the end."""
+    with rig.device.without_memory():
+        yield
+
+
 def wall_clock(by_s: float) -> Injection:
-    """The wall clock steps, and back at the end."""
+    """The wall clock steps, and back at the end: while nothing waits to be heard that bears a stamp from before."""
+
+    def step(rig: "Rig", by_s: float) -> None:
+        rig.hear_answers()
+        time.clock_settime(time.CLOCK_REALTIME, time.time() + by_s)
 
     @contextmanager
-    def inject(_rig: "Rig") -> Iterator[None]:
-        time.clock_settime(time.CLOCK_REALTIME, time.time() + by_s)
+    def inject(rig: "Rig") -> Iterator[None]:
+        step(rig, by_s)
         try:
             yield
         finally:
-            time.clock_settime(time.CLOCK_REALTIME, time.time() - by_s)
+            step(rig, -by_s)
 
     return inject
 

@@ -23,6 +23,8 @@ from hil.result import Event, EventKind
 from hil.vehicle import PERIOD_NS, Vehicle
 from hil.wire import Wire
 
+ANSWER_S = 0.005
+"""Within half a period a device has answered, or it has not."""
 STUCK_TICKS = 2000
 """Longer than any trajectory of the catalogue lets it wait for a change of direction."""
 LATE_NS = 30 * MS
@@ -214,6 +216,11 @@ class Rig:
             flags = struct.unpack("16sh14x", request)[1]
             flags = flags | IFF_UP if up else flags & ~IFF_UP
             fcntl.ioctl(any_socket, SIOCSIFFLAGS, struct.pack("16sh14x", name, flags))
+
+    def hear_answers(self) -> None:
+        """To the sample just sent."""
+        time.sleep(ANSWER_S)
+        self._drain(time.monotonic_ns())
 
     def device_frames(self) -> list[Frame]:
         """What the device sent, whole or not."""
