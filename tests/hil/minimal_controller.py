@@ -100,6 +100,14 @@ class Status:
     driver_acts: bool
 
 
+def ready(raw: socket.socket | None, event: int, within_s: float) -> bool:
+    """Whether the socket is; by `poll`, because `select` knows no descriptor above 1023."""
+    poll = select.poll()
+    if raw is not None:
+        poll.register(raw, event)
+    return bool(poll.poll(max(0.0, within_s * 1e3)))
+
+
 class Bus:
     """A raw socket that hears the identifiers of the contract, and none of its own frames."""
 
@@ -138,7 +146,7 @@ class Bus:
 
     def has_room(self) -> bool:
         """Whether hardly anything of ours still waits to leave."""
-        return bool(select.select([], [self.raw], [], 0.0)[1])
+        return ready(self.raw, select.POLLOUT, 0.0)
 
     def send(self, can_id: int, data: bytes) -> bool:
         """Whether there was room for it."""
@@ -323,8 +331,7 @@ class Controller:
     def wait(self) -> None:
         """For frames, a period at most."""
         until_ns = self.answers[0][0] if self.answers else time.monotonic_ns() + PERIOD_NS
-        left_s = max(0.0, (until_ns - time.monotonic_ns()) / 1e9)
-        select.select([self.bus.raw] if self.bus is not None else [], [], [], left_s)
+        ready(self.bus.raw if self.bus is not None else None, select.POLLIN, (until_ns - time.monotonic_ns()) / 1e9)
 
     def obey(self, now_ns: int) -> None:
         """The operator's signals."""

@@ -6,6 +6,8 @@ import math
 import random
 import re
 import subprocess
+import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -19,7 +21,7 @@ from bus_contract_judge import Pair, Record, examine
 from hil import bench, bus, cli, expect, faults, judge, routes, run_case
 from hil.case import Case, Need, Then
 from hil.cases import CATALOGUE, FILES
-from hil.device import Commands
+from hil.device import Commands, Device
 from hil.expect import Expectation, Seen
 from hil.plant import Plant
 from hil.result import CaseResult, Verdict
@@ -38,7 +40,7 @@ ROOT = Path(__file__).resolve().parents[2]
 WIRE = Wire("reference")
 PROFILE = load_profile("reference")
 NEWS = ("begun", "case_begun", "case_ended", "ended")
-NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "P6", "P7", *(f"W{n}" for n in range(1, 9))}
+NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "P6", *(f"W{n}" for n in range(1, 9))}
 """Rows of the catalogue of faults that are inside a controller, or not on a bus."""
 
 
@@ -612,6 +614,26 @@ def test_a_case_that_lacks_something_says_what() -> None:
     spoilt = {case.name: bench.missing(case, stubborn, "no-such-interface") for case in FILES}
     assert all("started with {profile}" in why for name, why in spoilt.items() if name.startswith("profile-"))
     assert "started with {trajectory}" in spoilt["trajectory-with-nan"]
+    absent = next(case for case in CATALOGUE if case.name == "link-absent-at-start")
+    assert "started with {channel}" in bench.missing(absent, Commands(start="my-loop"), "no-such-interface")
+
+
+def test_a_device_can_be_given_many_descriptors_and_no_more_memory(tmp_path: Path) -> None:
+    grows = "import os, time; print(os.open('/', 0), flush=True); time.sleep(0.5); bytearray(1 << 28)"
+    starved, fed = (
+        Device(Commands(start=f'{sys.executable} -c "{grows}"'), tmp_path / name, {}, lambda _: None)
+        for name in ("starved", "fed")
+    )
+    for device in (starved, fed):
+        device.start(open_files=1100)
+    while not (starved.log.read_text() and fed.log.read_text()):
+        time.sleep(0.01)
+    with starved.without_memory():
+        while starved.poll() is None or fed.poll() is None:
+            time.sleep(0.01)
+    assert (starved.status, fed.status) == (1, 0)
+    assert "MemoryError" in starved.log.read_text()
+    assert int(fed.log.read_text()) > 1100
 
 
 @pytest.mark.parametrize(

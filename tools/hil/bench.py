@@ -196,7 +196,7 @@ def missing(case: Case, commands: Commands, channel: str, route: str = "") -> st
     lacking = [need.value for need in case.needs if not have[need]]
     lacking += [
         f"a device that is started with {{{word}}}"
-        for word, is_needed in (("profile", case.profile), ("trajectory", case.breaks))
+        for word, is_needed in (("profile", case.profile), ("trajectory", case.breaks), ("channel", case.channel))
         if is_needed and commands.start and f"{{{word}}}" not in commands.start
     ]
     if commands.start and not case.armed and not commands.listen:

@@ -66,6 +66,10 @@ class Case:
     """Changes the texts of TOML and DBC that the device gets."""
     link_is_down: bool = False
     """The interface is down before the device begins."""
+    channel: str = ""
+    """An interface that the device is told to use instead of the bench's."""
+    open_files: int = 0
+    """So many descriptors are open in the device before it begins."""
     exit_status: tuple[int, ...] = (0,)
     most_path_error_m: float | None = None
     answers_in_time: bool = True

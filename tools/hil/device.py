@@ -5,17 +5,29 @@ is no door to another computer, can also be stopped, killed and looked after by 
 """
 
 import os
+import re
+import resource
 import shlex
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 WORDS = ("channel", "profile", "trajectory", "route")
+WITH_OPEN_FILES = """
+import os, resource, sys
+count, most = int(sys.argv[1]), resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+resource.setrlimit(resource.RLIMIT_NOFILE, (min(2 * count, most), most))
+for _ in range(count):
+    os.set_inheritable(os.open(os.devnull, os.O_RDONLY), True)
+os.execvp(sys.argv[2], sys.argv[2:])
+"""
+"""Takes the lowest descriptors, and becomes the program that its further arguments name."""
 OWN = f"{sys.executable} -m vehicle_iface run --channel {{channel}} --profile {{profile}} --trajectory {{trajectory}}"
 
 
@@ -73,14 +85,15 @@ class Device:
         """Whether it was started here, so that its end can be seen."""
         return self._process is not None
 
-    def start(self, *, armed: bool = True) -> None:
-        """Begin its life; one that is there already goes on with it."""
+    def start(self, *, armed: bool = True, open_files: int = 0) -> None:
+        """Begin its life, with so many descriptors open before its own; one that is there already goes on with it."""
         template = self._commands.start if armed else self._commands.listen
         if not template:
             return
+        opener = [sys.executable, "-c", WITH_OPEN_FILES, str(open_files)] if open_files else []
         with open(self.log, "ab") as log:
             self._process = subprocess.Popen(
-                self._filled(template),
+                [*opener, *self._filled(template)],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
@@ -108,6 +121,17 @@ class Device:
         if self.poll() is None and self._process is not None:
             self._process.send_signal(number)
 
+    @contextmanager
+    def without_memory(self) -> Iterator[None]:
+        """Meanwhile it gets no more memory than it has."""
+        pid = self._process.pid if self._process is not None else 0
+        held = dict(re.findall(r"(\w+):\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text()))
+        with ExitStack() as stack:
+            for limit, name in ((resource.RLIMIT_AS, "VmSize"), (resource.RLIMIT_DATA, "VmData")):
+                before = resource.prlimit(pid, limit, (int(held[name]) * 1024, resource.prlimit(pid, limit)[1]))
+                stack.callback(self._give_back, limit, before)
+            yield
+
     def poll(self) -> int | None:
         """Its exit status; None while it lives, or where it was not started here."""
         if self._process is not None and self.status is None:
@@ -129,6 +153,10 @@ class Device:
             return left
         time.sleep(0.05)
         return left or ["a process that the device had started was still there"]
+
+    def _give_back(self, limit: int, before: tuple[int, int]) -> None:
+        if self.poll() is None and self._process is not None:
+            resource.prlimit(self._process.pid, limit, before)
 
     def _filled(self, template: str) -> list[str]:
         return filled(template, self._words)

@@ -59,7 +59,7 @@ def run(bench: Bench, case: Case, repetition: int = 1) -> CaseResult:
         trajectory.write_text(case.breaks(trajectory.read_text()))
     channel, device_channel = (rigs.BENCH_END, rigs.DEVICE_END) if case.on_vxcan else (bench.channel, bench.channel)
     words = {
-        "channel": device_channel,
+        "channel": case.channel or device_channel,
         "profile": _profile(bench, case, name),
         "trajectory": str(trajectory.resolve()),
         "route": route.name,
@@ -126,7 +126,7 @@ def _go(rig: Rig, case: Case) -> None:
         rig.set_link(up=False)
     rig.begin()
     rig.note(EventKind.PREPARATION, "the vehicle speaks, the device is started")
-    rig.device.start(armed=case.armed)
+    rig.device.start(armed=case.armed, open_files=case.open_files)
     if not rig.device.is_started:
         rig.run_for(SETTLE_S)
         rig.device.rearm()
