@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bus_contract import Frame, S
+from bus_contract import GREATEST_STEP, Frame, S
 
 from hil.vehicle import Fault, Utterance, Values
 
@@ -518,9 +518,13 @@ def error_frame(kind: int, data: bytes = bytes(8)) -> Callable[["Rig", int], Fra
 
 
 def second_vehicle() -> Injection:
-    """Another vehicle of the same kind speaks, from another place, with counters of its own."""
+    """Another vehicle of the same kind speaks, from another place, with counters of its own.
 
-    def make(rig: "Rig", number: int) -> Frame:
+    By the case's seed they are ahead. Were they the same, or so little behind that the vehicle's own next sample is
+    still a step that is allowed, all that the other one says would be dropped, and would be harmless.
+    """
+
+    def make(rig: "Rig", number: int, ahead: int) -> Frame:
         names = rig.wire.sample
         plant = rig.vehicle.plant
         place = {"POS_X": plant.x_m + 40.0, "POS_Y": 25.0, "SPEED": 0.0, "POSE_VALID": 1.0}
@@ -528,9 +532,13 @@ def second_vehicle() -> Injection:
         known = {word: value for word, value in place.items() if rig.wire.part_of(word) == name}
         if rig.wire.has("POSE_FRAME") and rig.wire.part_of("POSE_FRAME") == name:
             known["POSE_FRAME"] = rig.wire.number("POSE_FRAME", "MAP")
-        return rig.wire.pack(name, (7 + (number - 1) // len(names)) % rig.wire.counters, **known)
+        return rig.wire.pack(name, (rig.vehicle.counter_of(name) + ahead) % rig.wire.counters, **known)
 
-    return lambda rig: flood(make, len(rig.wire.sample))(rig)
+    def inject(rig: "Rig") -> AbstractContextManager[None]:
+        ahead = rig.random.randrange(1, rig.wire.counters - GREATEST_STEP + 1)
+        return flood(lambda rig, number: make(rig, number, ahead), len(rig.wire.sample))(rig)
+
+    return inject
 
 
 def replayed(back_s: float) -> Injection:

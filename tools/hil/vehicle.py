@@ -176,6 +176,10 @@ class Vehicle:
         self._tick += 1
         return frames
 
+    def counter_of(self, name: str) -> int:
+        """The counter that a message bore last."""
+        return self._counters[name] % self.wire.counters
+
     def step_counters(self, by: int) -> None:
         """Leave out counter values of the state sample."""
         for name in self.wire.sample:
