@@ -123,8 +123,11 @@ class Device:
 
     @contextmanager
     def without_memory(self) -> Iterator[None]:
-        """Meanwhile it gets no more memory than it has."""
-        pid = self._process.pid if self._process is not None else 0
+        """Meanwhile it gets no more memory than it has, if it still lives."""
+        if self.poll() is not None or self._process is None:
+            yield
+            return
+        pid = self._process.pid
         held = dict(re.findall(r"(\w+):\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text()))
         with ExitStack() as stack:
             for limit, name in ((resource.RLIMIT_AS, "VmSize"), (resource.RLIMIT_DATA, "VmData")):

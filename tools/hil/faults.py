@@ -455,17 +455,15 @@ def without_memory(rig: "Rig") -> Iterator[None]:
 def wall_clock(by_s: float) -> Injection:
     """The wall clock steps, and back at the end: while nothing waits to be heard that bears a stamp from before."""
 
-    def step(rig: "Rig", by_s: float) -> None:
-        rig.hear_answers()
-        time.clock_settime(time.CLOCK_REALTIME, time.time() + by_s)
-
     @contextmanager
     def inject(rig: "Rig") -> Iterator[None]:
-        step(rig, by_s)
+        rig.hear_answers()
+        time.clock_settime(time.CLOCK_REALTIME, time.time() + by_s)
         try:
             yield
+            rig.hear_answers()
         finally:
-            step(rig, -by_s)
+            time.clock_settime(time.CLOCK_REALTIME, time.time() - by_s)
 
     return inject
 
