@@ -103,15 +103,16 @@ class Feed:
         if now_ns >= self._details_due_ns:
             self._details = self._reader.details() or self._details
             self._details_due_ns = now_ns + _DETAILS_PERIOD_NS
+        snapshot = self._snapshot
         view = View(
-            now_ns=now_ns,
+            now_ns=max(now_ns, snapshot.published_ns) if snapshot else now_ns,  # it may have come since
             address=self._reader.address,
             link=link,
             problem=self._reader.problem,
             session=self._session,
             info=self._reader.info,
             recorder=self._recorder.state(self._reader.info.recording, now_ns) if self._reader.info else None,
-            snapshot=self._snapshot,
+            snapshot=snapshot,
             trajectory=self._trajectory,
             details=self._details,
         )

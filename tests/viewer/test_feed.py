@@ -52,6 +52,12 @@ def test_data_grows_old_and_keeps_being_shown(writer: TelemetryWriter, feed: Fee
     assert old.sample_rate_hz == 0.0
 
 
+def test_what_came_since_the_page_looked_at_the_clock_is_of_now(writer: TelemetryWriter, feed: Feed) -> None:
+    writer.publish(Snapshot(NS_PER_S, 3, 0, has_state=True, stamp_ns=NS_PER_S - 7 * NS_PER_MS, samples=1))
+    view = feed.view(NS_PER_S - 8 * NS_PER_MS)
+    assert (view.data_age_s, view.state_age_s) == (0.0, 0.007)
+
+
 def test_the_trajectory_is_that_of_the_snapshot(writer: TelemetryWriter, feed: Feed) -> None:
     writer.publish(Snapshot(1, 3, 0))
     assert feed.view(1).trajectory is None
