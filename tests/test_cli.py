@@ -34,7 +34,8 @@ def test_a_drive_on_the_embedded_bus_ends_well_and_leaves_its_summary(tmp_path: 
     assert done.returncode == 0, done.stderr
     summary = json.loads(file.read_text())
     assert summary["commands"] == summary["samples"] > 150
-    assert [step["mode"] for step in summary["transitions"]] == ["STANDBY", "ENGAGING", "ENGAGED", "ENDING", "RELEASED"]
+    modes = ["STARTING", "STANDBY", "ENGAGING", "ENGAGED", "ENDING", "RELEASED"]
+    assert [step["mode"] for step in summary["transitions"]] == modes
     assert "latency state→command" in done.stdout
 
 

@@ -23,6 +23,9 @@ ENABLING = {Mode.ENGAGING, Mode.ENGAGED, Mode.ENDING}
 LATCHED = {Mode.OVERRIDDEN, Mode.FAULT, Mode.SILENT, Mode.RELEASED}
 
 ROWS = """
+HEARING    NOBODY_DRIVES       STARTING   NOT_ENGAGED
+HEARING    LINK_DOWN           SILENT     LINK_DOWN
+HEARING    DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 STARTING   FRESH               STANDBY    NOT_ENGAGED
 STARTING   LINK_DOWN           SILENT     LINK_DOWN
 STARTING   DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
@@ -55,7 +58,7 @@ FAULT      ARMED               STARTING   NOT_ENGAGED
 FAULT      LINK_DOWN           SILENT     LINK_DOWN
 FAULT      DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 FAULT      END                 RELEASED   SHUTDOWN
-SILENT     ARMED               STARTING   NOT_ENGAGED
+SILENT     ARMED               HEARING    NOT_ENGAGED
 ENDING     STANDSTILL          RELEASED   SHUTDOWN
 ENDING     OVERRIDE            RELEASED   DRIVER_OVERRIDE
 ENDING     VEHICLE_LEFT        RELEASED   SHUTDOWN
@@ -151,6 +154,7 @@ def test_who_is_not_armed_sends_nothing_whatever_comes() -> None:
 def test_what_cannot_be_armed_says_why_and_what_the_vehicle_lacks() -> None:
     said = {mode: in_mode(mode).refusal_to_arm(None) for mode in Mode if (mode, Event.ARMED) not in TABLE}
     assert "--arm" in said[Mode.LISTENING]
+    assert "somebody else" in said[Mode.HEARING]
     assert "samples" in said[Mode.STARTING]
     assert said[Mode.STANDBY] == "it is armed, and waits for the vehicle to be READY"
     assert len({said[mode] for mode in (Mode.ENGAGING, Mode.ENGAGED, Mode.ENDING)}) == 3
@@ -161,9 +165,40 @@ def test_what_cannot_be_armed_says_why_and_what_the_vehicle_lacks() -> None:
     assert in_mode(Mode.ENGAGED).refusal_to_arm(status()) == said[Mode.ENGAGED]
 
 
+@pytest.mark.parametrize("begun_ns", [0, 10**18])
+@pytest.mark.parametrize("before", [None, Mode.SILENT])
+@pytest.mark.parametrize(("after_ns", "then"), [(200 * MS, Mode.HEARING), (200 * MS + 1, Mode.STARTING)])
+def test_after_silence_it_hears_for_200_ms_to_the_nanosecond_before_it_speaks(
+    begun_ns: int, before: Mode | None, after_ns: int, then: Mode
+) -> None:
+    engagement = Engagement(TIMING, armed=True)
+    if before is not None:
+        engagement.mode = before
+        engagement.happened(Event.ARMED, begun_ns)
+    engagement.see_time(begun_ns)
+    engagement.see_time(begun_ns + 100 * MS)
+    engagement.see_status(status(VehicleMode.AUTONOMOUS), begun_ns + 100 * MS)
+    engagement.see_time(begun_ns + after_ns)
+    assert engagement.mode is then
+    assert engagement.sends is (then is Mode.STARTING)
+
+
+@pytest.mark.parametrize("mode", list(VehicleMode))
+def test_it_hears_no_longer_than_until_the_vehicle_says_that_nobody_drives_it(mode: VehicleMode) -> None:
+    engagement = Engagement(TIMING, armed=True)
+    engagement.see_status(status(mode), 0)
+    assert engagement.mode is (Mode.HEARING if mode is VehicleMode.AUTONOMOUS else Mode.STARTING)
+
+
+def test_who_ends_while_it_hears_says_nothing_at_all() -> None:
+    engagement = Engagement(TIMING, armed=True)
+    engagement.happened(Event.END, 0)
+    assert not engagement.sends
+
+
 @pytest.mark.parametrize("missing_ns", [0, 1])
 def test_it_takes_half_a_second_of_fresh_samples_to_the_nanosecond(missing_ns: int) -> None:
-    engagement = Engagement(TIMING, armed=True)
+    engagement = in_mode(Mode.STARTING)
     for i in range(50):
         engagement.see_sample(i * 10 * MS, i * 10 * MS)
     assert engagement.mode is Mode.STARTING
@@ -173,7 +208,7 @@ def test_it_takes_half_a_second_of_fresh_samples_to_the_nanosecond(missing_ns: i
 
 @pytest.mark.parametrize(("gap_ns", "starts_anew"), [(50 * MS - 1, False), (50 * MS, False), (50 * MS + 1, True)])
 def test_a_gap_longer_than_50_ms_begins_the_half_second_anew(gap_ns: int, starts_anew: bool) -> None:
-    engagement = Engagement(TIMING, armed=True)
+    engagement = in_mode(Mode.STARTING)
     last_ns = 0
     for i in range(40):
         last_ns = i * 10 * MS
@@ -185,7 +220,7 @@ def test_a_gap_longer_than_50_ms_begins_the_half_second_anew(gap_ns: int, starts
 
 
 def test_a_gap_that_was_noticed_counts_also_when_the_samples_were_only_held_up() -> None:
-    engagement = Engagement(TIMING, armed=True)
+    engagement = in_mode(Mode.STARTING)
     for i in range(40):
         engagement.see_sample(i * 10 * MS, i * 10 * MS)
     engagement.see_time(450 * MS)
@@ -307,7 +342,7 @@ def test_a_stop_for_good_is_waited_for_ten_seconds(after_ns: int, then: Mode) ->
 
 
 def test_without_any_sample_nothing_is_lost() -> None:
-    engagement = Engagement(TIMING, armed=True)
+    engagement = in_mode(Mode.STARTING)
     engagement.see_time(10**15)
     assert engagement.mode is Mode.STARTING
 
@@ -327,9 +362,9 @@ def test_only_faults_and_silence_are_latched() -> None:
     assert {mode for mode in Mode if in_mode(mode).latched} == {Mode.FAULT, Mode.SILENT}
 
 
-def test_commands_are_enabled_in_three_modes_and_sent_in_all_but_two() -> None:
+def test_commands_are_enabled_in_three_modes_and_sent_in_all_but_three() -> None:
     assert {mode for mode in Mode if in_mode(mode).enables} == ENABLING
-    assert {mode for mode in Mode if not in_mode(mode).sends} == {Mode.LISTENING, Mode.SILENT}
+    assert {mode for mode in Mode if not in_mode(mode).sends} == {Mode.LISTENING, Mode.HEARING, Mode.SILENT}
 
 
 # What no sequence can bring about

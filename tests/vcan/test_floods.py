@@ -83,7 +83,8 @@ def test_a_flood_of_our_own_identifiers_silences_the_loop_until_it_is_over_and_a
     bus.is_strangers = lambda frame: frame.can_id in CONTROLLER_IDS and intact(frame) is None
     flooder = programs.start_python(FLOODER, "1000", "500", *own, name="flooder")
     loop.says("SILENT .DUPLICATE_COMMANDER")
-    loop.tell(signal.SIGUSR1)  # in vain while it lasts
+    loop.tell(signal.SIGUSR1)  # in vain while it lasts, and the vehicle is not let go for it
+    loop.says("HEARING")
     flooder.says("frames/s")
     bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
     over = bus.wait_samples(5)

@@ -1,5 +1,6 @@
 """Who may command, and who takes over."""
 
+import json
 import signal
 from collections.abc import Callable
 
@@ -92,15 +93,25 @@ def test_a_second_commander_silences_the_controller_until_it_is_armed_again(
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_of_two_armed_loops_at_most_one_goes_on_commanding(programs: Programs, bus: Observer) -> None:
-    driven(programs, bus)
+def test_of_two_armed_loops_the_second_never_says_a_word_and_the_first_drives_on(
+    programs: Programs, bus: Observer
+) -> None:
+    _, moving = driven(programs, bus)
     telemetry = str(programs.folder / "second")
-    second = programs.start("run", "--arm", "--trajectory", line_file(programs.folder), "--telemetry", telemetry)
+    summary_file = programs.folder / "second.json"
+    told = ("--telemetry", telemetry, "--summary", str(summary_file))
+    second = programs.start("run", "--arm", "--trajectory", line_file(programs.folder), *told)
     second.says("SILENT .DUPLICATE_COMMANDER")
-    alone = bus.wait_samples(30)
-    record = bus.record(alone, bus.wait_samples(100, since=alone))
+    second.tell(signal.SIGUSR1)  # in vain: it is still driven
+    second.says("HEARING")
+    bus.wait_samples(50)
+    assert sum("SILENT (DUPLICATE_COMMANDER)" in line for line in second.lines) == 2
+    second.tell(signal.SIGTERM)
+    assert second.ends() == 4
+    assert json.loads(summary_file.read_text())["counts"]["frames_sent"] == 0
+    record = bus.record(moving, bus.now())
+    assert decided(record) == ["NOMINAL"]
     assert not own_faults(record)  # two would show in the counters
-    assert second.is_running
 
 
 def test_the_simulated_vehicles_driver_brakes_hands_back_and_is_driven_again(programs: Programs, bus: Observer) -> None:

@@ -53,7 +53,7 @@ class Account:
         for when_ns, mode, why in engagement.transitions:
             if mode in (Mode.FAULT, Mode.SILENT):
                 self._latched_fault = why.name
-            elif mode is Mode.STARTING:
+            elif mode in (Mode.HEARING, Mode.STARTING):
                 self._latched_fault = None
             log.info("%s (%s)", mode.name, why.name)
             if len(self._transitions) < MAX_TRANSITIONS:

@@ -10,7 +10,9 @@ class Counts:
     """Grows only. The cause is in the name."""
 
     samples: int = 0
-    """Complete samples received."""
+    """Complete samples received, but for those of the next line."""
+    samples_before: int = 0
+    """Samples that were not answered because it was not known yet whether somebody else drives the vehicle."""
     commands: int = 0
     """Command pairs that left whole."""
     answered_late: int = 0

@@ -199,9 +199,12 @@ class Loop:
     def _answer_samples(self, samples: list[Sample]) -> None:
         """Each sample, unless they have waited: after a pause only the newest, and not even that when it is old."""
         now_ns = self._now_ns()
-        self._counts.samples += len(samples)
         for sample in samples:
             self._engagement.see_sample(sample.state.stamp_ns, now_ns)
+        if self._engagement.mode is Mode.HEARING:
+            self._counts.samples_before += len(samples)
+        else:
+            self._counts.samples += len(samples)
         is_backlog = now_ns - samples[0].state.stamp_ns > self._stale_ns
         answered = samples[-1:] if is_backlog else samples
         self._counts.too_old_to_answer += len(samples) - len(answered)

@@ -5,6 +5,10 @@ from enum import Enum, auto
 
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState, VehicleMode, VehicleStatus
+from vehicle_iface.units import NS_PER_MS
+
+HEARING_NS = 200 * NS_PER_MS
+"""Twice as long as a vehicle waits for its commander: by then another one was heard, or the vehicle's watchdog acts."""
 
 
 class Mode(Enum):
@@ -12,6 +16,8 @@ class Mode(Enum):
 
     LISTENING = auto()
     """Not armed: not one frame leaves."""
+    HEARING = auto()
+    """Armed, but not one frame leaves yet: ENABLE = 0 would take the vehicle away from whoever drives it."""
     STARTING = auto()
     """Armed, waiting until samples have been fresh for a while."""
     STANDBY = auto()
@@ -36,6 +42,7 @@ class Event(Enum):
     """What changes the mode."""
 
     ARMED = auto()
+    NOBODY_DRIVES = auto()
     FRESH = auto()
     STALE = auto()
     VEHICLE_READY = auto()
@@ -55,6 +62,7 @@ _DRIVING = (Mode.ENGAGING, Mode.ENGAGED)
 _ANSWERING = (Mode.STARTING, Mode.STANDBY, *_DRIVING, Mode.OVERRIDDEN, Mode.FAULT)
 
 TABLE: dict[tuple[Mode, Event], tuple[Mode, Reason]] = {
+    (Mode.HEARING, Event.NOBODY_DRIVES): (Mode.STARTING, Reason.NOT_ENGAGED),
     (Mode.STARTING, Event.FRESH): (Mode.STANDBY, Reason.NOT_ENGAGED),
     (Mode.STANDBY, Event.STALE): (Mode.STARTING, Reason.NOT_ENGAGED),
     (Mode.STANDBY, Event.VEHICLE_READY): (Mode.ENGAGING, Reason.NOMINAL),
@@ -64,12 +72,13 @@ TABLE: dict[tuple[Mode, Event], tuple[Mode, Reason]] = {
     **{(mode, Event.OVERRIDE): (Mode.OVERRIDDEN, Reason.DRIVER_OVERRIDE) for mode in _DRIVING},
     **{(mode, Event.VEHICLE_FAULT): (Mode.FAULT, Reason.VEHICLE_FAULT) for mode in _DRIVING},
     **{(mode, Event.STATE_LOST): (Mode.SILENT, Reason.STATE_STALE) for mode in _DRIVING},
-    **{(mode, Event.LINK_DOWN): (Mode.SILENT, Reason.LINK_DOWN) for mode in (*_ANSWERING, Mode.ENDING)},
+    **{(mode, Event.LINK_DOWN): (Mode.SILENT, Reason.LINK_DOWN) for mode in (Mode.HEARING, *_ANSWERING, Mode.ENDING)},
     **{
         (mode, Event.DUPLICATE_COMMANDER): (Mode.SILENT, Reason.DUPLICATE_COMMANDER)
-        for mode in (*_ANSWERING, Mode.ENDING, Mode.RELEASED)
+        for mode in (Mode.HEARING, *_ANSWERING, Mode.ENDING, Mode.RELEASED)
     },
-    **{(mode, Event.ARMED): (Mode.STARTING, Reason.NOT_ENGAGED) for mode in (Mode.OVERRIDDEN, Mode.FAULT, Mode.SILENT)},
+    **{(mode, Event.ARMED): (Mode.STARTING, Reason.NOT_ENGAGED) for mode in (Mode.OVERRIDDEN, Mode.FAULT)},
+    (Mode.SILENT, Event.ARMED): (Mode.HEARING, Reason.NOT_ENGAGED),
     **{(mode, Event.END): (Mode.ENDING, Reason.SHUTDOWN) for mode in _DRIVING},
     **{
         (mode, Event.END): (Mode.RELEASED, Reason.SHUTDOWN)
@@ -85,6 +94,7 @@ TABLE: dict[tuple[Mode, Event], tuple[Mode, Reason]] = {
 
 _WIRE_STATE = {
     Mode.LISTENING: ControllerState.SHADOW,
+    Mode.HEARING: ControllerState.STARTING,
     Mode.STARTING: ControllerState.STARTING,
     Mode.STANDBY: ControllerState.STANDBY,
     Mode.ENGAGING: ControllerState.ENGAGING,
@@ -99,6 +109,7 @@ _WIRE_STATE = {
 
 _NOT_ARMED = {
     Mode.LISTENING: "this run only listens; start it with --arm",
+    Mode.HEARING: "it is armed, and listens whether somebody else drives the vehicle",
     Mode.STARTING: "it is armed, and waits for fresh samples",
     Mode.STANDBY: "it is armed, and waits for the vehicle to be READY",
     Mode.ENGAGING: "it is engaging",
@@ -132,9 +143,9 @@ class Engagement:
 
     def __init__(self, timing: EngagementTiming, *, armed: bool) -> None:
         self._timing = timing
-        self.mode = Mode.STARTING if armed else Mode.LISTENING
+        self.mode = Mode.HEARING if armed else Mode.LISTENING
         self.reason = Reason.NOT_ENGAGED
-        self._since_ns = 0
+        self._since_ns: int | None = None
         self._fresh_since_ns: int | None = None
         self._last_sample_ns: int | None = None
         self.transitions: list[tuple[int, Mode, Reason]] = []
@@ -148,7 +159,7 @@ class Engagement:
     @property
     def sends(self) -> bool:
         """Whether anything may be sent at all."""
-        return self.mode not in (Mode.LISTENING, Mode.SILENT)
+        return self.mode not in (Mode.LISTENING, Mode.HEARING, Mode.SILENT)
 
     @property
     def latched(self) -> bool:
@@ -191,6 +202,8 @@ class Engagement:
 
     def see_status(self, status: VehicleStatus, now_ns: int) -> None:
         """The vehicle has reported its mode and its driver."""
+        if status.mode is not VehicleMode.AUTONOMOUS:
+            self.happened(Event.NOBODY_DRIVES, now_ns)
         overridden = self.driver_acts(status) or status.mode is VehicleMode.MANUAL
         if status.mode in (VehicleMode.FAULT, VehicleMode.EMERGENCY_STOP):
             self.happened(Event.VEHICLE_FAULT, now_ns)
@@ -211,9 +224,14 @@ class Engagement:
         if gap_ns > self._timing.stale_ns:
             self._fresh_since_ns = None
             self.happened(Event.STALE, now_ns)
-        if now_ns - self._since_ns > self._timing.give_up_ns:
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        in_mode_ns = now_ns - self._since_ns
+        if in_mode_ns > HEARING_NS:
+            self.happened(Event.NOBODY_DRIVES, now_ns)
+        if in_mode_ns > self._timing.give_up_ns:
             self.happened(Event.GAVE_UP, now_ns)
-        if self.mode is Mode.ENDING and now_ns - self._since_ns > self._timing.end_ns:
+        if self.mode is Mode.ENDING and in_mode_ns > self._timing.end_ns:
             self.happened(Event.STANDSTILL, now_ns)
 
     def driver_acts(self, status: VehicleStatus) -> bool:
