@@ -144,7 +144,9 @@ def one_point(frame_id: str = "map") -> Trajectory:
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 POINTS = st.lists(st.tuples(st.integers(0, 8 * 10**18), *[FINITE] * len(FLOAT_FIELDS)), min_size=1, max_size=8)
-FRAMES = st.text(st.characters(min_codepoint=33, max_codepoint=0x2FF).filter(str.isprintable), min_size=1)
+FRAMES = st.text(  # at most 64 bytes, two for each
+    st.characters(min_codepoint=33, max_codepoint=0x2FF).filter(str.isprintable), min_size=1, max_size=32
+)
 
 
 @given(points=POINTS, frame_id=FRAMES.filter(lambda text: text == text.strip()))
