@@ -24,6 +24,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from defects import DEFECTS
+from minimal_diary import Diary
 from minimal_route import FRAMES, Route, read_route
 
 MS = 1_000_000
@@ -269,6 +270,7 @@ class Controller:
     """
 
     def __init__(self, channel: str, route: Route, *, is_armed: bool, defect: str = "") -> None:
+        self.diary: Diary | None = None
         self.channel, self.route, self.is_armed, self.defect = channel, route, is_armed, defect
         self.phase, self.latched = "standby", Reason.NOT_ENGAGED
         self.bus: Bus | None = Bus(channel)
@@ -325,6 +327,8 @@ class Controller:
                 self.lose_link(now_ns, error)
         if self.bus is not None:
             self.bus.raw.close()
+        if self.diary is not None:
+            self.diary.close()
         is_fault = self.phase == "silent" or (self.phase == "out" and self.latched != Reason.DRIVER_OVERRIDE)
         return 4 if is_fault else 0
 
@@ -579,6 +583,8 @@ class Controller:
         drive = struct.pack("<BhhBB", flags, accel_raw, speed_raw, said, gear)
         steer = struct.pack("<Bhh2x", enable << 4, round(self.wheel_rad / 0.0001), 0)
         step = 0 if is_repeated else 1
+        if self.diary is not None:
+            self.diary.note(now_ns / 1e9, enable, reason, self.accel_mps2, self.wheel_rad, speed_mps)
         assert self.bus is not None
         has_room = self.bus.has_room()
         if has_room and self.send(DRIVE_COMMAND, drive, step) and self.send(STEER_COMMAND, steer, step):
@@ -625,6 +631,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--channel", required=True, help="SocketCAN interface")
     parser.add_argument("--route", required=True, type=Path, help="CSV: time_s,x_m,y_m,heading_rad,speed_mps")
     parser.add_argument("--arm", action="store_true", help="drive; without it not one frame leaves")
+    parser.add_argument("--record", type=Path, metavar="DIR", help="write each pair down in this new folder")
     parser.add_argument("--defect", choices=DEFECTS, default="", metavar="NAME", help=", ".join(DEFECTS))
     given = parser.parse_args(arguments)
     try:
@@ -633,6 +640,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(str(error))
     try:
         controller = Controller(given.channel, route, is_armed=given.arm, defect=given.defect)
+        if given.record is not None:
+            controller.diary = Diary(given.record, blocks=given.defect == "diary_blocks")
     except OSError as error:
         print(f"{given.channel}: {error}", file=sys.stderr)
         return 3

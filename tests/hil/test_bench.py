@@ -20,7 +20,7 @@ from bus_contract_fd import REFERENCE_FD
 from bus_contract_judge import Pair, Record, examine
 from hil import bench, bus, cli, expect, faults, judge, routes, run_case
 from hil.case import Case, Need, Then
-from hil.cases import CATALOGUE, FILES
+from hil.cases import BESIDE, CATALOGUE, FILES
 from hil.device import Commands, Device
 from hil.expect import Expectation, Seen
 from hil.plant import Plant
@@ -40,7 +40,7 @@ ROOT = Path(__file__).resolve().parents[2]
 WIRE = Wire("reference")
 PROFILE = load_profile("reference")
 NEWS = ("begun", "case_begun", "case_ended", "ended")
-NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "P6", *(f"W{n}" for n in range(1, 9))}
+NOT_FROM_OUTSIDE = {"T3", "T4", "C1", *(f"W{n}" for n in range(2, 9))}
 """Rows of the catalogue of faults that are inside a controller, or not on a bus."""
 
 
@@ -614,6 +614,10 @@ def test_a_case_that_lacks_something_says_what() -> None:
     spoilt = {case.name: bench.missing(case, stubborn, "no-such-interface") for case in FILES}
     assert all("started with {profile}" in why for name, why in spoilt.items() if name.startswith("profile-"))
     assert "started with {trajectory}" in spoilt["trajectory-with-nan"]
+    plain = Commands(start="my-loop --channel {channel}", record="", view="")
+    beside = {case.name: bench.missing(case, plain, "no-such-interface") for case in BESIDE}
+    assert all("--recording-device" in why for name, why in beside.items() if name.startswith("recorder-"))
+    assert all("--viewer" in why for name, why in beside.items() if name.startswith("viewer-"))
     absent = next(case for case in CATALOGUE if case.name == "link-absent-at-start")
     assert "started with {channel}" in bench.missing(absent, Commands(start="my-loop"), "no-such-interface")
 

@@ -17,6 +17,7 @@ from .contract import CHANNEL, Frame, drained, raw_socket, send
 
 ROOT = Path(__file__).resolve().parents[2]
 MINIMAL = f"{sys.executable} {ROOT}/tests/hil/minimal_controller.py --channel {{channel}} --route {{trajectory}}"
+RECORDING = f"{MINIMAL} --arm --record {{record}}"
 LONGEST_S = 280.0
 
 DEFECTS = {
@@ -31,16 +32,20 @@ DEFECTS = {
     "stop_without_reason": ("state-lost", "a stop with STATE_STALE"),
     "late_by_30_ms": ("latency-at-0-percent-load", "a sample that is left out"),
     "commands_after_override": ("driver-brakes", "ENABLE = 0 with DRIVER_OVERRIDE"),
+    "diary_blocks": ("recorder-stopped", "drives on: no stop"),
     "frame_ignored": ("other-frame-of-reference", "a stop with FRAME_MISMATCH"),
 }
 """Defect → the case that is there for it, and what of it fails."""
 
 
-def bench(tmp_path: Path, cases: Sequence[str], *, device: str = "", listen: str = "") -> tuple[int, Run, str]:
+def bench(
+    tmp_path: Path, cases: Sequence[str], *, device: str = "", listen: str = "", recording: str = ""
+) -> tuple[int, Run, str]:
     command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
     command += [word for case in cases for word in ("--case", case)]
     command += ["--device", device] if device else []
     command += ["--listen-device", listen] if listen else []
+    command += ["--recording-device", recording] if recording else []
     done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_S, check=False, cwd=ROOT)
     report = tmp_path / "report" / "results.json"
     assert report.exists(), done.stdout + done.stderr
@@ -52,7 +57,7 @@ def test_a_sound_controller_that_shares_no_code_with_the_program_passes_where_ea
     tmp_path: Path,
 ) -> None:
     cases = dict.fromkeys(case for case, _ in DEFECTS.values())
-    status, run, said = bench(tmp_path, list(cases), device=f"{MINIMAL} --arm")
+    status, run, said = bench(tmp_path, list(cases), device=f"{MINIMAL} --arm", recording=RECORDING)
     assert {case.name: (case.verdict, case.why) for case in run.cases} == dict.fromkeys(cases, (Verdict.PASS, "")), said
     assert status == 0
     assert run.evidence is Evidence.VIRTUAL_BUS
@@ -62,7 +67,8 @@ def test_a_sound_controller_that_shares_no_code_with_the_program_passes_where_ea
 @pytest.mark.parametrize("defect", DEFECTS)
 def test_a_defect_turns_the_bench_red_in_the_case_that_is_there_for_it(tmp_path: Path, defect: str) -> None:
     case, must = DEFECTS[defect]
-    status, run, said = bench(tmp_path, [case], device=f"{MINIMAL} --arm --defect {defect}")
+    broken = f" --defect {defect}"
+    status, run, said = bench(tmp_path, [case], device=f"{MINIMAL} --arm{broken}", recording=RECORDING + broken)
     failed = [check.text for check in run.cases[0].checks if check.verdict is Verdict.FAIL]
     assert run.cases[0].verdict is Verdict.FAIL, said
     assert any(text.startswith(must) for text in failed), failed
@@ -71,7 +77,8 @@ def test_a_defect_turns_the_bench_red_in_the_case_that_is_there_for_it(tmp_path:
 
 @pytest.mark.timeout(LONGEST_S)
 def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> None:
-    cases = ["state-lost", "killed", "link-blip", "not-armed", "trajectory-with-nan"]
+    cases = ["state-lost", "killed", "link-blip", "recorder-disk-full", "viewer-flooded", "not-armed"]
+    cases += ["trajectory-with-nan"]
     status, run, said = bench(tmp_path, cases)
     assert {case.name: case.verdict for case in run.cases} == dict.fromkeys(cases, Verdict.PASS), said
     assert status == 0

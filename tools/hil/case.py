@@ -68,6 +68,10 @@ class Case:
     """The interface is down before the device begins."""
     channel: str = ""
     """An interface that the device is told to use instead of the bench's."""
+    recorded_mib: int = 0
+    """The device writes its drive down, on a disk of this size."""
+    viewed: bool = False
+    """A viewer shows the device to browsers."""
     open_files: int = 0
     """So many descriptors are open in the device before it begins."""
     exit_status: tuple[int, ...] = (0,)

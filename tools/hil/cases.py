@@ -1075,6 +1075,70 @@ PROCESS = (
     ),
 )
 
+BESIDE = (
+    *(
+        Case(
+            name=f"recorder-{name}",
+            fault="P6",
+            tags=("beside", "recorder"),
+            proves=f"{what} costs the vehicle nothing: not one command less, and none late.",
+            injected=injected,
+            recorded_mib=2,
+            inject=inject,
+            for_s=2.0,
+            is_measured=True,
+            see=(DrivesOn(),),
+            needs=(Need.OWN_PROCESS, Need.ROOT),
+        )
+        for name, what, injected, inject in (
+            ("disk-full", "A disk that is full", "the disk that the drive is written to has no room left", f.full_disk),
+            (
+                "stopped",
+                "A recorder that stands still",
+                "SIGSTOP to the process that writes the drive down, SIGCONT 2 s later",
+                f.recorder_gets(signal.SIGSTOP),
+            ),
+            (
+                "killed",
+                "A recorder that is gone",
+                "SIGKILL to the process that writes the drive down",
+                f.recorder_gets(signal.SIGKILL),
+            ),
+        )
+    ),
+    *(
+        Case(
+            name=f"viewer-{name}",
+            fault="W1",
+            tags=("beside", "viewer"),
+            proves=f"{what} costs the vehicle nothing: not one command less, and none late.",
+            injected=injected,
+            route=lambda: routes.straight(600.0, 4.0),
+            viewed=True,
+            inject=f.viewer(change),
+            for_s=3.0,
+            is_measured=True,
+            see=(DrivesOn(),),
+            needs=(Need.OWN_PROCESS,),
+        )
+        for name, what, injected, change in (
+            ("stopped", "A viewer that stands still", "SIGSTOP to the viewer, SIGCONT 3 s later", f.viewer_stopped),
+            (
+                "killed",
+                "A viewer that is killed and begun anew",
+                "SIGKILL to the viewer; then another",
+                f.viewer_killed,
+            ),
+            (
+                "flooded",
+                "A viewer that is flooded",
+                "twenty browsers that ask for everything, read nothing and send nonsense",
+                f.many_pages,
+            ),
+        )
+    ),
+)
+
 
 def _manoeuvre(name: str, proves: str, route: Callable[[], routes.Route], error_m: float, *tags: str) -> Case:
     return Case(
@@ -1139,4 +1203,15 @@ TIMING = (
     ),
 )
 
-CATALOGUE: tuple[Case, ...] = (*MANOEUVRES, *TRAJECTORY, *STATE, *FRAMES, *BUS, *DRIVER, *PROCESS, *FILES, *TIMING)
+CATALOGUE: tuple[Case, ...] = (
+    *MANOEUVRES,
+    *TRAJECTORY,
+    *STATE,
+    *FRAMES,
+    *BUS,
+    *DRIVER,
+    *PROCESS,
+    *BESIDE,
+    *FILES,
+    *TIMING,
+)

@@ -12,7 +12,7 @@ import msgspec
 from hil import bench, listen
 from hil import result as results
 from hil.cases import CATALOGUE
-from hil.device import OWN, Commands, misspelt
+from hil.device import OWN, OWN_RECORDING, OWN_VIEWER, Commands, misspelt
 from hil.report import compare, html, junit
 from hil.report.terminal import Progress
 from hil.result import Run, Verdict
@@ -60,14 +60,16 @@ def _be_interruptible() -> None:
 def _bench(options: argparse.Namespace) -> int:
     if not options.channel or not options.out:
         raise bench.BenchError("--channel and --out are needed, or --list")
-    if options.listen_device is None:
-        options.listen_device = OWN if options.device == Commands().start else ""
+    is_own = options.device == Commands().start
+    for option, own in (("listen_device", OWN), ("recording_device", OWN_RECORDING), ("viewer", OWN_VIEWER)):
+        if getattr(options, option) is None:
+            setattr(options, option, own if is_own else "")
     if not options.device and not (options.route and options.rearm):
         raise bench.BenchError("--device '' (it is there already) needs --route, what it drives, and --rearm")
     folder = Path(options.out)
     if folder.exists() and any(folder.iterdir()):
         raise bench.BenchError(f"--out {folder}: is not empty; name a new folder")
-    for option in ("device", "listen_device", "stop", "rearm"):
+    for option in ("device", "listen_device", "recording_device", "viewer", "stop", "rearm"):
         wrong = misspelt(getattr(options, option))
         if wrong:
             raise bench.BenchError(f"--{option.replace('_', '-')}: {wrong}")
@@ -76,6 +78,8 @@ def _bench(options: argparse.Namespace) -> int:
     commands = Commands(
         start=options.device,
         listen=options.listen_device,
+        record=options.recording_device,
+        view=options.viewer,
         stop=options.stop,
         rearm=options.rearm,
         is_here=not options.elsewhere,
@@ -203,6 +207,18 @@ def _parser() -> argparse.ArgumentParser:
         default=None,
         metavar="COMMAND",
         help="starts the device without arming it; by default as --device without --arm where that is this program",
+    )
+    add(
+        "--recording-device",
+        default=None,
+        metavar="COMMAND",
+        help="starts the device so that it writes its drive down in the folder {record}; by default this program does",
+    )
+    add(
+        "--viewer",
+        default=None,
+        metavar="COMMAND",
+        help="shows the device to browsers at {port} of this computer; by default as vehicle-iface view does",
     )
     add("--stop", default="", metavar="COMMAND", help="ends the device; '' for SIGINT to what --device started")
     add("--rearm", default="", metavar="COMMAND", help="arms the device again; '' for SIGUSR1 to what --device started")

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-WORDS = ("channel", "profile", "trajectory", "route")
+WORDS = ("channel", "profile", "trajectory", "route", "record", "port")
 WITH_OPEN_FILES = """
 import os, resource, sys
 count, most = int(sys.argv[1]), resource.getrlimit(resource.RLIMIT_NOFILE)[1]
@@ -31,6 +31,10 @@ os.execvp(sys.argv[2], sys.argv[2:])
 OWN = f"{sys.executable} -m vehicle_iface run --channel {{channel}} --profile {{profile}} --trajectory {{trajectory}}"
 
 
+OWN_RECORDING = f"{OWN} --arm --record {{record}}"
+OWN_VIEWER = f"{sys.executable} -m vehicle_iface view --port {{port}}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Commands:
     """How the device is handled."""
@@ -39,6 +43,10 @@ class Commands:
     """Empty: it is there already."""
     listen: str = OWN
     """Started without being armed; empty: it has no such way."""
+    record: str = OWN_RECORDING
+    """Started so that it writes its drive down in the new folder {record}; empty: it has no such way."""
+    view: str = OWN_VIEWER
+    """A program beside it that shows it to browsers at {port} of this computer; empty: there is none."""
     stop: str = ""
     """Ends it in an orderly way; empty: SIGINT to what was started."""
     rearm: str = ""
@@ -85,9 +93,10 @@ class Device:
         """Whether it was started here, so that its end can be seen."""
         return self._process is not None
 
-    def start(self, *, armed: bool = True, open_files: int = 0) -> None:
+    def start(self, *, armed: bool = True, recorded: bool = False, open_files: int = 0) -> None:
         """Begin its life, with so many descriptors open before its own; one that is there already goes on with it."""
-        template = self._commands.start if armed else self._commands.listen
+        commands = self._commands
+        template = commands.record if recorded else commands.start if armed else commands.listen
         if not template:
             return
         opener = [sys.executable, "-c", WITH_OPEN_FILES, str(open_files)] if open_files else []
@@ -120,6 +129,13 @@ class Device:
         """A signal, if it still lives."""
         if self.poll() is None and self._process is not None:
             self._process.send_signal(number)
+
+    def children(self) -> list[int]:
+        """The processes that it has begun and that live."""
+        if self.poll() is not None or self._process is None:
+            return []
+        pid = self._process.pid
+        return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
     @contextmanager
     def without_memory(self) -> Iterator[None]:

@@ -4,12 +4,15 @@ A context is entered while the vehicle drives; it may say itself when the fault 
 its entry. Nothing here waits without the vehicle going on.
 """
 
+import errno
+import os
 import random
 import signal
+import socket
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,6 +28,7 @@ Injection = Callable[["Rig"], AbstractContextManager[None]]
 ALWAYS = 1 << 40
 STRANGERS_BITS = 131
 """On the wire: a classical frame of 8 bytes, with some stuffing."""
+VIEWER_S = 60.0
 TOOLS = Path(__file__).resolve().parents[1]
 
 
@@ -445,6 +449,106 @@ def paused() -> Injection:
     return inject
 
 
+def recorder_gets(number: signal.Signals) -> Injection:
+    """Every process that the device has begun gets a signal, and goes on at the end if it still can."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        children = rig.device.children()
+        if not children:
+            raise NotApplicableError("no process of the device's own writes the drive down")
+        _signal(number, *children)
+        try:
+            yield
+        finally:
+            _signal(signal.SIGCONT, *children)
+
+    return inject
+
+
+@contextmanager
+def full_disk(rig: "Rig") -> Iterator[None]:
+    """The disk on which the drive is written down has no room left; some comes back at the end."""
+    filler = Path(rig.words["record"]).parent / "filler"
+    with open(filler, "wb", buffering=0) as file, suppress(OSError):
+        while file.write(bytes(1 << 12)):
+            pass
+    rig.injects()
+    try:
+        yield
+        if filler.stat().st_size == 0:
+            raise NotApplicableError("there was no room to take away")
+    finally:
+        filler.unlink()
+
+
+def viewer(change: Callable[["Rig", int], AbstractContextManager[None]]) -> Injection:
+    """A viewer is begun and waited for; then, with its process, `change` begins."""
+
+    @contextmanager
+    def inject(rig: "Rig") -> Iterator[None]:
+        process = _begun_viewer(rig)
+        try:
+            rig.injects()
+            with change(rig, process):
+                yield
+        finally:
+            rig.rest(process)
+
+    return inject
+
+
+@contextmanager
+def viewer_stopped(_rig: "Rig", process: int) -> Iterator[None]:
+    """By the operating system; it goes on at the end."""
+    _signal(signal.SIGSTOP, process)
+    try:
+        yield
+    finally:
+        _signal(signal.SIGCONT, process)
+
+
+@contextmanager
+def viewer_killed(rig: "Rig", process: int) -> Iterator[None]:
+    """And another one is begun in its place."""
+    _signal(signal.SIGKILL, process)
+    again = _begun_viewer(rig)
+    try:
+        yield
+    finally:
+        rig.rest(again)
+
+
+@contextmanager
+def many_pages(rig: "Rig", _process: int) -> Iterator[None]:
+    """Browsers come that ask for everything, read nothing and send nonsense."""
+    pages = rig.beside([sys.executable, str(TOOLS / "hil" / "pages.py"), rig.words["port"]])
+    try:
+        yield
+    finally:
+        rig.rest(pages)
+
+
+def _begun_viewer(rig: "Rig") -> int:
+    process = rig.beside(rig.viewer)
+    if not rig.wait_for(lambda: _answers(int(rig.words["port"])), VIEWER_S, "the viewer to answer"):
+        raise NotApplicableError("the viewer does not answer")
+    return process
+
+
+def _answers(port: int) -> bool:
+    with socket.socket() as page:
+        page.setblocking(False)
+        page.connect_ex(("127.0.0.1", port))
+        return page.connect_ex(("127.0.0.1", port)) in (0, errno.EISCONN)
+
+
+def _signal(number: signal.Signals, *processes: int) -> None:
+    for process in processes:
+        with suppress(ProcessLookupError):
+            os.kill(process, number)
+
+
 @contextmanager
 def without_memory(rig: "Rig") -> Iterator[None]:
     """The device gets no more memory than it has, until the end."""
@@ -570,7 +674,7 @@ def load(share: float) -> Injection:
         all_per_second = share * rig.wire.profile["bus"]["bitrate"] / STRANGERS_BITS
         per_second = max(0.0, all_per_second - own_per_second)
         words = [str(TOOLS / "hil" / "load.py"), rig.bus.channel, f"{per_second:.0f}", f"{rig.wire.free_block():x}"]
-        rig.beside([sys.executable, *words])
+        filler = rig.beside([sys.executable, *words])
         rig.run_for(0.5)
         rig.injects()
         begin_s, before = time.monotonic(), rig.bus.packets()
@@ -578,7 +682,7 @@ def load(share: float) -> Injection:
             yield
             seen_per_second = (rig.bus.packets() - before) / (time.monotonic() - begin_s)
         finally:
-            rig.rest()
+            rig.rest(filler)
         if seen_per_second < all_per_second / 2.0:
             raise BusIsEmptyError(f"{seen_per_second:.0f} of {all_per_second:.0f} frames a second were on the bus")
 

@@ -17,7 +17,7 @@ from bus_contract import AUTONOMOUS, MS, Frame, S
 
 from hil import faults
 from hil.bus import Bus, Heard, candump_line
-from hil.device import Commands, Device
+from hil.device import Commands, Device, filled
 from hil.plant import Plant
 from hil.result import Event, EventKind
 from hil.vehicle import PERIOD_NS, Vehicle
@@ -64,12 +64,12 @@ class Hands:
         self.status = 0
         self.said = ""
 
-    def ask(self, words: Sequence[str], *, beside: bool = False, quoted: bool = True) -> None:
-        """Have a command run."""
+    def ask(self, words: Sequence[str], *, beside: str = "") -> None:
+        """Have a command run; with `beside`, where its output goes, it says the process and does not wait for it."""
         assert self._shell.stdin is not None
-        line = shlex.join(words) if quoted else " ".join(words)
+        line = f"{shlex.join(words)} </dev/null {beside}{' & echo $!' if beside else ''}"
         self._heard = b""
-        self._shell.stdin.write(f"{line} </dev/null {'&' if beside else ''}\necho {DONE} $?\n".encode())
+        self._shell.stdin.write(f"{line}\necho {DONE} $?\n".encode())
 
     def is_done(self) -> bool:
         """Whether it has ended, and how."""
@@ -100,6 +100,7 @@ class Rig:
         self.bus = Bus(channel, wire.names)
         self.vehicle = Vehicle(wire, Plant(wheelbase_m=float(wire.profile["geometry"]["wheelbase_m"])))
         self.vehicle_speaks = True
+        self.words, self._commands = words, commands
         self.device = Device(commands, folder / f"{name}.log", words, self.command)
         self._hands = Hands()
         self.heard: list[Heard] = []
@@ -198,15 +199,23 @@ class Rig:
         if self._hands.status:
             raise RigError(f"{' '.join(words)}: {self._hands.said or self._hands.status}")
 
-    def beside(self, words: Sequence[str]) -> None:
-        """Let a program run beside the vehicle, until `rest`."""
-        self._hands.ask(words, beside=True)
+    def beside(self, words: Sequence[str]) -> int:
+        """Let a program run beside the vehicle, until `rest`; its process. What it says is kept in a file."""
+        log = self.folder / f"{self.name}.beside.log"
+        self._hands.ask(["exec", *words], beside=f">>{shlex.quote(str(log))} 2>&1")
         self.wait_for(self._hands.is_done, COMMAND_S, words[0])
+        return int(self._hands.said)
 
-    def rest(self) -> None:
-        """End what runs beside."""
-        self._hands.ask(["kill", "$!"], quoted=False)
-        self.wait_for(self._hands.is_done, COMMAND_S, "kill")
+    @property
+    def viewer(self) -> list[str]:
+        """What begins a viewer of the device."""
+        return filled(self._commands.view, self.words)
+
+    def rest(self, process: int) -> None:
+        """End what runs beside, if it still does."""
+        with suppress(ProcessLookupError):
+            os.kill(process, signal.SIGCONT)
+            os.kill(process, signal.SIGTERM)
 
     def set_link(self, *, up: bool) -> None:
         """At once, by a system call."""
@@ -294,3 +303,23 @@ def remove_cable() -> None:
     """If it is there."""
     with suppress(OSError):
         subprocess.run(["ip", "link", "del", BENCH_END], capture_output=True, check=False)
+
+
+def make_disk(place: Path, size_mib: int) -> None:
+    """A small disk in memory. Raises `RigError`."""
+    place.mkdir(parents=True, exist_ok=True)
+    done = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={size_mib}m", "tmpfs", str(place)],
+        capture_output=True,
+        check=False,
+        text=True,
+    )
+    if done.returncode:
+        raise RigError(f"mount {place}: {done.stderr.strip()}")
+
+
+def remove_disk(place: Path) -> None:
+    """With what is on it, if it is there."""
+    subprocess.run(["umount", "-l", str(place)], capture_output=True, check=False)
+    with suppress(OSError):
+        place.rmdir()

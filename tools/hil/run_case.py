@@ -1,6 +1,7 @@
 """Runs one case, from the trajectory's file to the verdict."""
 
 import gc
+import socket
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,6 +64,8 @@ def run(bench: Bench, case: Case, repetition: int = 1) -> CaseResult:
         "profile": _profile(bench, case, name),
         "trajectory": str(trajectory.resolve()),
         "route": route.name,
+        "record": str((bench.folder / f"{name}.disk" / "drive").resolve()),
+        "port": str(_free_port()),
     }
     began = time.monotonic()
     gc.collect()
@@ -70,6 +73,8 @@ def run(bench: Bench, case: Case, repetition: int = 1) -> CaseResult:
     try:
         if case.on_vxcan:
             rigs.make_cable()
+        if case.recorded_mib:
+            rigs.make_disk(Path(words["record"]).parent, case.recorded_mib)
         rig = Rig(bench.wire, channel, bench.commands, bench.folder, words, bench.seed + repetition - 1, case.name)
         rig.device.log = bench.folder / f"{name}.log"
         try:
@@ -81,6 +86,8 @@ def run(bench: Bench, case: Case, repetition: int = 1) -> CaseResult:
         gc.enable()
         if case.on_vxcan:
             rigs.remove_cable()
+        if case.recorded_mib:
+            rigs.remove_disk(Path(words["record"]).parent)
     result = _judged(bench, case, rig, route, killed, repetition)
     return msgspec.structs.replace(
         result,
@@ -119,6 +126,13 @@ def _profile(bench: Bench, case: Case, name: str) -> str:
     return str(copy.resolve())
 
 
+def _free_port() -> int:
+    with socket.socket() as any_socket:
+        any_socket.bind(("127.0.0.1", 0))
+        port: int = any_socket.getsockname()[1]
+        return port
+
+
 def _go(rig: Rig, case: Case) -> None:
     for attribute, value in case.setup.items():
         setattr(rig.vehicle.plant, attribute, value)
@@ -126,7 +140,7 @@ def _go(rig: Rig, case: Case) -> None:
         rig.set_link(up=False)
     rig.begin()
     rig.note(EventKind.PREPARATION, "the vehicle speaks, the device is started")
-    rig.device.start(armed=case.armed, open_files=case.open_files)
+    rig.device.start(armed=case.armed, recorded=bool(case.recorded_mib), open_files=case.open_files)
     if not rig.device.is_started:
         rig.run_for(SETTLE_S)
         rig.device.rearm()
