@@ -183,7 +183,8 @@ def test_each_piece_agrees_with_itself_and_keeps_the_limits(name: str, share: fl
     assert trajectory.accel_mps2[:-1] * dt_s == pytest.approx(v1 - v0, abs=1e-6)
     assert forward.max() <= 1.0 + 1e-6
     assert forward.min() >= -1.5 - 1e-6
-    assert np.abs(trajectory.speed_mps * trajectory.yaw_rate_radps).max() <= 1.5 + 1e-3
+    # Between two points of the route v² and curvature are each linear: their product bulges a little over both ends.
+    assert np.abs(trajectory.speed_mps * trajectory.yaw_rate_radps).max() <= 1.5 * 1.01
     assert trajectory.yaw_rate_radps == pytest.approx(
         trajectory.speed_mps * np.tan(trajectory.front_wheel_angle_rad) / WHEELBASE_M, abs=1e-3
     )
