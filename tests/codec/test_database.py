@@ -66,6 +66,11 @@ PROFILE_FAULTS = [
     ("accel_max_mps2 = 3.0", "accel_max_mps2 = 30.0", r"\$\.limits\.accel_max_mps2: 30\.0: .*\[-20, 20\]"),
     ("accel_min_mps2 = -6.0", "accel_min_mps2 = -60.0", r"\$\.limits\.accel_min_mps2: -60"),
     ("speed_max_mps = 20.0", "speed_max_mps = 200.0", r"\$\.limits\.speed_max_mps: 200"),
+    ("accel_rate_mps3 = 30.0", "accel_rate_mps3 = 0.09", r"\$\.limits\.accel_rate_mps3: lets accel_mps2 change by 0\.0009 in 0\.01 s; .*DRIVE_COMMAND\.ACCEL_REQUEST is 0\.001"),
+    ("front_wheel_rate_radps = 0.8", "front_wheel_rate_radps = 0.009", r"\$\.limits\.front_wheel_rate_radps: lets front_wheel_angle_rad"),
+    ("front_wheel_rate_radps = 0.3", "front_wheel_rate_radps = 0.009", r"\$\.limits\.engaging\.front_wheel_rate_radps: lets"),
+    ("speed_max_mps = 20.0", "speed_max_mps = 37.0", r"\$\.limits\.lateral_jerk_mps3: lets front_wheel_angle_rad change by 9\.861e-05 in 0\.01 s at speed_max_mps = 37\.0"),
+    ("rear_wheel_angle_rad = 0.0", "rear_wheel_angle_rad = 0.1", r"\$\.limits\.rear_wheel_rate_radps: lets rear_wheel_angle_rad change by 0 in"),
     ("sample_period_s = 0.01", "sample_period_s = 0.02", r"\$\.timing\.sample_period_s: 0\.02 s, but POSE has a cycle of 10"),
     ("command_period_s = 0.01", "command_period_s = 0.1", r"\$\.timing\.command_period_s"),
     ("body_period_s = 0.1", "body_period_s = 0.2", r"\$\.timing\.body_period_s"),
@@ -98,6 +103,25 @@ PROFILE_FAULTS = [
 def test_a_profile_that_does_not_fit_is_refused(variant, old, new, text):
     with pytest.raises(ConfigError, match=text):
         variant(toml=((old, new),))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("accel_rate_mps3 = 30.0", "accel_rate_mps3 = 0.1"),
+        ("front_wheel_rate_radps = 0.3", "front_wheel_rate_radps = 0.01"),
+        ("speed_max_mps = 20.0", "speed_max_mps = 36.7"),
+    ],
+)
+def test_one_count_in_a_period_is_enough(variant, old, new):
+    assert variant(toml=((old, new),)).profile.name
+
+
+def test_a_brake_that_is_slower_than_its_signal_can_say_is_refused(variant):
+    coarse = (("ACCEL_REQUEST : 16|16@1- (0.001,0) [-20|20]", "ACCEL_REQUEST : 16|16@1- (0.4,0) [-20|20]"),)
+    with pytest.raises(ConfigError, match=r"\$\.behavior\.stop_jerk_mps3: lets accel_mps2 change by 0\.3 in 0\.01 s"):
+        variant(toml=(("accel_rate_mps3 = 30.0", "accel_rate_mps3 = 40.0"),), dbc=coarse)
+    assert variant(toml=(("_mps3 = 30.0", "_mps3 = 40.0"),), dbc=coarse).resolutions["accel_mps2"] == 0.4
 
 
 DBC_FAULTS = [

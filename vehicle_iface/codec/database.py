@@ -190,6 +190,7 @@ class _Binder:
         self._check_senders(roles)
         self._check_periods(roles)
         self._check_limits()
+        self._check_rates()
         self._check_kinds(roles)
         bound = {}
         for name, role in roles.items():
@@ -387,6 +388,41 @@ class _Binder:
                     if any(not low <= value <= high for value in values):
                         text = f"{values[0]}: {dotted} is in [{low:.10g}, {high:.10g}]"
                         raise self._fault(f"$.limits.{key}", text)
+
+    def _check_rates(self) -> None:
+        """What is slower than one count of its signal in a period would never move."""
+        profile = self._profile
+        limits, named = profile.limits, _named(profile.command.signals)
+        lateral = limits.lateral_jerk_mps3 * profile.geometry.wheelbase_m / limits.speed_max_mps**2
+        rates = [
+            ("limits.accel_rate_mps3", "accel_mps2", limits.accel_rate_mps3, ""),
+            ("behavior.stop_jerk_mps3", "accel_mps2", profile.behavior.stop_jerk_mps3, ""),
+            ("limits.front_wheel_rate_radps", "front_wheel_angle_rad", limits.front_wheel_rate_radps, ""),
+            (
+                "limits.engaging.front_wheel_rate_radps",
+                "front_wheel_angle_rad",
+                limits.engaging.front_wheel_rate_radps,
+                "",
+            ),
+            (
+                "limits.lateral_jerk_mps3",
+                "front_wheel_angle_rad",
+                lateral,
+                f" at speed_max_mps = {limits.speed_max_mps}",
+            ),
+        ]
+        if limits.rear_wheel_angle_rad > 0.0:
+            rates.append(("limits.rear_wheel_rate_radps", "rear_wheel_angle_rad", limits.rear_wheel_rate_radps, ""))
+        period_s = profile.timing.command_period_s
+        for key, field, per_s, where in rates:
+            known = tuple(self._fields.keys() & set(named.get(field, ())))
+            resolution = self._resolution(known) if known else 0.0
+            with self.noted():
+                if per_s * period_s < resolution * (1.0 - 1e-6):
+                    text = (
+                        f"lets {field} change by {per_s * period_s:.4g} in {period_s} s{where}; it would never move: "
+                    )
+                    raise self._fault(f"$.{key}", f"{text}a count of {', '.join(sorted(known))} is {resolution:.4g}")
 
     # --- messages
 
