@@ -130,8 +130,9 @@ def test_with_more_than_1024_descriptors_open_the_loop_drives_as_ever(programs: 
 
 @pytest.mark.usefixtures("vehicle")
 def test_a_loop_that_is_given_no_more_memory_drives_on_and_refuses_what_does_not_fit(
-    programs: Programs, bus: Observer
+    programs: Programs, bus: Observer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv("MALLOC_MMAP_THRESHOLD_", "65536")  # whatever is large is new memory, and not what was freed
     file = str(programs.folder / "posted")
     programs.start_python(POSTER, file, "line", "300", "100", name="poster")
     loop, moving = driven(programs, bus, "--trajectory-post", file)
