@@ -19,6 +19,7 @@ from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.telemetry import SessionInfo, TelemetryWriter
 from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.sim import engagement as sim_engagement
 from vehicle_iface.sim.engagement import Event as VehicleEvent
 from vehicle_iface.sim.model import BicycleState
 from vehicle_iface.status import ControllerState, Gear, VehicleMode
@@ -445,6 +446,74 @@ def test_another_commander_silences_at_once_and_for_good(name: str) -> None:
     assert (drive.mode(), drive.loop.reason) == (Mode.SILENT, Reason.DUPLICATE_COMMANDER)
     assert drive.vehicle.mode is VehicleMode.FAULT
     assert drive.loop.details()["loop"]["foreign_commands"] == 1
+
+
+@pytest.fixture
+def lenient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The vehicle's own watchdog is satisfied: whoever drives it is not heard here."""
+    monkeypatch.setattr(sim_engagement, "WATCHDOG_NS", ms(10**6))
+
+
+@pytest.mark.usefixtures("lenient")
+@pytest.mark.parametrize("silence_s", [0.0, 0.19, 0.25, 2.0])
+def test_a_vehicle_that_somebody_else_drives_is_left_alone_however_late_it_is_heard(
+    silence_s: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    drive = Drive(mode=VehicleMode.AUTONOMOUS)
+    drive.say("mute ALL on")
+    drive.run_s(silence_s)
+    assert {sent.name for sent in drive.sent} <= {"BODY_COMMAND", "CONTROLLER_STATUS"}
+    assert bool(drive.sent) is (silence_s > 0.2)
+    drive.say("mute ALL off")
+    drive.step()
+    count = len(drive.sent)
+    drive.run_s(3.0)
+    assert len(drive.sent) == count
+    assert (drive.mode(), drive.vehicle.mode) == (Mode.HEARING, VehicleMode.AUTONOMOUS)
+    assert caplog.text.count("somebody else drives it") == 1
+    assert drive.loop.summary()["samples"] == 0
+    assert drive.loop.details()["loop"]["samples_heard_only"] == drive.loop.details()["loop"]["samples"] > 290
+    drive.say("brake 1")
+    drive.run_s(0.1)
+    assert says(drive.last(), enable=0, stop=0, reason=Reason.NOT_ENGAGED)
+
+
+@pytest.mark.usefixtures("lenient")
+def test_a_vehicle_that_was_not_heard_of_for_long_may_be_driven_by_somebody_else() -> None:
+    drive = Drive(mode=VehicleMode.MANUAL)
+    drive.run_s(1.0)
+    assert drive.mode() is Mode.STANDBY
+    drive.say("mute ALL on")
+    drive.run_s(1.0)
+    count = len(drive.pairs())
+    drive.vehicle.mode = VehicleMode.AUTONOMOUS
+    drive.say("mute ALL off")
+    drive.run_s(1.0)
+    assert len(drive.pairs()) == count
+    assert drive.mode() is Mode.HEARING
+
+
+def test_told_to_end_at_any_moment_of_a_start_it_ends_and_drives_nothing() -> None:
+    for tick in range(45):
+        drive = Drive()
+        drive.say("mute VEHICLE_STATUS on")  # it is heard for 200 ms
+        drive.run_s(tick * 0.01)
+        drive.loop.request_end()
+        drive.run_until(lambda drive=drive: drive.loop.done, 0.5)  # type: ignore[misc]
+        assert not any(pair["ENABLE"] for pair in drive.pairs())
+        assert not drive.loop.ended_in_fault
+
+
+def test_a_fault_that_was_armed_away_is_one_until_something_is_sent_again() -> None:
+    drive = cruising()
+    drive.line.inject(pack("DRIVE_COMMAND", 3, ENABLE=1))
+    drive.step()
+    drive.loop.request_arming()
+    drive.run_until(lambda: drive.mode() is Mode.HEARING, 0.05)
+    drive.loop.request_end()
+    drive.run_until(lambda: drive.loop.done, 0.05)
+    assert drive.loop.ended_in_fault
+    assert drive.loop.summary()["latched_fault"] == "DUPLICATE_COMMANDER"
 
 
 @pytest.mark.parametrize(

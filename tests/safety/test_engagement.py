@@ -31,6 +31,8 @@ STARTING   LINK_DOWN           SILENT     LINK_DOWN
 STARTING   DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 STARTING   END                 RELEASED   SHUTDOWN
 STANDBY    STALE               STARTING   NOT_ENGAGED
+STARTING   STATUS_LOST         HEARING    NOT_ENGAGED
+STANDBY    STATUS_LOST         HEARING    NOT_ENGAGED
 STANDBY    VEHICLE_READY       ENGAGING   NOMINAL
 STANDBY    LINK_DOWN           SILENT     LINK_DOWN
 STANDBY    DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
@@ -165,35 +167,93 @@ def test_what_cannot_be_armed_says_why_and_what_the_vehicle_lacks() -> None:
     assert in_mode(Mode.ENGAGED).refusal_to_arm(status()) == said[Mode.ENGAGED]
 
 
-@pytest.mark.parametrize("begun_ns", [0, 10**18])
-@pytest.mark.parametrize("before", [None, Mode.SILENT])
+def hearing(before: Mode | None = None) -> Engagement:
+    """Just armed, at the start or out of this mode; or without a status for long."""
+    if before is None:
+        return Engagement(TIMING, armed=True)
+    engagement = in_mode(before)
+    engagement.see_sample(0, 0)
+    engagement.see_status(status(VehicleMode.MANUAL), 0)
+    if before is Mode.SILENT:
+        engagement.happened(Event.ARMED, 0)
+    engagement.see_time(500 * MS)
+    assert engagement.mode is (Mode.HEARING if before is Mode.SILENT else Mode.STARTING)
+    engagement.see_time(500 * MS + 1)
+    assert engagement.mode is Mode.HEARING
+    return engagement
+
+
+HEARERS = [None, Mode.SILENT, Mode.STARTING, Mode.STANDBY]
+
+
+@pytest.mark.parametrize("before", HEARERS)
 @pytest.mark.parametrize(("after_ns", "then"), [(200 * MS, Mode.HEARING), (200 * MS + 1, Mode.STARTING)])
-def test_after_silence_it_hears_for_200_ms_to_the_nanosecond_before_it_speaks(
-    begun_ns: int, before: Mode | None, after_ns: int, then: Mode
+def test_a_vehicle_that_does_not_say_its_mode_is_heard_for_200_ms_to_the_nanosecond(
+    before: Mode | None, after_ns: int, then: Mode
 ) -> None:
-    engagement = Engagement(TIMING, armed=True)
-    if before is not None:
-        engagement.mode = before
-        engagement.happened(Event.ARMED, begun_ns)
-    engagement.see_time(begun_ns)
-    engagement.see_time(begun_ns + 100 * MS)
-    engagement.see_status(status(VehicleMode.AUTONOMOUS), begun_ns + 100 * MS)
-    engagement.see_time(begun_ns + after_ns)
+    engagement = hearing(before)
+    engagement.see_time(10**18)  # a bus on which nothing is heard says nothing
+    assert engagement.mode is Mode.HEARING
+    engagement.see_sample(10**18, 10**18)
+    engagement.see_sample(10**18 + 10 * MS, 10**18 + 10 * MS)
+    engagement.see_time(10**18 + after_ns)
     assert engagement.mode is then
     assert engagement.sends is (then is Mode.STARTING)
 
 
+@pytest.mark.parametrize("before", HEARERS)
+@pytest.mark.parametrize("samples_first", [False, True])
+def test_while_the_vehicle_says_autonomous_nothing_is_sent_however_long(
+    before: Mode | None, samples_first: bool
+) -> None:
+    run = Run()
+    run.engagement, run.now_ns = hearing(before), 10**18
+    if samples_first:
+        run.for_ms(100)
+    run.for_ms(5000, status(VehicleMode.AUTONOMOUS)).for_ms(1000)
+    assert run.mode() is Mode.HEARING
+    run.for_ms(1000, status(VehicleMode.AUTONOMOUS)).for_ms(10, status(VehicleMode.FAULT))
+    assert run.mode() in (Mode.STARTING, Mode.STANDBY)
+
+
 @pytest.mark.parametrize("mode", list(VehicleMode))
 def test_it_hears_no_longer_than_until_the_vehicle_says_that_nobody_drives_it(mode: VehicleMode) -> None:
-    engagement = Engagement(TIMING, armed=True)
+    engagement = hearing()
     engagement.see_status(status(mode), 0)
     assert engagement.mode is (Mode.HEARING if mode is VehicleMode.AUTONOMOUS else Mode.STARTING)
 
 
-def test_who_ends_while_it_hears_says_nothing_at_all() -> None:
-    engagement = Engagement(TIMING, armed=True)
-    engagement.happened(Event.END, 0)
+@pytest.mark.parametrize("heard", ["nothing", "sample", "status"])
+@pytest.mark.parametrize(("after_ns", "reports"), [(200 * MS, False), (200 * MS + 1, True)])
+def test_where_there_is_no_vehicle_it_reports_after_200_ms_and_no_more_when_there_is_one(
+    heard: str, after_ns: int, reports: bool
+) -> None:
+    engagement = hearing()
+    assert not engagement.reports(10**18)
+    engagement.see_time(10**18)
+    if heard == "sample":
+        engagement.see_sample(10**18 + after_ns, 10**18 + after_ns)
+    elif heard == "status":
+        engagement.see_status(status(VehicleMode.AUTONOMOUS), 10**18 + after_ns)
+    assert engagement.reports(10**18 + after_ns) is (reports and heard == "nothing")
     assert not engagement.sends
+
+
+def test_out_of_hearing_it_reports_where_it_sends() -> None:
+    for mode in set(Mode) - {Mode.HEARING}:
+        assert in_mode(mode).reports(10**18) is in_mode(mode).sends
+
+
+def test_a_fault_is_forgotten_only_when_it_speaks_again() -> None:
+    assert not hearing().latched
+    assert not hearing(Mode.STANDBY).latched
+    again = hearing(Mode.SILENT)
+    assert again.latched
+    again.see_status(status(), 0)
+    assert not again.latched
+    again.happened(Event.STATUS_LOST, 0)
+    assert again.mode is Mode.HEARING
+    assert not again.latched
 
 
 @pytest.mark.parametrize("missing_ns", [0, 1])
@@ -241,7 +301,7 @@ def test_in_standby_samples_that_stop_lead_back_to_starting() -> None:
 @pytest.mark.parametrize("mode", [mode for mode in VehicleMode if mode is not VehicleMode.READY])
 def test_a_vehicle_that_is_not_ready_is_not_engaged(mode: VehicleMode) -> None:
     run = Run().for_ms(2000, status(mode))
-    assert run.mode() is Mode.STANDBY
+    assert run.mode() is (Mode.HEARING if mode is VehicleMode.AUTONOMOUS else Mode.STANDBY)
 
 
 @pytest.mark.parametrize(

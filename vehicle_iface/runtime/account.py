@@ -53,7 +53,7 @@ class Account:
         for when_ns, mode, why in engagement.transitions:
             if mode in (Mode.FAULT, Mode.SILENT):
                 self._latched_fault = why.name
-            elif mode in (Mode.HEARING, Mode.STARTING):
+            elif mode is Mode.STARTING:
                 self._latched_fault = None
             log.info("%s (%s)", mode.name, why.name)
             if len(self._transitions) < MAX_TRANSITIONS:
@@ -84,7 +84,7 @@ class Account:
             "bus": self._link.description,
             "latched_fault": self._latched_fault,
             "duration_s": self._since_start_s(now_ns),
-            "samples": self._tracker.completed,
+            "samples": self._tracker.completed - self._counts.samples_heard_only,
             "incomplete_samples": self._tracker.incomplete,
             "commands": self._counts.commands,
             "deadline_misses": self._counts.deadline_misses,

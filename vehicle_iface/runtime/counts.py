@@ -10,9 +10,9 @@ class Counts:
     """Grows only. The cause is in the name."""
 
     samples: int = 0
-    """Complete samples received, but for those of the next line."""
-    samples_before: int = 0
-    """Samples that were not answered because it was not known yet whether somebody else drives the vehicle."""
+    """Complete samples received."""
+    samples_heard_only: int = 0
+    """Of these, those that were not answered because somebody else drove the vehicle, or that was not known yet."""
     commands: int = 0
     """Command pairs that left whole."""
     answered_late: int = 0

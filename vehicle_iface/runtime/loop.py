@@ -107,6 +107,7 @@ class Loop:
         self._has_begun_to_end = False
         self._arm_requested = False
         self._released_ns: int | None = None
+        self._has_warned = False
         self._standing = 0
         self.account = Account(
             parts.decoder,
@@ -201,10 +202,9 @@ class Loop:
         now_ns = self._now_ns()
         for sample in samples:
             self._engagement.see_sample(sample.state.stamp_ns, now_ns)
+        self._counts.samples += len(samples)
         if self._engagement.mode is Mode.HEARING:
-            self._counts.samples_before += len(samples)
-        else:
-            self._counts.samples += len(samples)
+            self._counts.samples_heard_only += len(samples)
         is_backlog = now_ns - samples[0].state.stamp_ns > self._stale_ns
         answered = samples[-1:] if is_backlog else samples
         self._counts.too_old_to_answer += len(samples) - len(answered)
@@ -297,6 +297,9 @@ class Loop:
             return
         before = engagement.mode
         engagement.see_status(status, self._now_ns())
+        if engagement.mode is Mode.HEARING and not self._has_warned:
+            log.warning("nothing is sent: the vehicle is AUTONOMOUS, somebody else drives it")
+        self._has_warned = engagement.mode is Mode.HEARING
         has_engaged = engagement.mode is not before and engagement.mode in (Mode.ENGAGING, Mode.ENGAGED)
         if self._parts.shadow is not None:
             has_engaged = self._parts.shadow.see_status(status)
@@ -322,7 +325,8 @@ class Loop:
         implausible = self._parts.plausibility.persists(since_ns=stale_ns)
         if newest is not None and (implausible or newest.state.stamp_ns < stale_ns):
             self._answer_silence(newest, now_ns, Reason.STATE_INVALID if implausible else Reason.STATE_STALE)
-        if self._engagement.sends and now_ns - self._commanded_ns > 2 * self._late_ns and self._has_room():
+        has_quiet = now_ns - self._commanded_ns > 2 * self._late_ns
+        if has_quiet and self._engagement.reports(now_ns) and self._has_room():
             self._send_reports(now_ns)
         if self._parts.teller.is_quiet(now_ns):
             self._tell(now_ns)
@@ -384,6 +388,7 @@ class Loop:
             self._has_begun_to_end = True
             self.ended_in_fault = self._engagement.latched
             self._engagement.happened(Event.END, now_ns)
+            self.done = not self._engagement.sends
         if self._end_requests > 1 and not self.done:
             self._let_go_at_once(now_ns)
 

@@ -44,6 +44,7 @@ def table(summary: dict[str, Any]) -> str:
     for name in ("drops", "lost", "implausible", "limited", "deviations", "not_let_out"):
         rows += [(f"{name}: {cause}", str(count)) for cause, count in summary[name].items() if count]
     for name in (
+        "samples_heard_only",
         "stale_stops",
         "commands_refused",
         "frames_not_sent",

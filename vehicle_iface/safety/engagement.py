@@ -1,5 +1,6 @@
 """Who drives: a table of modes and events, and the conditions that raise the events."""
 
+import math
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -8,7 +9,7 @@ from vehicle_iface.status import ControllerState, VehicleMode, VehicleStatus
 from vehicle_iface.units import NS_PER_MS
 
 HEARING_NS = 200 * NS_PER_MS
-"""Twice as long as a vehicle waits for its commander: by then another one was heard, or the vehicle's watchdog acts."""
+"""A vehicle that sends samples for so long and never says its mode is taken for one that nobody drives."""
 
 
 class Mode(Enum):
@@ -17,7 +18,7 @@ class Mode(Enum):
     LISTENING = auto()
     """Not armed: not one frame leaves."""
     HEARING = auto()
-    """Armed, but not one frame leaves yet: ENABLE = 0 would take the vehicle away from whoever drives it."""
+    """Armed, but no command leaves: ENABLE = 0 would take the vehicle away from whoever drives it."""
     STARTING = auto()
     """Armed, waiting until samples have been fresh for a while."""
     STANDBY = auto()
@@ -52,6 +53,7 @@ class Event(Enum):
     VEHICLE_LEFT = auto()
     VEHICLE_FAULT = auto()
     STATE_LOST = auto()
+    STATUS_LOST = auto()
     LINK_DOWN = auto()
     DUPLICATE_COMMANDER = auto()
     END = auto()
@@ -65,6 +67,7 @@ TABLE: dict[tuple[Mode, Event], tuple[Mode, Reason]] = {
     (Mode.HEARING, Event.NOBODY_DRIVES): (Mode.STARTING, Reason.NOT_ENGAGED),
     (Mode.STARTING, Event.FRESH): (Mode.STANDBY, Reason.NOT_ENGAGED),
     (Mode.STANDBY, Event.STALE): (Mode.STARTING, Reason.NOT_ENGAGED),
+    **{(mode, Event.STATUS_LOST): (Mode.HEARING, Reason.NOT_ENGAGED) for mode in (Mode.STARTING, Mode.STANDBY)},
     (Mode.STANDBY, Event.VEHICLE_READY): (Mode.ENGAGING, Reason.NOMINAL),
     (Mode.ENGAGING, Event.VEHICLE_AUTONOMOUS): (Mode.ENGAGED, Reason.NOMINAL),
     (Mode.ENGAGING, Event.GAVE_UP): (Mode.FAULT, Reason.VEHICLE_NOT_AUTONOMOUS),
@@ -109,7 +112,7 @@ _WIRE_STATE = {
 
 _NOT_ARMED = {
     Mode.LISTENING: "this run only listens; start it with --arm",
-    Mode.HEARING: "it is armed, and listens whether somebody else drives the vehicle",
+    Mode.HEARING: "it is armed, and waits for a vehicle that is not AUTONOMOUS: somebody else may drive it",
     Mode.STARTING: "it is armed, and waits for fresh samples",
     Mode.STANDBY: "it is armed, and waits for the vehicle to be READY",
     Mode.ENGAGING: "it is engaging",
@@ -129,7 +132,7 @@ class EngagementTiming:
     stale_ns: int
     """A gap of this much ends being fresh."""
     lost_ns: int
-    """No sample for this long: silence."""
+    """No sample for this long: silence. No status: it is not known any more whether somebody else drives."""
     give_up_ns: int
     """The vehicle has this long to become autonomous."""
     end_ns: int
@@ -146,6 +149,10 @@ class Engagement:
         self.mode = Mode.HEARING if armed else Mode.LISTENING
         self.reason = Reason.NOT_ENGAGED
         self._since_ns: int | None = None
+        self._unsaid_ns: float | None = None
+        """Until then the vehicle may keep its mode to itself; for ever once it said AUTONOMOUS."""
+        self._status_ns: int | None = None
+        self._hears_after_fault = False
         self._fresh_since_ns: int | None = None
         self._last_sample_ns: int | None = None
         self.transitions: list[tuple[int, Mode, Reason]] = []
@@ -158,13 +165,19 @@ class Engagement:
 
     @property
     def sends(self) -> bool:
-        """Whether anything may be sent at all."""
+        """Whether commands may be sent at all."""
         return self.mode not in (Mode.LISTENING, Mode.HEARING, Mode.SILENT)
+
+    def reports(self, now_ns: int) -> bool:
+        """Whether lights and report may be sent; while it hears, only where there is no vehicle yet."""
+        if self.mode is not Mode.HEARING:
+            return self.sends
+        return self._unsaid_ns is None and self._since_ns is not None and now_ns - self._since_ns > HEARING_NS
 
     @property
     def latched(self) -> bool:
         """Whether the run ended, so far, in a latched fault."""
-        return self.mode in (Mode.FAULT, Mode.SILENT)
+        return self.mode in (Mode.FAULT, Mode.SILENT) or (self.mode is Mode.HEARING and self._hears_after_fault)
 
     def wire_state(self, *, stopping: bool) -> ControllerState:
         """The mode in the words of the bus contract; `stopping` while the command is a stop."""
@@ -179,6 +192,9 @@ class Engagement:
         pair = TABLE.get((self.mode, event))
         if pair is None:
             return False
+        if pair[0] is Mode.HEARING:
+            self._unsaid_ns = self._status_ns = None
+            self._hears_after_fault = self.mode is Mode.SILENT
         self.mode, self.reason = pair
         self._since_ns = now_ns
         self.transitions.append((now_ns, self.mode, self.reason))
@@ -193,6 +209,8 @@ class Engagement:
 
     def see_sample(self, stamp_ns: int, now_ns: int) -> None:
         """A complete sample of `stamp_ns` has come."""
+        if self._unsaid_ns is None:
+            self._unsaid_ns = now_ns + HEARING_NS
         last_ns = self._last_sample_ns
         self._last_sample_ns = stamp_ns
         if self._fresh_since_ns is None or last_ns is None or stamp_ns - last_ns > self._timing.stale_ns:
@@ -202,7 +220,10 @@ class Engagement:
 
     def see_status(self, status: VehicleStatus, now_ns: int) -> None:
         """The vehicle has reported its mode and its driver."""
-        if status.mode is not VehicleMode.AUTONOMOUS:
+        self._status_ns = now_ns
+        if status.mode is VehicleMode.AUTONOMOUS:
+            self._unsaid_ns = math.inf
+        else:
             self.happened(Event.NOBODY_DRIVES, now_ns)
         overridden = self.driver_acts(status) or status.mode is VehicleMode.MANUAL
         if status.mode in (VehicleMode.FAULT, VehicleMode.EMERGENCY_STOP):
@@ -221,13 +242,15 @@ class Engagement:
         gap_ns = now_ns - self._last_sample_ns if self._last_sample_ns is not None else 0
         if gap_ns > self._timing.lost_ns:
             self.happened(Event.STATE_LOST, now_ns)
+        if self._status_ns is not None and now_ns - self._status_ns > self._timing.lost_ns:
+            self.happened(Event.STATUS_LOST, now_ns)
         if gap_ns > self._timing.stale_ns:
             self._fresh_since_ns = None
             self.happened(Event.STALE, now_ns)
         if self._since_ns is None:
             self._since_ns = now_ns
         in_mode_ns = now_ns - self._since_ns
-        if in_mode_ns > HEARING_NS:
+        if self._unsaid_ns is not None and now_ns > self._unsaid_ns:
             self.happened(Event.NOBODY_DRIVES, now_ns)
         if in_mode_ns > self._timing.give_up_ns:
             self.happened(Event.GAVE_UP, now_ns)
