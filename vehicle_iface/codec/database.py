@@ -390,39 +390,33 @@ class _Binder:
                         raise self._fault(f"$.limits.{key}", text)
 
     def _check_rates(self) -> None:
-        """What is slower than one count of its signal in a period would never move."""
-        profile = self._profile
-        limits, named = profile.limits, _named(profile.command.signals)
-        lateral = limits.lateral_jerk_mps3 * profile.geometry.wheelbase_m / limits.speed_max_mps**2
+        """What is slower than one count of its signal from sample to sample would never move."""
+        limits, signals = self._profile.limits, _named(self._profile.command.signals)
+        period_s = self._profile.timing.sample_period_s
         rates = [
-            ("limits.accel_rate_mps3", "accel_mps2", limits.accel_rate_mps3, ""),
-            ("behavior.stop_jerk_mps3", "accel_mps2", profile.behavior.stop_jerk_mps3, ""),
-            ("limits.front_wheel_rate_radps", "front_wheel_angle_rad", limits.front_wheel_rate_radps, ""),
-            (
-                "limits.engaging.front_wheel_rate_radps",
-                "front_wheel_angle_rad",
-                limits.engaging.front_wheel_rate_radps,
-                "",
-            ),
-            (
-                "limits.lateral_jerk_mps3",
-                "front_wheel_angle_rad",
-                lateral,
-                f" at speed_max_mps = {limits.speed_max_mps}",
-            ),
+            ("accel_rate_mps3", "accel_mps2", limits.accel_rate_mps3),
+            ("front_wheel_rate_radps", "front_wheel_angle_rad", limits.front_wheel_rate_radps),
+            ("lateral_jerk_mps3", "front_wheel_angle_rad", self._slowest_front_radps()),
         ]
         if limits.rear_wheel_angle_rad > 0.0:
-            rates.append(("limits.rear_wheel_rate_radps", "rear_wheel_angle_rad", limits.rear_wheel_rate_radps, ""))
-        period_s = profile.timing.command_period_s
-        for key, field, per_s, where in rates:
-            known = tuple(self._fields.keys() & set(named.get(field, ())))
-            resolution = self._resolution(known) if known else 0.0
-            with self.noted():
-                if per_s * period_s < resolution * (1.0 - 1e-6):
-                    text = (
-                        f"lets {field} change by {per_s * period_s:.4g} in {period_s} s{where}; it would never move: "
-                    )
-                    raise self._fault(f"$.{key}", f"{text}a count of {', '.join(sorted(known))} is {resolution:.4g}")
+            rates.append(("rear_wheel_rate_radps", "rear_wheel_angle_rad", limits.rear_wheel_rate_radps))
+        for key, field, per_s in rates:
+            for dotted in sorted(self._fields.keys() & set(signals.get(field, ()))):
+                count = self._resolution((dotted,))
+                with self.noted():
+                    if per_s * period_s < count * (1.0 - 1e-6):
+                        at_speed = " at speed_max_mps" if key.startswith("lateral") else ""
+                        text = (
+                            f"{getattr(limits, key)}: moves {field} by {per_s * period_s:.4g} in {period_s} s{at_speed}"
+                        )
+                        raise self._fault(f"$.limits.{key}", f"{text}, and a count of {dotted} is {count:.4g}: never")
+
+    def _slowest_front_radps(self) -> float:
+        """What the lateral jerk leaves of the front wheels' rate at the greatest speed, where they are turned most."""
+        limits, fastest_mps = self._profile.limits, self._profile.limits.speed_max_mps
+        per_accel = self._profile.geometry.wheelbase_m / fastest_mps / fastest_mps  # tangent of the wheels' angle
+        tangent = min(math.tan(limits.front_wheel_angle_rad), limits.lateral_accel_mps2 * per_accel)
+        return limits.lateral_jerk_mps3 * per_accel / (1.0 + tangent * tangent)
 
     # --- messages
 
