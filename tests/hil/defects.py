@@ -13,6 +13,7 @@ DEFECTS = {
     "late_by_30_ms": "each sample is answered 30 ms after it came",
     "commands_after_override": "ENABLE stays 1 when the driver takes over",
     "diary_blocks": "the drive is written down by the loop: whoever does not take the lines holds the vehicle up",
+    "diary_matters": "the drive ends where it cannot be written down",
     "frame_ignored": "poses in another frame of reference are taken for those of the trajectory's",
 }
 """Name for `--defect`, and what it breaks."""

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A second controller for the reference vehicle's bus: one file, raw sockets, the standard library.
+"""A second controller for the reference vehicle's bus: raw sockets and the standard library.
 
 Written from the bus contract's page alone and sharing no code with the program or its tools, so that what judges
 controllers from outside can be tried on a stranger. It is sound; `--defect` breaks it in one place (`defects`).
@@ -641,7 +641,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         controller = Controller(given.channel, route, is_armed=given.arm, defect=given.defect)
         if given.record is not None:
-            controller.diary = Diary(given.record, blocks=given.defect == "diary_blocks")
+            blocks, matters = given.defect == "diary_blocks", given.defect == "diary_matters"
+            controller.diary = Diary(given.record, blocks=blocks, matters=matters)
     except OSError as error:
         print(f"{given.channel}: {error}", file=sys.stderr)
         return 3

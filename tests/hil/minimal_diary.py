@@ -9,9 +9,13 @@ F_SETPIPE_SZ, PIPE_BYTES = 1031, 4096
 
 
 class Diary:
-    """A line for each pair. What the process does not take is lost; where it `blocks`, it is waited for."""
+    """A line for each pair. What the process does not take is lost; where it `blocks`, it is waited for.
 
-    def __init__(self, folder: Path, *, blocks: bool) -> None:
+    Where the diary `matters`, it is an `OSError` that the process is gone.
+    """
+
+    def __init__(self, folder: Path, *, blocks: bool, matters: bool) -> None:
+        self._matters = matters
         folder.mkdir(parents=True)
         with open(folder / "drive.csv", "wb") as file:
             self._writer = subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=file, stderr=subprocess.DEVNULL)
@@ -25,8 +29,12 @@ class Diary:
         """One line, or nothing."""
         try:
             os.write(self._pipe, (",".join(f"{value:.6f}" for value in values) + "\n").encode())
-        except OSError:
+        except BlockingIOError:
             self.lost += 1
+        except BrokenPipeError:
+            self.lost += 1
+            if self._matters:
+                raise
 
     def close(self) -> None:
         """The last line is written."""

@@ -5,6 +5,9 @@ import json
 import math
 import random
 import re
+import signal
+import socket
+import struct
 import subprocess
 import sys
 import time
@@ -322,6 +325,8 @@ JUDGED: list[tuple[Expectation, Seen, Seen]] = [
     (expect.StaysOut(), seen(*SILENT), seen(*SILENT, pair(7.0))),
     (expect.StaysOut(), seen(*SILENT, pair(6.001)), seen(*SILENT, pair(6.001), pair(6.002))),
     (expect.DrivesOn(), seen(*DRIVES), seen(*steady(0, 5.3), *steady(5.42, 10))),
+    (expect.DrivesOn(), seen(*DRIVES), seen(*steady(0, 5.3))),
+    (expect.DrivesOn(), seen(*DRIVES), seen(*steady(5.3, 10))),
     (expect.GivesUp(3.0), seen(*steady(1, 4)), seen(*steady(1, 7.9))),
     (expect.GivesUp(3.0), seen(*steady(1, 4)), seen(*steady(1, 2))),
     (expect.GivesUp(3.0), seen(*steady(1, 4)), seen()),
@@ -616,8 +621,8 @@ def test_a_case_that_lacks_something_says_what() -> None:
     assert "started with {trajectory}" in spoilt["trajectory-with-nan"]
     plain = Commands(start="my-loop --channel {channel}", record="", view="")
     beside = {case.name: bench.missing(case, plain, "no-such-interface") for case in BESIDE}
-    assert all("--recording-device" in why for name, why in beside.items() if name.startswith("recorder-"))
-    assert all("--viewer" in why for name, why in beside.items() if name.startswith("viewer-"))
+    assert sum("--recording-device" in why for name, why in beside.items() if name.startswith("recorder-")) == 3
+    assert sum("--viewer" in why for name, why in beside.items() if name.startswith("viewer-")) == 3
     absent = next(case for case in CATALOGUE if case.name == "link-absent-at-start")
     assert "started with {channel}" in bench.missing(absent, Commands(start="my-loop"), "no-such-interface")
 
@@ -640,6 +645,51 @@ def test_a_device_can_be_given_many_descriptors_and_no_more_memory(tmp_path: Pat
     assert int(fed.log.read_text()) > 1100
     with starved.without_memory():
         pass  # one that has ended is judged for that, and is no mistake of the bench's
+
+
+def test_who_writes_the_drive_down_is_found_behind_whatever_began_it_and_is_nobody_else_when_it_is_gone(
+    tmp_path: Path,
+) -> None:
+    place = tmp_path / "disk"
+    place.mkdir()
+    command = f"sh -c 'sleep 60 & sleep 60 > {place}/drive & wait'"
+    device = Device(Commands(start=command), tmp_path / "log", {}, lambda _: None)
+    assert device.writers(place) == []
+    device.start()
+    try:
+        while not (found := device.writers(place)):
+            assert device.poll() is None
+        (writer,) = found
+        assert writer.lives
+        writer.send(signal.SIGKILL)
+        while writer.lives:
+            time.sleep(0.01)
+        writer.send(signal.SIGKILL)  # to nobody
+        writer.close()
+        assert device.writers(place) == []
+        assert device.poll() is None
+    finally:
+        device.kill()
+    assert device.writers(place) == []
+
+
+def test_pages_that_are_turned_away_come_again() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        pages = subprocess.Popen([sys.executable, "tools/hil/pages.py", str(port)], cwd=ROOT)
+        try:
+            for number in range(30):
+                page, _ = server.accept()
+                if number % 2:
+                    page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                    page.close()  # by a reset
+                else:
+                    assert page.recv(4) == b"GET "
+                    page.close()
+            assert pages.poll() is None
+        finally:
+            pages.kill()
+            pages.wait()
 
 
 def test_a_wall_clock_is_put_back_whatever_is_heard_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:

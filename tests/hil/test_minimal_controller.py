@@ -128,4 +128,4 @@ def test_an_interface_that_is_not_there_ends_it_in_status_3_and_an_unknown_defec
     command = [sys.executable, str(HERE / FILES[0]), "--channel", "nowhere", "--route", str(path)]
     assert subprocess.run(command, check=False, capture_output=True).returncode == 3
     assert subprocess.run([*command, "--defect", "none"], check=False, capture_output=True).returncode == 2
-    assert len(DEFECTS) == 13
+    assert len(DEFECTS) == 14

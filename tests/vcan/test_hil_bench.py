@@ -33,6 +33,7 @@ DEFECTS = {
     "late_by_30_ms": ("latency-at-0-percent-load", "a sample that is left out"),
     "commands_after_override": ("driver-brakes", "ENABLE = 0 with DRIVER_OVERRIDE"),
     "diary_blocks": ("recorder-stopped", "drives on: no stop"),
+    "diary_matters": ("recorder-disk-full", "drives on: no stop"),
     "frame_ignored": ("other-frame-of-reference", "a stop with FRAME_MISMATCH"),
 }
 """Defect → the case that is there for it, and what of it fails."""

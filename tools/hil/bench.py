@@ -201,10 +201,10 @@ def missing(case: Case, commands: Commands, channel: str, route: str = "") -> st
     ]
     if commands.start and not case.armed and not commands.listen:
         lacking.append("a way to start the device without arming it (--listen-device)")
-    if commands.start and case.recorded_mib and not commands.record:
-        lacking.append("a way to start the device so that it writes its drive down (--recording-device)")
-    if commands.start and case.viewed and not commands.view:
-        lacking.append("a program that shows the device to browsers (--viewer)")
+    if commands.start and case.recorded_mib and "{record}" not in commands.record:
+        lacking.append("a way to start the device so that it writes its drive down in {record} (--recording-device)")
+    if commands.start and case.viewed and "{port}" not in commands.view:
+        lacking.append("a program that shows the device to browsers at {port} (--viewer)")
     if not commands.start and (case.breaks or case.profile or case.setup):
         lacking.append(Need.START.value)
     if not commands.start and not lacking and case.route().name != route:

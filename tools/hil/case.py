@@ -28,7 +28,7 @@ class Need(StrEnum):
     START = "a device that the bench starts"
     REARM = "a way to arm the device again (--rearm, or a device that the bench starts)"
     VIRTUAL = "a virtual interface, which may be taken down and deleted"
-    ROOT = "root, or CAP_NET_ADMIN and CAP_SYS_TIME"
+    ROOT = "root"
     VXCAN = "vxcan and tc (iproute2), to put a bad cable between device and vehicle"
 
 

@@ -1085,21 +1085,29 @@ BESIDE = (
             injected=injected,
             recorded_mib=2,
             inject=inject,
-            for_s=2.0,
+            for_s=seconds,
             is_measured=True,
             see=(DrivesOn(),),
             needs=(Need.OWN_PROCESS, Need.ROOT),
         )
-        for name, what, injected, inject in (
-            ("disk-full", "A disk that is full", "the disk that the drive is written to has no room left", f.full_disk),
+        for name, seconds, what, injected, inject in (
+            (
+                "disk-full",
+                4.0,  # what is written meanwhile is little, and has to find no room
+                "A disk that is full",
+                "the disk that the drive is written to has no room left",
+                f.full_disk,
+            ),
             (
                 "stopped",
+                2.0,
                 "A recorder that stands still",
                 "SIGSTOP to the process that writes the drive down, SIGCONT 2 s later",
                 f.recorder_gets(signal.SIGSTOP),
             ),
             (
                 "killed",
+                2.0,
                 "A recorder that is gone",
                 "SIGKILL to the process that writes the drive down",
                 f.recorder_gets(signal.SIGKILL),

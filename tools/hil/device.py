@@ -13,9 +13,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+
+from hil.process import Process
 
 ROOT = Path(__file__).resolve().parents[2]
 WORDS = ("channel", "profile", "trajectory", "route", "record", "port")
@@ -130,12 +132,17 @@ class Device:
         if self.poll() is None and self._process is not None:
             self._process.send_signal(number)
 
-    def children(self) -> list[int]:
-        """The processes that it has begun and that live."""
-        if self.poll() is not None or self._process is None:
-            return []
-        pid = self._process.pid
-        return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    def writers(self, folder: Path) -> list[Process]:
+        """The processes that it has begun, however indirectly, and that have a file in this folder open."""
+        found, left = [], [] if self.poll() is not None or self._process is None else [self._process.pid]
+        while left:
+            pid = left.pop()
+            with suppress(FileNotFoundError, ProcessLookupError):  # it has ended meanwhile
+                for children in Path(f"/proc/{pid}/task").glob("*/children"):
+                    left += [int(child) for child in children.read_text().split()]
+                if any(folder in Path(os.readlink(file)).parents for file in Path(f"/proc/{pid}/fd").iterdir()):
+                    found.append(Process(pid))
+        return found
 
     @contextmanager
     def without_memory(self) -> Iterator[None]:

@@ -169,12 +169,10 @@ class DrivesOn:
         end_ns = min(seen.end_ns + round(self.afterwards_s * S), seen.then_ns)
         pairs = seen.between(seen.inject_ns, end_ns)
         wrong = [_described(seen, pair) for pair in pairs if pair.is_stop or not pair.is_enabled]
-        if not pairs:
-            wrong = ["no command at all"]
         wrong += [
-            f"{seen.at_s(a.stamp_ns):.3f} s: no command for {(b.stamp_ns - a.stamp_ns) / S:.3f} s"
-            for a, b in pairwise(pairs)
-            if b.stamp_ns - a.stamp_ns > WATCHDOG_NS
+            f"{seen.at_s(a):.3f} s: no command for {(b - a) / S:.3f} s"
+            for a, b in pairwise((seen.inject_ns, *(pair.stamp_ns for pair in pairs), end_ns))
+            if b - a > WATCHDOG_NS
         ]
         return check(text, wrong), []
 

@@ -5,7 +5,6 @@ its entry. Nothing here waits without the vehicle going on.
 """
 
 import errno
-import os
 import random
 import signal
 import socket
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from bus_contract import GREATEST_STEP, Frame, S
 
+from hil.process import Process
 from hil.vehicle import Fault, Utterance, Values
 
 if TYPE_CHECKING:
@@ -450,18 +450,21 @@ def paused() -> Injection:
 
 
 def recorder_gets(number: signal.Signals) -> Injection:
-    """Every process that the device has begun gets a signal, and goes on at the end if it still can."""
+    """Whoever writes the drive down gets a signal, and goes on at the end if it still can."""
 
     @contextmanager
     def inject(rig: "Rig") -> Iterator[None]:
-        children = rig.device.children()
-        if not children:
-            raise NotApplicableError("no process of the device's own writes the drive down")
-        _signal(number, *children)
+        writers = rig.device.writers(Path(rig.words["record"]).parent)
+        if not writers:
+            raise NotApplicableError("no process that the device has begun writes the drive down")
         try:
+            for writer in writers:
+                writer.send(number)
             yield
         finally:
-            _signal(signal.SIGCONT, *children)
+            for writer in writers:
+                writer.send(signal.SIGCONT)
+                writer.close()
 
     return inject
 
@@ -482,13 +485,14 @@ def full_disk(rig: "Rig") -> Iterator[None]:
         filler.unlink()
 
 
-def viewer(change: Callable[["Rig", int], AbstractContextManager[None]]) -> Injection:
-    """A viewer is begun and waited for; then, with its process, `change` begins."""
+def viewer(change: Callable[["Rig", Process], AbstractContextManager[None]]) -> Injection:
+    """A viewer is begun and waited for; then `change` begins."""
 
     @contextmanager
     def inject(rig: "Rig") -> Iterator[None]:
-        process = _begun_viewer(rig)
+        process = rig.beside(rig.viewer)
         try:
+            _wait_for_page(rig, process)
             rig.injects()
             with change(rig, process):
                 yield
@@ -499,41 +503,50 @@ def viewer(change: Callable[["Rig", int], AbstractContextManager[None]]) -> Inje
 
 
 @contextmanager
-def viewer_stopped(_rig: "Rig", process: int) -> Iterator[None]:
+def viewer_stopped(_rig: "Rig", process: Process) -> Iterator[None]:
     """By the operating system; it goes on at the end."""
-    _signal(signal.SIGSTOP, process)
-    try:
-        yield
-    finally:
-        _signal(signal.SIGCONT, process)
+    process.send(signal.SIGSTOP)
+    yield
+    process.send(signal.SIGCONT)
+    _must_live(process, "the viewer")
 
 
 @contextmanager
-def viewer_killed(rig: "Rig", process: int) -> Iterator[None]:
+def viewer_killed(rig: "Rig", process: Process) -> Iterator[None]:
     """And another one is begun in its place."""
-    _signal(signal.SIGKILL, process)
-    again = _begun_viewer(rig)
+    process.send(signal.SIGKILL)
+    again = rig.beside(rig.viewer)
     try:
+        _wait_for_page(rig, again)
         yield
+        _must_live(again, "the other viewer")
     finally:
         rig.rest(again)
 
 
 @contextmanager
-def many_pages(rig: "Rig", _process: int) -> Iterator[None]:
+def many_pages(rig: "Rig", process: Process) -> Iterator[None]:
     """Browsers come that ask for everything, read nothing and send nonsense."""
     pages = rig.beside([sys.executable, str(TOOLS / "hil" / "pages.py"), rig.words["port"]])
     try:
         yield
+        _must_live(pages, "who floods")
+        _must_live(process, "the viewer")
     finally:
         rig.rest(pages)
 
 
-def _begun_viewer(rig: "Rig") -> int:
-    process = rig.beside(rig.viewer)
-    if not rig.wait_for(lambda: _answers(int(rig.words["port"])), VIEWER_S, "the viewer to answer"):
+def _wait_for_page(rig: "Rig", process: Process) -> None:
+    port = int(rig.words["port"])
+    rig.wait_for(lambda: _answers(port) or not process.lives, VIEWER_S, "the viewer to answer")
+    _must_live(process, "the viewer")
+    if not _answers(port):
         raise NotApplicableError("the viewer does not answer")
-    return process
+
+
+def _must_live(process: Process, who: str) -> None:
+    if not process.lives:
+        raise NotApplicableError(f"{who} has ended, see what it said")
 
 
 def _answers(port: int) -> bool:
@@ -541,12 +554,6 @@ def _answers(port: int) -> bool:
         page.setblocking(False)
         page.connect_ex(("127.0.0.1", port))
         return page.connect_ex(("127.0.0.1", port)) in (0, errno.EISCONN)
-
-
-def _signal(number: signal.Signals, *processes: int) -> None:
-    for process in processes:
-        with suppress(ProcessLookupError):
-            os.kill(process, number)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import fcntl
 import os
 import random
+import re
 import shlex
 import signal
 import socket
@@ -19,6 +20,7 @@ from hil import faults
 from hil.bus import Bus, Heard, candump_line
 from hil.device import Commands, Device, filled
 from hil.plant import Plant
+from hil.process import Process
 from hil.result import Event, EventKind
 from hil.vehicle import PERIOD_NS, Vehicle
 from hil.wire import Wire
@@ -67,7 +69,7 @@ class Hands:
     def ask(self, words: Sequence[str], *, beside: str = "") -> None:
         """Have a command run; with `beside`, where its output goes, it says the process and does not wait for it."""
         assert self._shell.stdin is not None
-        line = f"{shlex.join(words)} </dev/null {beside}{' & echo $!' if beside else ''}"
+        line = f"{shlex.join(words)} </dev/null {beside}{' & echo process=$!' if beside else ''}"
         self._heard = b""
         self._shell.stdin.write(f"{line}\necho {DONE} $?\n".encode())
 
@@ -199,23 +201,28 @@ class Rig:
         if self._hands.status:
             raise RigError(f"{' '.join(words)}: {self._hands.said or self._hands.status}")
 
-    def beside(self, words: Sequence[str]) -> int:
-        """Let a program run beside the vehicle, until `rest`; its process. What it says is kept in a file."""
+    def beside(self, words: Sequence[str]) -> Process:
+        """Let a program run beside the vehicle, until `rest`. What it says is kept in a file. May raise `RigError`."""
         log = self.folder / f"{self.name}.beside.log"
         self._hands.ask(["exec", *words], beside=f">>{shlex.quote(str(log))} 2>&1")
-        self.wait_for(self._hands.is_done, COMMAND_S, words[0])
-        return int(self._hands.said)
+        if not self.wait_for(self._hands.is_done, COMMAND_S, words[0]):
+            raise RigError(f"{' '.join(words)}: did not begin")
+        number = re.search(r"^process=(\d+)$", self._hands.said, re.MULTILINE)
+        try:
+            return Process(int(number[1]) if number else 0)
+        except OSError as error:
+            raise RigError(f"{' '.join(words)}: {error}; see {log}") from None
 
     @property
     def viewer(self) -> list[str]:
         """What begins a viewer of the device."""
         return filled(self._commands.view, self.words)
 
-    def rest(self, process: int) -> None:
+    def rest(self, process: Process) -> None:
         """End what runs beside, if it still does."""
-        with suppress(ProcessLookupError):
-            os.kill(process, signal.SIGCONT)
-            os.kill(process, signal.SIGTERM)
+        process.send(signal.SIGCONT)
+        process.send(signal.SIGTERM)
+        process.close()
 
     def set_link(self, *, up: bool) -> None:
         """At once, by a system call."""
@@ -302,7 +309,7 @@ def make_cable() -> None:
 def remove_cable() -> None:
     """If it is there."""
     with suppress(OSError):
-        subprocess.run(["ip", "link", "del", BENCH_END], capture_output=True, check=False)
+        subprocess.run(["ip", "link", "del", BENCH_END], capture_output=True, check=False, start_new_session=True)
 
 
 def make_disk(place: Path, size_mib: int) -> None:
@@ -320,6 +327,6 @@ def make_disk(place: Path, size_mib: int) -> None:
 
 def remove_disk(place: Path) -> None:
     """With what is on it, if it is there."""
-    subprocess.run(["umount", "-l", str(place)], capture_output=True, check=False)
+    subprocess.run(["umount", "-l", str(place)], capture_output=True, check=False, start_new_session=True)
     with suppress(OSError):
         place.rmdir()

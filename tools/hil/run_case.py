@@ -1,8 +1,11 @@
 """Runs one case, from the trajectory's file to the verdict."""
 
 import gc
+import signal
 import socket
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -83,11 +86,12 @@ def run(bench: Bench, case: Case, repetition: int = 1) -> CaseResult:
             killed = _clean_up(rig, case)
         rig.write_candump(bench.folder / f"{name}.candump")
     finally:
-        gc.enable()
-        if case.on_vxcan:
-            rigs.remove_cable()
-        if case.recorded_mib:
-            rigs.remove_disk(Path(words["record"]).parent)
+        with _undisturbed():
+            gc.enable()
+            if case.on_vxcan:
+                rigs.remove_cable()
+            if case.recorded_mib:
+                rigs.remove_disk(Path(words["record"]).parent)
     result = _judged(bench, case, rig, route, killed, repetition)
     return msgspec.structs.replace(
         result,
@@ -124,6 +128,16 @@ def _profile(bench: Bench, case: Case, name: str) -> str:
     copy.write_text(toml)
     (bench.folder / bench.wire.dbc.name).write_text(dbc)
     return str(copy.resolve())
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """What tells the bench to end is obeyed afterwards."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _free_port() -> int:
