@@ -4,19 +4,15 @@ import math
 import re
 
 import msgspec
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codec.conftest import DBC_FOLDER
-from vehicle_iface import BehaviorConfig, Command
 from vehicle_iface.codec.database import Role, load_database
 from vehicle_iface.codec.dbc_file import read_dbc
-from vehicle_iface.compose import stop_shape
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import load_profile
-from vehicle_iface.safety.gate import Gate, gate_channels
 from vehicle_iface.state import VehicleState
 
 TEXT = (DBC_FOLDER / "reference.dbc").read_text(encoding="utf-8")
@@ -72,8 +68,6 @@ PROFILE_FAULTS = [
     ("speed_max_mps = 20.0", "speed_max_mps = 200.0", r"\$\.limits\.speed_max_mps: 200"),
     ("accel_rate_mps3 = 30.0", "accel_rate_mps3 = 0.09", r"\$\.limits\.accel_rate_mps3: 0\.09: moves accel_mps2 by 0\.0009 in 0\.01 s, and a count of DRIVE_COMMAND\.ACCEL_REQUEST is 0\.001"),
     ("front_wheel_rate_radps = 0.8", "front_wheel_rate_radps = 0.009", r"\$\.limits\.front_wheel_rate_radps: 0\.009: moves front_wheel_angle_rad by 9e-05"),
-    ("speed_max_mps = 20.0", "speed_max_mps = 37.0", r"\$\.limits\.lateral_jerk_mps3: 5\.0: moves front_wheel_angle_rad by 9\.861e-05 in 0\.01 s at speed_max_mps"),
-    ("speed_max_mps = 20.0", "speed_max_mps = 100.0", r"\$\.limits\.lateral_jerk_mps3: 5\.0: moves"),
     ("rear_wheel_angle_rad = 0.0", "rear_wheel_angle_rad = 0.1", r"\$\.limits\.rear_wheel_rate_radps: 0\.0: moves rear_wheel_angle_rad by 0 in"),
     ("sample_period_s = 0.01", "sample_period_s = 0.02", r"\$\.timing\.sample_period_s: 0\.02 s, but POSE has a cycle of 10"),
     ("command_period_s = 0.01", "command_period_s = 0.1", r"\$\.timing\.command_period_s"),
@@ -109,28 +103,12 @@ def test_a_profile_that_does_not_fit_is_refused(variant, old, new, text):
         variant(toml=((old, new),))
 
 
-@pytest.mark.parametrize(("accel_rate", "speed_mps"), [(0.1, 20.0), (30.0, 36.6)])
-def test_with_one_count_in_a_period_everything_moves_however_it_stands(variant, accel_rate, speed_mps):
-    database = variant(
-        toml=(
-            ("accel_rate_mps3 = 30.0", f"accel_rate_mps3 = {accel_rate}"),
-            ("speed_max_mps = 20.0", f"speed_max_mps = {speed_mps}"),
-        )
-    )
-    limits, most_rad = database.profile.limits, 3.0 * 2.7 / speed_mps**2
-    channels = gate_channels(limits, lambda field: database.resolutions.get(field) or 1e-6)
-    for front_rad in np.arange(-0.9 * most_rad, 0.9 * most_rad, 1e-4):
-        for sign in (-1.0, 1.0):
-            gate = Gate(channels, limits, wheelbase_m=2.7, stop=stop_shape(database.profile, BehaviorConfig()))
-            state = VehicleState(
-                stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=speed_mps, front_wheel_angle_rad=front_rad
-            )
-            gate.start_from(state, 0)
-            before = round(front_rad / 1e-4) * 1e-4
-            wish = Command(stamp_ns=0, accel_mps2=-1.0, front_wheel_angle_rad=0.5 * sign, speed_mps=speed_mps)
-            safe = gate.permit(wish, state, now_ns=10_000_000, reversing=False)
-            assert (safe.front_wheel_angle_rad - before) * sign > 0.5e-4
-            assert safe.accel_mps2 <= -0.001
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("accel_rate_mps3 = 30.0", "accel_rate_mps3 = 0.1"), ("wheel_rate_radps = 0.8", "wheel_rate_radps = 0.01")],
+)
+def test_one_count_from_sample_to_sample_is_enough(variant, old, new):
+    assert variant(toml=((old, new),)).resolutions["accel_mps2"] == 0.001
 
 
 DBC_FAULTS = [

@@ -396,7 +396,6 @@ class _Binder:
         rates = [
             ("accel_rate_mps3", "accel_mps2", limits.accel_rate_mps3),
             ("front_wheel_rate_radps", "front_wheel_angle_rad", limits.front_wheel_rate_radps),
-            ("lateral_jerk_mps3", "front_wheel_angle_rad", self._slowest_front_radps()),
         ]
         if limits.rear_wheel_angle_rad > 0.0:
             rates.append(("rear_wheel_rate_radps", "rear_wheel_angle_rad", limits.rear_wheel_rate_radps))
@@ -405,18 +404,8 @@ class _Binder:
                 count = self._resolution((dotted,))
                 with self.noted():
                     if per_s * period_s < count * (1.0 - 1e-6):
-                        at_speed = " at speed_max_mps" if key.startswith("lateral") else ""
-                        text = (
-                            f"{getattr(limits, key)}: moves {field} by {per_s * period_s:.4g} in {period_s} s{at_speed}"
-                        )
+                        text = f"{getattr(limits, key)}: moves {field} by {per_s * period_s:.4g} in {period_s} s"
                         raise self._fault(f"$.limits.{key}", f"{text}, and a count of {dotted} is {count:.4g}: never")
-
-    def _slowest_front_radps(self) -> float:
-        """What the lateral jerk leaves of the front wheels' rate at the greatest speed, where they are turned most."""
-        limits, fastest_mps = self._profile.limits, self._profile.limits.speed_max_mps
-        per_accel = self._profile.geometry.wheelbase_m / fastest_mps / fastest_mps  # tangent of the wheels' angle
-        tangent = min(math.tan(limits.front_wheel_angle_rad), limits.lateral_accel_mps2 * per_accel)
-        return limits.lateral_jerk_mps3 * per_accel / (1.0 + tangent * tangent)
 
     # --- messages
 
