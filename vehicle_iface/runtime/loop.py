@@ -107,7 +107,6 @@ class Loop:
         self._has_begun_to_end = False
         self._arm_requested = False
         self._released_ns: int | None = None
-        self._has_warned = False
         self._standing = 0
         self.account = Account(
             parts.decoder,
@@ -297,9 +296,6 @@ class Loop:
             return
         before = engagement.mode
         engagement.see_status(status, self._now_ns())
-        if engagement.mode is Mode.HEARING and not self._has_warned:
-            log.warning("nothing is sent: the vehicle is AUTONOMOUS, somebody else drives it")
-        self._has_warned = engagement.mode is Mode.HEARING
         has_engaged = engagement.mode is not before and engagement.mode in (Mode.ENGAGING, Mode.ENGAGED)
         if self._parts.shadow is not None:
             has_engaged = self._parts.shadow.see_status(status)

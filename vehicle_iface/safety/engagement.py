@@ -1,6 +1,5 @@
 """Who drives: a table of modes and events, and the conditions that raise the events."""
 
-import math
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -9,7 +8,8 @@ from vehicle_iface.status import ControllerState, VehicleMode, VehicleStatus
 from vehicle_iface.units import NS_PER_MS
 
 HEARING_NS = 200 * NS_PER_MS
-"""A vehicle that sends samples for so long and never says its mode is taken for one that nobody drives."""
+"""Twice as long as a vehicle waits for its commander: by then another one was heard, or the vehicle's watchdog has
+acted, or it has none and nobody drives it."""
 
 
 class Mode(Enum):
@@ -112,7 +112,7 @@ _WIRE_STATE = {
 
 _NOT_ARMED = {
     Mode.LISTENING: "this run only listens; start it with --arm",
-    Mode.HEARING: "it is armed, and waits for a vehicle that is not AUTONOMOUS: somebody else may drive it",
+    Mode.HEARING: "it is armed, and hears whether somebody else drives the vehicle",
     Mode.STARTING: "it is armed, and waits for fresh samples",
     Mode.STANDBY: "it is armed, and waits for the vehicle to be READY",
     Mode.ENGAGING: "it is engaging",
@@ -149,8 +149,8 @@ class Engagement:
         self.mode = Mode.HEARING if armed else Mode.LISTENING
         self.reason = Reason.NOT_ENGAGED
         self._since_ns: int | None = None
-        self._unsaid_ns: float | None = None
-        """Until then the vehicle may keep its mode to itself; for ever once it said AUTONOMOUS."""
+        self._heard_ns: int | None = None
+        """Since then there is a vehicle; None while it hears nothing."""
         self._status_ns: int | None = None
         self._hears_after_fault = False
         self._fresh_since_ns: int | None = None
@@ -172,7 +172,7 @@ class Engagement:
         """Whether lights and report may be sent; while it hears, only where there is no vehicle yet."""
         if self.mode is not Mode.HEARING:
             return self.sends
-        return self._unsaid_ns is None and self._since_ns is not None and now_ns - self._since_ns > HEARING_NS
+        return self._heard_ns is None and self._since_ns is not None and now_ns - self._since_ns > HEARING_NS
 
     @property
     def latched(self) -> bool:
@@ -193,7 +193,7 @@ class Engagement:
         if pair is None:
             return False
         if pair[0] is Mode.HEARING:
-            self._unsaid_ns = self._status_ns = None
+            self._heard_ns = self._status_ns = None
             self._hears_after_fault = self.mode is Mode.SILENT
         self.mode, self.reason = pair
         self._since_ns = now_ns
@@ -209,8 +209,7 @@ class Engagement:
 
     def see_sample(self, stamp_ns: int, now_ns: int) -> None:
         """A complete sample of `stamp_ns` has come."""
-        if self._unsaid_ns is None:
-            self._unsaid_ns = now_ns + HEARING_NS
+        self._hears(now_ns)
         last_ns = self._last_sample_ns
         self._last_sample_ns = stamp_ns
         if self._fresh_since_ns is None or last_ns is None or stamp_ns - last_ns > self._timing.stale_ns:
@@ -221,9 +220,8 @@ class Engagement:
     def see_status(self, status: VehicleStatus, now_ns: int) -> None:
         """The vehicle has reported its mode and its driver."""
         self._status_ns = now_ns
-        if status.mode is VehicleMode.AUTONOMOUS:
-            self._unsaid_ns = math.inf
-        else:
+        self._hears(now_ns)
+        if status.mode is not VehicleMode.AUTONOMOUS:
             self.happened(Event.NOBODY_DRIVES, now_ns)
         overridden = self.driver_acts(status) or status.mode is VehicleMode.MANUAL
         if status.mode in (VehicleMode.FAULT, VehicleMode.EMERGENCY_STOP):
@@ -250,12 +248,16 @@ class Engagement:
         if self._since_ns is None:
             self._since_ns = now_ns
         in_mode_ns = now_ns - self._since_ns
-        if self._unsaid_ns is not None and now_ns > self._unsaid_ns:
+        if self._heard_ns is not None and now_ns - self._heard_ns > HEARING_NS:
             self.happened(Event.NOBODY_DRIVES, now_ns)
         if in_mode_ns > self._timing.give_up_ns:
             self.happened(Event.GAVE_UP, now_ns)
         if self.mode is Mode.ENDING and in_mode_ns > self._timing.end_ns:
             self.happened(Event.STANDSTILL, now_ns)
+
+    def _hears(self, now_ns: int) -> None:
+        if self._heard_ns is None:
+            self._heard_ns = now_ns
 
     def driver_acts(self, status: VehicleStatus) -> bool:
         """Whether the driver's feet or hands are on the controls."""
