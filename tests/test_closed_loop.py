@@ -508,15 +508,15 @@ def test_an_autonomous_vehicle_that_nobody_commands_is_let_go_and_driven_again()
     )
 
 
-def test_told_to_end_at_any_moment_of_a_start_it_ends_and_drives_nothing() -> None:
-    for tick in range(45):
-        drive = Drive()
-        drive.say("mute VEHICLE_STATUS on")  # it is heard for 200 ms
-        drive.run_s(tick * 0.01)
-        drive.loop.request_end()
-        drive.run_until(lambda drive=drive: drive.loop.done, 0.5)  # type: ignore[misc]
-        assert not any(pair["ENABLE"] for pair in drive.pairs())
-        assert not drive.loop.ended_in_fault
+@pytest.mark.parametrize("tick", range(45))
+def test_told_to_end_at_any_moment_of_a_start_it_ends_and_drives_nothing(tick: int) -> None:
+    drive = Drive()
+    drive.say("mute VEHICLE_STATUS on")  # it is heard for 200 ms
+    drive.run_s(tick * 0.01)
+    drive.loop.request_end()
+    drive.run_until(lambda: drive.loop.done, 0.5)
+    assert not any(pair["ENABLE"] for pair in drive.pairs())
+    assert not drive.loop.ended_in_fault
 
 
 def test_a_fault_that_was_armed_away_is_one_until_something_is_sent_again() -> None:

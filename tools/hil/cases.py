@@ -8,6 +8,7 @@ import re
 import signal
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from bus_contract import Frame
 
@@ -1075,38 +1076,44 @@ PROCESS = (
     ),
 )
 
+
+def _beside(name: str, fault: str, what: str, injected: str, inject: f.Injection, for_s: float, **more: Any) -> Case:
+    """Something beside the loop is spoilt."""
+    kind = name.partition("-")[0]
+    return Case(
+        name=name,
+        fault=fault,
+        tags=("beside", kind),
+        proves=f"{what} costs the vehicle nothing: not one command less, and none late.",
+        injected=injected,
+        inject=inject,
+        for_s=for_s,
+        is_measured=True,
+        see=(DrivesOn(),),
+        **more,
+    )
+
+
 BESIDE = (
     *(
-        Case(
-            name=f"recorder-{name}",
-            fault="P6",
-            tags=("beside", "recorder"),
-            proves=f"{what} costs the vehicle nothing: not one command less, and none late.",
-            injected=injected,
-            recorded_mib=2,
-            inject=inject,
-            for_s=seconds,
-            is_measured=True,
-            see=(DrivesOn(),),
-            needs=(Need.OWN_PROCESS, Need.ROOT),
-        )
-        for name, seconds, what, injected, inject in (
+        _beside(name, "P6", what, injected, inject, for_s, recorded_mib=2, needs=(Need.OWN_PROCESS, Need.ROOT))
+        for name, for_s, what, injected, inject in (
             (
-                "disk-full",
+                "recorder-disk-full",
                 4.0,  # what is written meanwhile is little, and has to find no room
                 "A disk that is full",
                 "the disk that the drive is written to has no room left",
                 f.full_disk,
             ),
             (
-                "stopped",
+                "recorder-stopped",
                 2.0,
                 "A recorder that stands still",
                 "SIGSTOP to the process that writes the drive down, SIGCONT 2 s later",
                 f.recorder_gets(signal.SIGSTOP),
             ),
             (
-                "killed",
+                "recorder-killed",
                 2.0,
                 "A recorder that is gone",
                 "SIGKILL to the process that writes the drive down",
@@ -1115,30 +1122,32 @@ BESIDE = (
         )
     ),
     *(
-        Case(
-            name=f"viewer-{name}",
-            fault="W1",
-            tags=("beside", "viewer"),
-            proves=f"{what} costs the vehicle nothing: not one command less, and none late.",
-            injected=injected,
-            route=lambda: routes.straight(600.0, 4.0),
+        _beside(
+            name,
+            "W1",
+            what,
+            injected,
+            f.viewer(change),
+            3.0,
             viewed=True,
-            inject=f.viewer(change),
-            for_s=3.0,
-            is_measured=True,
-            see=(DrivesOn(),),
+            route=lambda: routes.straight(600.0, 4.0),
             needs=(Need.OWN_PROCESS,),
         )
         for name, what, injected, change in (
-            ("stopped", "A viewer that stands still", "SIGSTOP to the viewer, SIGCONT 3 s later", f.viewer_stopped),
             (
-                "killed",
+                "viewer-stopped",
+                "A viewer that stands still",
+                "SIGSTOP to the viewer, SIGCONT 3 s later",
+                f.viewer_stopped,
+            ),
+            (
+                "viewer-killed",
                 "A viewer that is killed and begun anew",
                 "SIGKILL to the viewer; then another",
                 f.viewer_killed,
             ),
             (
-                "flooded",
+                "viewer-flooded",
                 "A viewer that is flooded",
                 "twenty browsers that ask for everything, read nothing and send nonsense",
                 f.many_pages,

@@ -31,8 +31,6 @@ os.execvp(sys.argv[2], sys.argv[2:])
 """
 """Takes the lowest descriptors, and becomes the program that its further arguments name."""
 OWN = f"{sys.executable} -m vehicle_iface run --channel {{channel}} --profile {{profile}} --trajectory {{trajectory}}"
-
-
 OWN_RECORDING = f"{OWN} --arm --record {{record}}"
 OWN_VIEWER = f"{sys.executable} -m vehicle_iface view --port {{port}}"
 

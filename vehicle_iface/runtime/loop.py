@@ -321,8 +321,8 @@ class Loop:
         implausible = self._parts.plausibility.persists(since_ns=stale_ns)
         if newest is not None and (implausible or newest.state.stamp_ns < stale_ns):
             self._answer_silence(newest, now_ns, Reason.STATE_INVALID if implausible else Reason.STATE_STALE)
-        has_quiet = now_ns - self._commanded_ns > 2 * self._late_ns
-        if has_quiet and self._engagement.reports(now_ns) and self._has_room():
+        reports_alone = now_ns - self._commanded_ns > 2 * self._late_ns  # else they go out behind a command
+        if reports_alone and self._engagement.reports(now_ns) and self._has_room():
             self._send_reports(now_ns)
         if self._parts.teller.is_quiet(now_ns):
             self._tell(now_ns)

@@ -255,11 +255,11 @@ class Engagement:
         if self.mode is Mode.ENDING and in_mode_ns > self._timing.end_ns:
             self.happened(Event.STANDSTILL, now_ns)
 
-    def _hears(self, now_ns: int) -> None:
-        if self._heard_ns is None:
-            self._heard_ns = now_ns
-
     def driver_acts(self, status: VehicleStatus) -> bool:
         """Whether the driver's feet or hands are on the controls."""
         hands = abs(status.driver_steer_torque_nm) >= self._timing.steer_torque_nm
         return status.driver_brake or status.driver_throttle or hands
+
+    def _hears(self, now_ns: int) -> None:
+        if self._heard_ns is None:
+            self._heard_ns = now_ns
