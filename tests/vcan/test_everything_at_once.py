@@ -35,10 +35,10 @@ POINTS_SEEN = 60
 SPEED_MPS, SPACING_M = 2.5, 0.25
 LOOK = """() => {
     const {state, reason} = document.getElementById("banner").dataset;
-    const number = (key) => parseFloat(document.getElementById(`n-${key}`).textContent);
+    const number = (key) => parseFloat(document.getElementById(`n-${key}`)?.textContent);
     return [state, reason, Object.fromEntries(["x", "y", "in-space", "in-time"].map((key) => [key, number(key)]))];
 }"""
-"""All that the page shows at one moment: between two questions it would show another."""
+"""All that the page shows at one moment: between two questions it would show another. No numbers before a state."""
 
 
 @pytest.fixture
