@@ -1,6 +1,7 @@
 """The gate: whatever is wished, what leaves is finite, within limits, within rates, and what the wire will say."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -33,11 +34,11 @@ NUMBERS = ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed
 LSB = {"accel_mps2": 0.001, "front_wheel_angle_rad": 1e-4, "rear_wheel_angle_rad": 1e-4, "speed_mps": 0.005}
 
 
-def new_gate(**limits: Any) -> Gate:
-    """The reference vehicle's, or one with other limits."""
+def new_gate(lsb: Mapping[str, float] | None = None, **limits: Any) -> Gate:
+    """The reference vehicle's, or one with other counts or limits."""
     profile = reference().profile
     changed = msgspec.structs.replace(profile.limits, **limits)
-    of_channels = gate_channels(changed, lambda field: reference().resolutions[field])
+    of_channels = gate_channels(changed, lambda field: (reference().resolutions | dict(lsb or {}))[field])
     stop = stop_shape(profile, BehaviorConfig())
     return Gate(of_channels, changed, wheelbase_m=WHEELBASE_M, stop=stop)
 

@@ -36,6 +36,8 @@ class _Sent(NamedTuple):
     accel_raw: int = 0
     front_raw: int = 0
     rear_raw: int = 0
+    turned_ns: int = 0
+    """When the wheels were last sent elsewhere than before."""
 
 
 class Gate:
@@ -67,7 +69,7 @@ class Gate:
             _nearest_raw(front, state.front_wheel_angle_rad),
             _nearest_raw(rear, state.rear_wheel_angle_rad),
         )
-        self._last = self._before = _Sent(now_ns, 0, front_raw, rear_raw)
+        self._last = self._before = _Sent(now_ns, 0, front_raw, rear_raw, now_ns)
 
     def permit(
         self,
@@ -100,9 +102,12 @@ class Gate:
         else:
             accel_raw = self._accel_raw(wish.accel_mps2, state.speed_mps, dt_s, reversing, engaging=engaging)
         rear_raw = self._plainly(channels.rear_wheel_angle_rad, rear, last.rear_raw, dt_s)
-        front_raw = self._front_raw(front, rear_raw, state, dt_s, engaging=engaging)
+        held_s = (now_ns - last.turned_ns) / NS_PER_S
+        front_raw = self._front_raw(front, rear_raw, state, dt_s, held_s, engaging=engaging)
         speed_raw = self._plainly(channels.speed_mps, speed, 0, dt_s)
-        self._before, self._last = last, _Sent(now_ns, accel_raw, front_raw, rear_raw)
+        turned = front_raw != last.front_raw or rear_raw != last.rear_raw
+        turned_ns = now_ns if turned else last.turned_ns
+        self._before, self._last = last, _Sent(now_ns, accel_raw, front_raw, rear_raw, turned_ns)
         return SafeCommand(
             stamp_ns=wish.stamp_ns,
             enable=True,
@@ -126,6 +131,7 @@ class Gate:
             sent.accel_raw if "accel_mps2" in left else before.accel_raw,
             sent.front_raw if "front_wheel_angle_rad" in left else before.front_raw,
             sent.rear_raw if "rear_wheel_angle_rad" in left else before.rear_raw,
+            sent.turned_ns if left else before.turned_ns,
         )
 
     def release(self, *, stamp_ns: int, reason: Reason) -> SafeCommand:
@@ -155,26 +161,39 @@ class Gate:
         raw = limited_raw(channel, accel, self._last.accel_raw, dt_s, lowest=lowest, highest=highest)
         return self._counted(channel, accel, raw)
 
-    def _front_raw(self, wanted: float, rear_raw: int, state: VehicleState, dt_s: float, *, engaging: bool) -> int:
+    def _front_raw(
+        self, wanted: float, rear_raw: int, state: VehicleState, dt_s: float, held_s: float, *, engaging: bool
+    ) -> int:
         channel, limits, last = self._channels.front_wheel_angle_rad, self._limits, self._last
         measured, apart = state.front_wheel_angle_rad, limits.front_wheel_deviation_rad
         at_speed = by_speed(limits.front_wheel_angle_by_speed, state.speed_mps)
         lowest, highest = within_both((measured - apart, measured + apart), (-at_speed, at_speed))
         if abs(state.speed_mps) >= SLOW_MPS:
-            lowest, highest = within_both((lowest, highest), self._lateral_rad(rear_raw, last, state.speed_mps, dt_s))
+            lateral = self._lateral_rad(rear_raw, last, state.speed_mps, dt_s, held_s)
+            lowest, highest = within_both((lowest, highest), lateral)
         rate_per_s = limits.engaging.front_wheel_rate_radps if engaging else math.inf
         raw = limited_raw(channel, wanted, last.front_raw, dt_s, rate_per_s=rate_per_s, lowest=lowest, highest=highest)
         return self._counted(channel, wanted, raw)
 
-    def _lateral_rad(self, rear_raw: int, last: _Sent, speed_mps: float, dt_s: float) -> tuple[float, float]:
-        """The front wheel angles with which lateral acceleration and jerk are within their limits."""
+    def _lateral_rad(
+        self, rear_raw: int, last: _Sent, speed_mps: float, dt_s: float, held_s: float
+    ) -> tuple[float, float]:
+        """The front wheel angles with which lateral acceleration and jerk are within their limits.
+
+        The jerk grants its share of `dt_s`; of `held_s`, for which the wheels were not turned, up to one count. So it
+        keeps its limit from turn to turn, and no signal is too coarse to turn at all.
+        """
         channels, limits, wheelbase_m = self._channels, self._limits, self._wheelbase_m
-        rear_lsb = channels.rear_wheel_angle_rad.lsb
+        front_lsb, rear_lsb = channels.front_wheel_angle_rad.lsb, channels.rear_wheel_angle_rad.lsb
         most = limits.lateral_accel_mps2 / (speed_mps * speed_mps)
-        change = limits.lateral_jerk_mps3 / (speed_mps * speed_mps) * dt_s
-        front_rad = last.front_raw * channels.front_wheel_angle_rad.lsb
-        now = curvature_per_m(front_rad, last.rear_raw * rear_lsb, wheelbase_m)
-        low, high = max(-most, now - change), min(most, now + change)
+        per_s = limits.lateral_jerk_mps3 / (speed_mps * speed_mps)
+        right, now, left = (
+            curvature_per_m(raw * front_lsb, last.rear_raw * rear_lsb, wheelbase_m)
+            for raw in (last.front_raw - 1, last.front_raw, last.front_raw + 1)
+        )
+        low = now - max(per_s * dt_s, min(per_s * held_s, now - right))
+        high = now + max(per_s * dt_s, min(per_s * held_s, left - now))
+        low, high = max(-most, low), min(most, high)
         if abs(now) > most:  # the speed has risen: back into the range, as fast as the wheels may turn
             low, high = -most, most
         rear_rad = rear_raw * rear_lsb
