@@ -26,6 +26,7 @@ from pathlib import Path
 from defects import DEFECTS
 from minimal_diary import Diary
 from minimal_route import FRAMES, Route, read_route
+from minimal_view import View
 
 MS = 1_000_000
 CAN_RAW_ERR_FILTER, CAN_ERR_BUSOFF = 2, 0x40
@@ -271,6 +272,7 @@ class Controller:
 
     def __init__(self, channel: str, route: Route, *, is_armed: bool, defect: str = "") -> None:
         self.diary: Diary | None = None
+        self.view: View | None = None
         self.channel, self.route, self.is_armed, self.defect = channel, route, is_armed, defect
         self.phase, self.latched = "standby", Reason.NOT_ENGAGED
         self.bus: Bus | None = Bus(channel)
@@ -329,6 +331,8 @@ class Controller:
             self.bus.raw.close()
         if self.diary is not None:
             self.diary.close()
+        if self.view is not None:
+            self.view.close()
         is_fault = self.phase == "silent" or (self.phase == "out" and self.latched != Reason.DRIVER_OVERRIDE)
         return 4 if is_fault else 0
 
@@ -503,6 +507,8 @@ class Controller:
             wheel_rad = self.wanted_wheel_rad(state, now_ns)
             if not math.isfinite(wheel_rad) and self.defect != "nan_path":
                 wheel_rad, reason = self.wheel_rad, Reason.CONTROLLER_ERROR
+        elif self.defect == "stop_swerves":
+            wheel_rad = 0.0
         if reason == Reason.NOMINAL:
             speed_mps, gear = self.wanted_speed_mps(state)
         dt_s = min(0.05, max(0.0, (now_ns - self.pair_ns) / 1e9))
@@ -541,9 +547,8 @@ class Controller:
         most_rad *= 1.1 if self.defect == "limit_off_by_10_percent" else 1.0
         wanted_rad = min(most_rad, max(-most_rad, wanted_rad))
         wanted_rad = min(state.wheel_rad + WHEEL_APART_RAD, max(state.wheel_rad - WHEEL_APART_RAD, wanted_rad))
-        fastest_radps = min(
-            WHEEL_RADPS if self.phase == "engaged" else WHEEL_ENGAGING_RADPS, LATERAL_MPS3 * WHEELBASE_M / v_mps**2
-        )
+        felt_radps = math.inf if self.defect == "stop_swerves" else LATERAL_MPS3 * WHEELBASE_M / v_mps**2
+        fastest_radps = min(WHEEL_RADPS if self.phase == "engaged" else WHEEL_ENGAGING_RADPS, felt_radps)
         step_rad = fastest_radps * dt_s
         return min(self.wheel_rad + step_rad, max(self.wheel_rad - step_rad, wanted_rad))
 
@@ -585,6 +590,8 @@ class Controller:
         step = 0 if is_repeated else 1
         if self.diary is not None:
             self.diary.note(now_ns / 1e9, enable, reason, self.accel_mps2, self.wheel_rad, speed_mps)
+        if self.view is not None:
+            self.view.show(now_ns / 1e9, enable, reason, self.accel_mps2, self.wheel_rad, speed_mps)
         assert self.bus is not None
         has_room = self.bus.has_room()
         if has_room and self.send(DRIVE_COMMAND, drive, step) and self.send(STEER_COMMAND, steer, step):
@@ -632,6 +639,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--route", required=True, type=Path, help="CSV: time_s,x_m,y_m,heading_rad,speed_mps")
     parser.add_argument("--arm", action="store_true", help="drive; without it not one frame leaves")
     parser.add_argument("--record", type=Path, metavar="DIR", help="write each pair down in this new folder")
+    parser.add_argument("--show", type=int, metavar="PORT", help="tell the page at this port (minimal_view.py)")
     parser.add_argument("--defect", choices=DEFECTS, default="", metavar="NAME", help=", ".join(DEFECTS))
     given = parser.parse_args(arguments)
     try:
@@ -643,6 +651,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.record is not None:
             blocks, matters = given.defect == "diary_blocks", given.defect == "diary_matters"
             controller.diary = Diary(given.record, blocks=blocks, matters=matters)
+        if given.show is not None:
+            blocks, matters = given.defect == "view_blocks", given.defect == "view_matters"
+            controller.view = View(given.show, blocks=blocks, matters=matters)
     except OSError as error:
         print(f"{given.channel}: {error}", file=sys.stderr)
         return 3

@@ -422,6 +422,23 @@ def with_value(name: str, from_tick: int = 0, **wrong: float) -> Lie:
     return lie(name, lambda tick, values: [values | wrong if tick >= from_tick else values])
 
 
+def steered(angle_rad: Callable[[int], float], speed_mps: Callable[[int], float] = lambda _: SPEED_MPS) -> Lie:
+    """Front wheels at a speed, both by the tick."""
+    of = {
+        "MOTION": lambda tick: {"SPEED": speed_mps(tick)},
+        "STEER_COMMAND": lambda tick: {"FRONT_WHEEL_ANGLE_REQUEST": angle_rad(tick)},
+    }
+    return lambda name, tick, values: [values | of[name](tick) if name in of else values]
+
+
+def led_back(to_rad: float) -> Lie:
+    """Into a curve at 6 m/s, which then is 9 m/s, where the wheels may not be beyond 0.1 rad."""
+    return steered(
+        lambda tick: 0.0037 * min(54, tick) if tick < 100 else max(to_rad, 0.1998 - 0.0079 * (tick - 99)),
+        lambda tick: 6.0 if tick < 100 else 9.0,
+    )
+
+
 def ready(wrong: Mapping[str, Callable[[int], Values]]) -> Lie:
     """To a vehicle that is not autonomous yet."""
     of = {"VEHICLE_STATUS": lambda _: {"MODE": READY}, **wrong}
@@ -478,6 +495,10 @@ LIES: dict[str, tuple[str, Lie]] = {
         ready({"STEER_COMMAND": lambda tick: {"FRONT_WHEEL_ANGLE_REQUEST": min(0.1, 0.006 * tick)}}),
     ),
     "a curve too tight for 8 m/s": ("dynamics", with_value("STEER_COMMAND", FRONT_WHEEL_ANGLE_REQUEST=0.19)),
+    "a swerve within the wheels' rate": ("dynamics", steered(lambda tick: min(0.1, max(0.0, 0.0079 * (tick - 100))))),
+    "a swerve of twice the jerk": ("dynamics", steered(lambda tick: -min(0.1, max(0.0, 0.0042 * (tick - 100))))),
+    "wheels that come back from a swerve too far": ("dynamics", led_back(0.0)),
+    "wheels led away from hanging ones": ("dynamics", steered(lambda tick: min(0.32, 0.005 * tick), lambda _: 0.5)),
     "rear wheels that it has not": ("dynamics", with_value("STEER_COMMAND", REAR_WHEEL_ANGLE_REQUEST=0.05)),
     "a speed beyond every limit": ("dynamics", with_value("DRIVE_COMMAND", SPEED_REQUEST=90.0)),
     "no lights at all": ("periods", lie("BODY_COMMAND", lambda *_: [])),
@@ -501,6 +522,19 @@ def test_a_device_that_says_the_truth_has_nothing_against_it() -> None:
     assert set(judged(truth).values()) == {Verdict.PASS}
     brakes_meanwhile = ready({"DRIVE_COMMAND": lambda tick: {"ACCEL_REQUEST": -1.5} if tick < STOPPED_FROM else {}})
     assert judged(brakes_meanwhile)["dynamics"] is Verdict.PASS
+
+
+@pytest.mark.parametrize(
+    "tell",
+    [
+        steered(lambda tick: 0.0021 * min(50, max(0, tick - 100))),
+        led_back(0.095),
+        steered(lambda tick: min(0.3, 0.005 * tick), lambda _: 0.5),
+    ],
+    ids=["by the lateral jerk", "back by their own rate", "from where they are measured"],
+)
+def test_wheels_that_go_as_far_as_they_may_have_nothing_against_them(tell: Lie) -> None:
+    assert judged(tell)["dynamics"] is Verdict.PASS
 
 
 @pytest.mark.parametrize("name", LIES)

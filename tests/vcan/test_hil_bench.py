@@ -8,6 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import defects
 import pytest
 from hil import result
 from hil.bus import Bus
@@ -17,7 +18,9 @@ from .contract import CHANNEL, Frame, drained, raw_socket, send
 
 ROOT = Path(__file__).resolve().parents[2]
 MINIMAL = f"{sys.executable} {ROOT}/tests/hil/minimal_controller.py --channel {{channel}} --route {{trajectory}}"
+ARMED = f"{MINIMAL} --arm --show {{port}}"
 RECORDING = f"{MINIMAL} --arm --record {{record}}"
+VIEWER = f"{sys.executable} {ROOT}/tests/hil/minimal_view.py {{port}}"
 LONGEST_S = 280.0
 
 DEFECTS = {
@@ -27,6 +30,7 @@ DEFECTS = {
     "nan_path": ("drive-from-the-side", "comes to the end"),
     "limit_off_by_10_percent": ("drive-from-the-side", "every value within the limits"),
     "jerk_unlimited": ("end-of-space", "steering, lateral acceleration, braking and jerk"),
+    "stop_swerves": ("pose-invalid-in-a-bend", "steering, lateral acceleration, braking and jerk"),
     "counter_repeated_with_fresh_crc": ("end-of-space", "its counters step by one"),
     "stop_without_brake": ("crc-always-wrong", "a stop brakes"),
     "stop_without_reason": ("state-lost", "a stop with STATE_STALE"),
@@ -34,23 +38,29 @@ DEFECTS = {
     "commands_after_override": ("driver-brakes", "ENABLE = 0 with DRIVER_OVERRIDE"),
     "diary_blocks": ("recorder-stopped", "drives on: no stop"),
     "diary_matters": ("recorder-disk-full", "drives on: no stop"),
+    "view_blocks": ("viewer-stopped", "drives on: no stop"),
+    "view_matters": ("viewer-killed", "drives on: no stop"),
     "frame_ignored": ("other-frame-of-reference", "a stop with FRAME_MISMATCH"),
 }
 """Defect → the case that is there for it, and what of it fails."""
 
 
 def bench(
-    tmp_path: Path, cases: Sequence[str], *, device: str = "", listen: str = "", recording: str = ""
+    tmp_path: Path, cases: Sequence[str], *, device: str = "", recording: str = "", viewer: str = ""
 ) -> tuple[int, Run, str]:
     command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
     command += [word for case in cases for word in ("--case", case)]
     command += ["--device", device] if device else []
-    command += ["--listen-device", listen] if listen else []
     command += ["--recording-device", recording] if recording else []
+    command += ["--viewer", viewer] if viewer else []
     done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_S, check=False, cwd=ROOT)
     report = tmp_path / "report" / "results.json"
     assert report.exists(), done.stdout + done.stderr
     return done.returncode, result.read(report), done.stdout + done.stderr
+
+
+def test_there_is_a_case_for_every_defect() -> None:
+    assert DEFECTS.keys() == defects.DEFECTS.keys()
 
 
 @pytest.mark.timeout(LONGEST_S)
@@ -58,7 +68,7 @@ def test_a_sound_controller_that_shares_no_code_with_the_program_passes_where_ea
     tmp_path: Path,
 ) -> None:
     cases = dict.fromkeys(case for case, _ in DEFECTS.values())
-    status, run, said = bench(tmp_path, list(cases), device=f"{MINIMAL} --arm", recording=RECORDING)
+    status, run, said = bench(tmp_path, list(cases), device=ARMED, recording=RECORDING, viewer=VIEWER)
     assert {case.name: (case.verdict, case.why) for case in run.cases} == dict.fromkeys(cases, (Verdict.PASS, "")), said
     assert status == 0
     assert run.evidence is Evidence.VIRTUAL_BUS
@@ -69,7 +79,7 @@ def test_a_sound_controller_that_shares_no_code_with_the_program_passes_where_ea
 def test_a_defect_turns_the_bench_red_in_the_case_that_is_there_for_it(tmp_path: Path, defect: str) -> None:
     case, must = DEFECTS[defect]
     broken = f" --defect {defect}"
-    status, run, said = bench(tmp_path, [case], device=f"{MINIMAL} --arm{broken}", recording=RECORDING + broken)
+    status, run, said = bench(tmp_path, [case], device=ARMED + broken, recording=RECORDING + broken, viewer=VIEWER)
     failed = [check.text for check in run.cases[0].checks if check.verdict is Verdict.FAIL]
     assert run.cases[0].verdict is Verdict.FAIL, said
     assert any(text.startswith(must) for text in failed), failed

@@ -1,6 +1,7 @@
 """What a profile allows at the measured speed, and how fast it may change: of every command, whatever is done to it."""
 
 import math
+from collections import deque
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
@@ -12,9 +13,13 @@ from hil.wire import Wire
 
 SLOW_MPS = 1.0
 """Below it a brake may be let up."""
-SLOWER_MPS = 0.3
-"""A speed at which the device was not sure to have been slow already."""
 STANDS_MPS = 0.05
+LEAST_MPS = 0.1
+"""Slower than this nothing that the wheels do can be felt."""
+ANSWERED_NS = 100 * MS
+"""A command answers a sample that is no older."""
+COUNTS_RAD = 0.002
+"""What two devices may round differently."""
 BRAKES_WITHIN_NS = 250 * MS
 
 
@@ -23,18 +28,18 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
     limits, behavior = wire.profile["limits"], wire.profile["behavior"]
     table = limits.get("front_wheel_angle_by_speed") or [[0.0, limits["front_wheel_angle_rad"]]]
     wheelbase_m, rear_rad = wire.profile["geometry"]["wheelbase_m"], limits.get("rear_wheel_angle_rad", 0.0)
-    speeds = _Speeds(record)
+    speeds = _speeds(record)
     by_speed = limits.get("accel_max_by_speed") or [[0.0, limits["accel_max_mps2"]]]
     before = braked = 0.0
     for pair in record.pairs:
-        speed = speeds.at(pair.drive.stamp_ns)
+        lately_mps = speeds.until(pair.stamp_ns)
+        speed, slowest_mps = lately_mps[-1], _slowest_mps(lately_mps)
         if not pair.is_enabled:
             continue
         at = _at(pair, record)
         angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
-        slower_mps = max(0.1, abs(speed) - SLOWER_MPS)
-        sideways_rad = math.atan(limits["lateral_accel_mps2"] * wheelbase_m / slower_mps**2)
-        most_rad = min(_between(table, slower_mps), sideways_rad) + 0.002
+        sideways_rad = math.atan(limits["lateral_accel_mps2"] * wheelbase_m / slowest_mps**2)
+        most_rad = min(_between(table, slowest_mps), sideways_rad) + COUNTS_RAD
         if abs(angle) > most_rad and abs(angle) >= abs(before):
             yield f"{at} {angle:.4f} rad at {speed:.2f} m/s"
         before = angle
@@ -44,12 +49,59 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
             yield f"{at} {pair.drive['SPEED_REQUEST']:.3f} m/s asked for"
         strongest = max(behavior["safe_deceleration_mps2"], 0.0)
         accel = pair.drive["ACCEL_REQUEST"]
-        most_mps2 = _between(by_speed, max(0.0, abs(speed) - SLOWER_MPS)) + 0.002
+        most_mps2 = _between(by_speed, slowest_mps) + 0.002
         if accel * speed > 0.0 and most_mps2 < abs(accel) >= abs(braked):
             yield f"{at} {accel:.3f} m/s² at {speed:.2f} m/s"
         if pair.is_stop and abs(accel) > max(strongest, abs(braked)) + 0.002:
             yield f"{at} a stop with {accel:.3f} m/s²"
         braked = accel
+
+
+def swerving(wire: Wire, record: Record) -> Iterable[str]:
+    """Wheels that bend the path faster than the lateral jerk allows at the slowest speed told lately: κ' ≤ jerk / v².
+
+    Where the speed has risen, wheels that are beyond what it allows go back as fast as they can.
+    """
+    limits, wheelbase_m = wire.profile["limits"], wire.profile["geometry"]["wheelbase_m"]
+    speeds = _speeds(record)
+    for stretch in _stretches(record):
+        granted = before = 0.0
+        before_ns = stretch[0].stamp_ns
+        lowest, highest = math.inf, -math.inf
+        for pair in stretch:
+            lately_mps = speeds.until(pair.stamp_ns)
+            per_s = limits["lateral_jerk_mps3"] / _slowest_mps(lately_mps) ** 2
+            granted += per_s * (pair.stamp_ns - before_ns) / S
+            angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
+            rear = pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)
+            per_m = (math.tan(angle) - math.tan(rear)) / wheelbase_m
+            may_be_beyond = abs(before) > 0.99 * limits["lateral_accel_mps2"] / _fastest_mps(lately_mps) ** 2
+            if may_be_beyond and abs(per_m) < abs(before):
+                lowest, highest = math.inf, -math.inf
+            slack = (per_s * JITTER_NS / S + COUNTS_RAD / wheelbase_m) / 2.0
+            rising, falling = per_m - granted, per_m + granted
+            if rising - slack > lowest or falling + slack < highest:
+                yield f"{_at(pair, record)} a swerve at {lately_mps[-1]:.2f} m/s, wheels to {angle:.4f} rad"
+                lowest, highest = math.inf, -math.inf
+            lowest, highest = min(lowest, rising + slack), max(highest, falling - slack)
+            before, before_ns = per_m, pair.stamp_ns
+
+
+def led_away(wire: Wire, record: Record) -> Iterable[str]:
+    """Wheels commanded further away from where they are measured than the profile has it, and led on from there."""
+    if not wire.has("FRONT_WHEEL_ANGLE"):
+        return
+    apart_rad = wire.profile["limits"]["front_wheel_deviation_rad"] + COUNTS_RAD
+    measured = _Told(
+        [(told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE"))]
+    )
+    for stretch in _stretches(record):
+        before = math.inf
+        for pair in stretch:
+            angle, lately_rad = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"], measured.until(pair.stamp_ns)
+            if all(abs(angle - rad) > max(apart_rad, abs(before - rad)) for rad in lately_rad):
+                yield f"{_at(pair, record)} {angle:.4f} rad, where {lately_rad[-1]:.4f} is measured"
+            before = angle
 
 
 def unbraked(wire: Wire, record: Record, history: Sequence[Instant]) -> Iterable[str]:
@@ -93,7 +145,7 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
     """Commands beyond the stricter limits until the vehicle says that it is autonomous; to brake harder is none."""
     limits = wire.profile["limits"].get("engaging", {})
     modes, place, mode = record.of("VEHICLE_STATUS"), 0, -1.0
-    speeds = _Speeds(record)
+    speeds = _speeds(record)
     autonomous = wire.number("MODE", "AUTONOMOUS")
     for stretch in _stretches(record):
         engaging: list[Pair] = []
@@ -105,7 +157,7 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
             engaging.append(pair)
         for pair in engaging:
             accel = pair.drive["ACCEL_REQUEST"]
-            speed = speeds.at(pair.stamp_ns)
+            speed = speeds.until(pair.stamp_ns)[-1]
             way = speed if abs(speed) > STANDS_MPS else pair.drive.signals.get("SPEED_REQUEST", 0.0)
             if accel * way > 0.0 and not pair.is_stop and abs(accel) > limits.get("accel_max_mps2", math.inf) + 1e-9:
                 yield f"{_at(pair, record)} {accel:.3f} m/s² while it engages"
@@ -114,16 +166,32 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
         yield from _faster(engaging, angles, rate_radps, "rad/s while it engages", record)
 
 
-class _Speeds:
-    """What the vehicle last said of its speed, asked for in the order of time."""
+class _Told:
+    """What the vehicle said of one thing, asked for in the order of time."""
 
-    def __init__(self, record: Record) -> None:
-        self._samples, self._place = record.samples, 0
+    def __init__(self, told: Iterable[tuple[int, float]]) -> None:
+        self._coming = deque(told)
+        self._lately: deque[tuple[int, float]] = deque()
 
-    def at(self, stamp_ns: int) -> float:
-        while self._place < len(self._samples) and self._samples[self._place].stamp_ns <= stamp_ns:
-            self._place += 1
-        return self._samples[self._place - 1].speed_mps if self._place else 0.0
+    def until(self, stamp_ns: int) -> list[float]:
+        """Oldest first: what a command at this time may answer. Never empty."""
+        while self._coming and self._coming[0][0] <= stamp_ns:
+            self._lately.append(self._coming.popleft())
+        while len(self._lately) > 1 and self._lately[1][0] <= stamp_ns - ANSWERED_NS:
+            self._lately.popleft()
+        return [value for _, value in self._lately] or [0.0]
+
+
+def _speeds(record: Record) -> _Told:
+    return _Told((sample.stamp_ns, sample.speed_mps) for sample in record.samples)
+
+
+def _slowest_mps(speeds: Iterable[float]) -> float:
+    return max(LEAST_MPS, min(map(abs, speeds)))
+
+
+def _fastest_mps(speeds: Iterable[float]) -> float:
+    return max(LEAST_MPS, *map(abs, speeds))
 
 
 def _stretches(record: Record) -> Iterable[list[Pair]]:

@@ -46,6 +46,8 @@ THINNED_M = 0.2
 HEALTHY_S = 0.6
 HOLDS_S = 0.3
 MOVING_MPS = 0.05
+SLOWER_MPS = 0.3
+"""As fast as it was to be, or nearly."""
 SLACK_AFTER_S = 0.35
 OWED = 10
 """Answers that a bad cable lost are owed until they are too old: so many may be called in after it was mended."""
@@ -69,6 +71,8 @@ def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
         "command": record.violations,
         "dynamics": [
             *dynamics.beyond(rig.wire, record),
+            *dynamics.swerving(rig.wire, record),
+            *dynamics.led_away(rig.wire, record),
             *dynamics.jerky(rig.wire, record),
             *dynamics.rash(rig.wire, record),
         ],
@@ -96,7 +100,7 @@ def protocol(case: Case, rig: Rig, record: Record, seen: Seen) -> list[Check]:
 def certain(failed: Sequence[Check]) -> list[Check]:
     """Of checks that failed, those that did not because the bench was late. Rates are made of stamps, and may have."""
     texts = {KINDS[kind] for kind in CERTAIN}
-    return [c for c in failed if c.text in texts and not all("faster" in text for text in c.found)]
+    return [c for c in failed if c.text in texts and not all(re.search("faster|swerve", text) for text in c.found)]
 
 
 def alive(case: Case, seen: Seen, rig: Rig) -> list[Check]:
@@ -117,7 +121,7 @@ def prepared(case: Case, seen: Seen, rig: Rig) -> list[Check]:
     wrong = []
     if not before or before[0].mode != AUTONOMOUS:
         wrong.append("it was not engaged")
-    elif abs(before[0].speed_mps) < case.at_mps - dynamics.SLOWER_MPS:
+    elif abs(before[0].speed_mps) < case.at_mps - SLOWER_MPS:
         wrong.append(f"{seen.at_s(rig.touched_ns):.3f} s: {before[0].speed_mps:.2f} m/s")
     found = [check(f"it drives at {case.at_mps} m/s when the injection begins", wrong)]
     if case.samples:

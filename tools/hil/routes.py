@@ -146,6 +146,11 @@ def u_turn(speed_mps: float = 3.0) -> Route:
     return route("u-turn", [(5.0, 0.0), (math.pi * 7.0, 1.0 / 7.0), (6.0, 0.0)], speed_mps)
 
 
+def bend(speed_mps: float = 7.0) -> Route:
+    """A wide bend of 25 m from the beginning on."""
+    return route("bend", [(110.0, 1.0 / 25.0)], speed_mps)
+
+
 def circle(speed_mps: float = 4.0) -> Route:
     """Once round, 12 m."""
     return route("circle", [(6.0, 0.0), (math.tau * 12.0, 1.0 / 12.0), (6.0, 0.0)], speed_mps)
