@@ -6,8 +6,9 @@ from hypothesis import strategies as st
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
 
-coordinates = st.floats(-100.0, 100.0) | st.integers(-5, 5).map(float)
-"""Small whole numbers too, so that points coincide and products are exactly 0."""
+coordinates = st.floats(-100.0, 100.0).map(lambda metres: round(metres, 6)) | st.integers(-5, 5).map(float)
+"""Whole micrometres: what is nearer than a nanometre is the same place. Small whole numbers too, so that points
+coincide and products are exactly 0."""
 angles = st.floats(-4.0, 4.0)
 speeds = st.floats(-30.0, 30.0)
 stamps = st.integers(-3_000_000_000, 3_000_000_000)
