@@ -296,6 +296,30 @@ def test_until_the_vehicle_is_autonomous_drive_and_steering_are_held_back_more()
     assert braking[-1].accel_mps2 == pytest.approx(-6.0)
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_vehicle_that_takes_its_time_to_engage_finds_the_wheels_where_they_are(sign: int) -> None:
+    gate, hanging = new_gate(), state(0.1)
+    gate.start_from(hanging, 0)
+    wanted = wish(front_wheel_angle_rad=sign * 0.6)
+    sent = [
+        gate.permit(wanted, hanging, now_ns=k * 10_000_000, reversing=False, engaging=True).front_wheel_angle_rad
+        for k in range(1, 300)
+    ]
+    assert sent[8:11] == pytest.approx([0.1 + sign * lead_rad for lead_rad in (0.027, 0.03, 0.03)])
+    assert sent[-1] == pytest.approx(0.1 + sign * 0.03)
+    on = gate.permit(wanted, hanging, now_ns=300 * 10_000_000, reversing=False)
+    assert on.front_wheel_angle_rad == pytest.approx(0.1 + sign * 0.038)
+
+
+def test_a_profile_that_is_stricter_about_the_measured_wheels_is_so_while_engaging_too() -> None:
+    gate, hanging = new_gate(front_wheel_deviation_rad=0.02), state()
+    for k in range(1, 30):
+        safe = gate.permit(
+            wish(front_wheel_angle_rad=0.6), hanging, now_ns=k * 10_000_000, reversing=False, engaging=True
+        )
+    assert safe.front_wheel_angle_rad == pytest.approx(0.02)
+
+
 @pytest.mark.parametrize(("speed_mps", "most_mps2"), [(0.0, 3.0), (10.0, 3.0), (15.0, 2.25), (-15.0, -2.25)])
 def test_the_drive_is_gentler_where_it_is_fast_and_the_brake_is_not(speed_mps: float, most_mps2: float) -> None:
     sign = math.copysign(1.0, most_mps2)

@@ -85,7 +85,7 @@ class Gate:
 
         `state` is what is measured; `now_ns` is the monotonic time of sending; `reversing` tells which way drive and
         brake point. At a measured speed of the limit or above nothing is added to it. While `engaging`, drive and
-        steering are held back more.
+        steering are held back more, and the wheels led by no more than a tenth of a second of turning.
         """
         numbers = (wish.accel_mps2, wish.front_wheel_angle_rad, wish.rear_wheel_angle_rad, wish.speed_mps)
         finite = all(map(math.isfinite, numbers))
@@ -166,6 +166,8 @@ class Gate:
     ) -> int:
         channel, limits, last = self._channels.front_wheel_angle_rad, self._limits, self._last
         measured, apart = state.front_wheel_angle_rad, limits.front_wheel_deviation_rad
+        if engaging:  # whoever obeys nobody yet is not to find the wheels elsewhere once it does
+            apart = min(apart, limits.engaging.front_wheel_rate_radps * LONGEST_STEP_S)
         at_speed = by_speed(limits.front_wheel_angle_by_speed, state.speed_mps)
         lowest, highest = within_both((measured - apart, measured + apart), (-at_speed, at_speed))
         if abs(state.speed_mps) >= SLOW_MPS:
