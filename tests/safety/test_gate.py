@@ -320,6 +320,18 @@ def test_a_profile_that_is_stricter_about_the_measured_wheels_is_so_while_engagi
     assert safe.front_wheel_angle_rad == pytest.approx(0.02)
 
 
+def test_a_vehicle_that_measures_no_wheels_is_not_compared_with_zero_while_it_engages() -> None:
+    answers = driven(
+        new_gate(front_wheel_deviation_rad=math.inf), wish(front_wheel_angle_rad=0.6), 0.0, 100, engaging=True
+    )
+    unmeasured = new_gate(front_wheel_deviation_rad=math.inf)
+    for step in range(1, 101):
+        safe = unmeasured.permit(
+            wish(front_wheel_angle_rad=0.6), state(), now_ns=step * 10_000_000, reversing=False, engaging=True
+        )
+    assert safe.front_wheel_angle_rad == answers[-1].front_wheel_angle_rad == pytest.approx(0.3)
+
+
 @pytest.mark.parametrize(("speed_mps", "most_mps2"), [(0.0, 3.0), (10.0, 3.0), (15.0, 2.25), (-15.0, -2.25)])
 def test_the_drive_is_gentler_where_it_is_fast_and_the_brake_is_not(speed_mps: float, most_mps2: float) -> None:
     sign = math.copysign(1.0, most_mps2)
@@ -557,12 +569,102 @@ def test_after_a_stop_driving_begins_from_the_brake_that_was_on() -> None:
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_wheel_that_is_a_little_beyond_what_the_speed_allows_may_go_back_to_well_within_it(sign: int) -> None:
-    gate = new_gate()
-    beyond = state(sign * 0.0582, speed_mps=12.0)  # 3 m/s² are at 0.0562 rad
-    gate.start_from(beyond, 0)
-    safe = gate.permit(wish(), beyond, now_ns=10_000_000, reversing=False)
-    assert safe.front_wheel_angle_rad == pytest.approx(sign * 0.0502)
+@pytest.mark.parametrize("wanted_rad", [0.0, -0.6])
+def test_a_wheel_that_is_a_little_beyond_what_the_speed_allows_goes_back_to_that_and_on_by_the_jerk(
+    wanted_rad: float, sign: int
+) -> None:
+    gate, front_rad = new_gate(), sign * 0.0582
+    gate.start_from(state(front_rad, speed_mps=12.0), 0)
+    sent = []
+    for step in range(1, 4):
+        measured, wanted = state(front_rad, speed_mps=12.0), wish(front_wheel_angle_rad=sign * wanted_rad)
+        safe = gate.permit(wanted, measured, now_ns=step * 10_000_000, reversing=False)
+        front_rad = safe.front_wheel_angle_rad
+        sent.append(front_rad)
+    # 3 m/s² are at 0.05618 rad, 5 m/s³ are 0.00094 rad in 10 ms
+    assert sent == pytest.approx([sign * 0.0561, sign * 0.0552, sign * 0.0543])
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("dt_s", [0.01, 0.03, 0.1])
+def test_a_little_more_speed_at_the_lateral_limit_is_no_leave_to_swerve(dt_s: float, sign: int) -> None:
+    gate = new_gate(front_wheel_angle_by_speed=((0.0, 0.6),))
+    gate.start_from(state(sign * 0.0202, speed_mps=20.0), 0)
+    held = wish(front_wheel_angle_rad=sign * 0.0202)
+    at = gate.permit(held, state(sign * 0.0202, speed_mps=20.0), now_ns=10**9, reversing=False)
+    away = wish(front_wheel_angle_rad=-sign * 0.6)
+    swerve = gate.permit(away, state(sign * 0.0202, speed_mps=20.05), now_ns=10**9 + round(dt_s * 1e9), reversing=False)
+    slack_mps2 = 0.02 + 20.05**2 * 1e-4 / WHEELBASE_M  # what the speed has made of it, and a count
+    assert abs(lateral_mps2(at, 20.05) - lateral_mps2(swerve, 20.05)) <= 5.0 * dt_s + slack_mps2
+
+
+# Wheels that are not where they were sent
+
+
+def dragged(
+    gate: Gate, wanted_rad: float, speed_mps: float, rate_radps: float, **more: Any
+) -> list[tuple[float, float]]:
+    """Somebody turns the wheels by this rate to 0.5 rad; measured and sent, at 100 Hz for two seconds."""
+    gate.start_from(state(0.0, speed_mps), 0)
+    wanted, both = wish(front_wheel_angle_rad=wanted_rad), []
+    for step in range(1, 201):
+        measured_rad = math.copysign(min(0.5, abs(rate_radps) * step / 100), rate_radps)
+        safe = gate.permit(
+            wanted, state(measured_rad, speed_mps), now_ns=step * 10_000_000, reversing=speed_mps < 0.0, **more
+        )
+        both.append((measured_rad, safe.front_wheel_angle_rad))
+    return both
+
+
+@pytest.mark.parametrize("engaging", [False, True])
+@pytest.mark.parametrize("rate_radps", [-0.6, -0.2, 0.2, 0.6])
+@pytest.mark.parametrize("wanted_rad", [-0.6, 0.0, 0.6])
+@pytest.mark.parametrize("speed_mps", [-8.0, 0.0, 3.0, 5.0, 6.0, 10.0, 18.0])
+def test_the_command_never_leads_further_away_from_wheels_that_somebody_else_turns(
+    speed_mps: float, wanted_rad: float, rate_radps: float, engaging: bool
+) -> None:
+    apart_rad = 0.03 if engaging else 0.3
+    both = dragged(new_gate(), wanted_rad, speed_mps, rate_radps, engaging=engaging)
+    for (_, before_rad), (measured_rad, sent_rad) in pairwise(both):
+        leads = abs(sent_rad - measured_rad) > apart_rad + 1e-9
+        assert not leads or abs(sent_rad - measured_rad) <= abs(before_rad - measured_rad) + 1e-9
+    if abs(speed_mps) <= 3.0:  # where the wheels may be anywhere
+        assert abs(both[-1][0] - both[-1][1]) <= apart_rad + 1e-9
+
+
+@given(
+    st.floats(-25.0, 25.0),
+    st.lists(st.tuples(st.floats(-0.6, 0.6), st.floats(-0.7, 0.7), st.booleans()), min_size=1, max_size=40),
+)
+def test_wherever_the_wheels_are_measured_no_command_leads_further_away_from_them(
+    speed_mps: float, steps: list[tuple[float, float, bool]]
+) -> None:
+    gate, before_rad = new_gate(front_wheel_angle_by_speed=((0.0, 0.6),)), 0.0
+    gate.start_from(state(0.0, speed_mps), 0)
+    for step, (wanted_rad, measured_rad, engaging) in enumerate(steps, start=1):
+        measured, wanted = state(measured_rad, speed_mps), wish(front_wheel_angle_rad=wanted_rad)
+        now_ns = step * 10_000_000
+        safe = gate.permit(wanted, measured, now_ns=now_ns, reversing=speed_mps < 0.0, engaging=engaging)
+        sent_rad = safe.front_wheel_angle_rad
+        apart_rad = abs(sent_rad - measured_rad)
+        assert apart_rad <= max(0.03 if engaging else 0.3, abs(before_rad - measured_rad)) + 1e-9
+        before_rad = sent_rad
+
+
+def test_where_table_and_lateral_jerk_contradict_each_other_the_wheels_go_back_by_the_jerk() -> None:
+    gate = new_gate(front_wheel_angle_by_speed=((0.0, 0.6), (9.9, 0.07), (10.5, 0.02)))
+    answers = driven(gate, wish(front_wheel_angle_rad=0.6), 9.8, 100)
+    assert answers[-1].front_wheel_angle_rad == pytest.approx(0.0753, abs=2e-4)
+    sent = [answers[-1].front_wheel_angle_rad]
+    for step in range(101, 161):
+        measured = state(sent[-1], 10.8)
+        safe = gate.permit(wish(front_wheel_angle_rad=0.6), measured, now_ns=step * 10_000_000, reversing=False)
+        sent.append(safe.front_wheel_angle_rad)
+    assert sent[1] == pytest.approx(0.0693)  # 3 m/s²
+    steps = [before - after for before, after in pairwise(sent[1:42])]
+    assert min(steps) >= 0.0011 - 1e-9
+    assert max(steps) <= 0.0012 + 1e-9  # 5 m/s³
+    assert sent[-1] == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize(("speed_mps", "granted_rad"), [(0.0999, 0.008), (0.1, 0.0027), (-0.1, 0.0027)])

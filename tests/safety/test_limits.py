@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface.errors import InvalidValueError
-from vehicle_iface.safety.limits import Channel, by_speed, limited_raw, within_both
+from vehicle_iface.safety.limits import Channel, brought_into, by_speed, counts_between, limited_raw
 
 ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -117,8 +117,18 @@ def test_a_channel_that_could_not_stop_or_is_no_number_is_refused_by_name(change
 
 def test_an_interval_beyond_the_range_leads_to_the_end_of_the_range_and_no_further() -> None:
     c = channel(rate_per_s=math.inf)
-    assert limited_raw(c, 0.0, 0, 0.01, lowest=0.7, highest=0.8) == 6000
-    assert limited_raw(c, 0.0, 0, 0.01, lowest=-0.8, highest=-0.7) == -6000
+    assert limited_raw(c, 0.0, 0, 0.01, within=(7000, 8000)) == 6000
+    assert limited_raw(c, 0.0, 0, 0.01, within=(-8000, -7000)) == -6000
+
+
+@pytest.mark.parametrize(("wanted", "raw"), [(0.6, 30), (0.003, 30), (0.0025, 25), (0.002, 20), (-0.6, 20)])
+def test_what_is_wanted_is_cut_to_the_interval(wanted: float, raw: int) -> None:
+    assert limited_raw(channel(), wanted, 10, 0.01, within=(20, 30)) == raw
+
+
+def test_what_is_outside_the_interval_goes_there_as_fast_as_the_rate_lets_it() -> None:
+    assert limited_raw(channel(), -0.6, 500, 0.01, within=(20, 30)) == 420
+    assert limited_raw(channel(), 0.6, -500, 0.01, within=(20, 30)) == -420
 
 
 def test_after_a_time_without_end_the_whole_range_is_one_step() -> None:
@@ -137,19 +147,40 @@ def test_a_table_holds_its_first_value_before_its_first_row_and_its_last_one_bey
 
 
 @pytest.mark.parametrize(
-    ("first", "both"),
+    ("inner", "both"),
     [
-        ((-1.0, 9.0), (0.0, 3.0)),
-        ((1.0, 2.0), (1.0, 2.0)),
-        ((-1.0, 2.0), (0.0, 2.0)),
-        ((1.0, 9.0), (1.0, 3.0)),
-        ((3.0, 9.0), (3.0, 3.0)),
-        ((-1.0, 0.0), (0.0, 0.0)),
-        ((3.1, 9.0), (0.0, 3.0)),
-        ((-9.0, -0.1), (0.0, 3.0)),
+        ((-1, 9), (0, 3)),
+        ((1, 2), (1, 2)),
+        ((-1, 2), (0, 2)),
+        ((1, 9), (1, 3)),
+        ((3, 9), (3, 3)),
+        ((-1, 0), (0, 0)),
+        ((4, 9), (3, 3)),
+        ((-9, -1), (0, 0)),
     ],
 )
-def test_of_two_intervals_that_do_not_meet_the_second_one_counts(
-    first: tuple[float, float], both: tuple[float, float]
+def test_of_two_intervals_that_do_not_meet_the_end_of_the_outer_one_that_is_nearer_counts(
+    inner: tuple[int, int], both: tuple[int, int]
 ) -> None:
-    assert within_both(first, (0.0, 3.0)) == both
+    assert brought_into(inner, (0, 3)) == both
+
+
+@pytest.mark.parametrize(
+    ("lowest", "highest", "counts"),
+    [
+        (-0.25, 0.25, (-2, 2)),
+        (-0.3, 0.3, (-3, 3)),
+        (0.13, 0.19, (2, 2)),
+        (0.11, 0.13, (1, 1)),
+        (-0.19, -0.16, (-2, -2)),
+        (0.2, 0.2, (2, 2)),
+        (-math.inf, 0.35, (-(10**15), 3)),
+        (-0.35, math.inf, (-3, 10**15)),
+        (1e308, 1e308, (10**15, 10**15)),
+        (-1e308, -1e308, (-(10**15), -(10**15))),
+    ],
+)
+def test_between_two_values_are_the_counts_inside_or_the_nearest_one(
+    lowest: float, highest: float, counts: tuple[int, int]
+) -> None:
+    assert counts_between(channel(lsb=0.1), lowest, highest) == counts

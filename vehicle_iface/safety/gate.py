@@ -9,7 +9,7 @@ from vehicle_iface.command import Command, SafeCommand
 from vehicle_iface.profile import Limits
 from vehicle_iface.reason import Reason
 from vehicle_iface.safety.lateral import SLOW_MPS, curvature_per_m, front_angle_rad
-from vehicle_iface.safety.limits import Channel, by_speed, limited_raw, within_both
+from vehicle_iface.safety.limits import Channel, brought_into, by_speed, counts_between, limited_raw
 from vehicle_iface.safety.stop import StopShape, braked_raw
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear
@@ -46,8 +46,9 @@ class Gate:
     Rates are taken from the last value that was sent; before the first one, from what was measured. How hard a stop
     brakes is not wished but a manoeuvre of its own, see `stop.braked_raw`. The front wheels are held
     back besides by the lateral acceleration and jerk at the measured speed, by a table over speed, and by how far
-    they may be from where they are measured: where speed has risen or the measured angle has gone away, they are
-    led back as fast as they may turn. `limits.limited_raw` has the proof that none of these breaks another.
+    they may be from where they are measured: where speed has risen they are led back as fast as they may turn, where
+    the measured angle has gone away as fast as the jerk allows. Of limits that contradict each other the lateral ones
+    come first, the table second. `limits.limited_raw` has the proof that none of these breaks another.
     """
 
     def __init__(self, channels: GateChannels, limits: Limits, *, wheelbase_m: float, stop: StopShape) -> None:
@@ -85,7 +86,7 @@ class Gate:
 
         `state` is what is measured; `now_ns` is the monotonic time of sending; `reversing` tells which way drive and
         brake point. At a measured speed of the limit or above nothing is added to it. While `engaging`, drive and
-        steering are held back more, and the wheels led by no more than a tenth of a second of turning.
+        steering are held back more, and the wheels are led by a tenth of a second of turning from where they are.
         """
         numbers = (wish.accel_mps2, wish.front_wheel_angle_rad, wish.rear_wheel_angle_rad, wish.speed_mps)
         finite = all(map(math.isfinite, numbers))
@@ -158,7 +159,8 @@ class Gate:
             drive = min(drive, limits.engaging.accel_max_mps2)
         lowest, highest = (-drive, math.inf) if reversing else (-math.inf, drive)
         channel = self._backwards if reversing else channels.accel_mps2
-        raw = limited_raw(channel, accel, self._last.accel_raw, dt_s, lowest=lowest, highest=highest)
+        within = counts_between(channel, lowest, highest)
+        raw = limited_raw(channel, accel, self._last.accel_raw, dt_s, within=within)
         return self._counted(channel, accel, raw)
 
     def _front_raw(
@@ -166,15 +168,17 @@ class Gate:
     ) -> int:
         channel, limits, last = self._channels.front_wheel_angle_rad, self._limits, self._last
         measured, apart = state.front_wheel_angle_rad, limits.front_wheel_deviation_rad
-        if engaging:  # whoever obeys nobody yet is not to find the wheels elsewhere once it does
+        if engaging and apart < math.inf:  # who obeys nobody yet is not to find the wheels elsewhere once it does
             apart = min(apart, limits.engaging.front_wheel_rate_radps * LONGEST_STEP_S)
         at_speed = by_speed(limits.front_wheel_angle_by_speed, state.speed_mps)
-        lowest, highest = within_both((measured - apart, measured + apart), (-at_speed, at_speed))
+        within = brought_into(
+            counts_between(channel, measured - apart, measured + apart), counts_between(channel, -at_speed, at_speed)
+        )
         if abs(state.speed_mps) >= SLOW_MPS:
             lateral = self._lateral_rad(rear_raw, last, state.speed_mps, dt_s, held_s)
-            lowest, highest = within_both((lowest, highest), lateral)
+            within = brought_into(within, counts_between(channel, *lateral))
         rate_per_s = limits.engaging.front_wheel_rate_radps if engaging else math.inf
-        raw = limited_raw(channel, wanted, last.front_raw, dt_s, rate_per_s=rate_per_s, lowest=lowest, highest=highest)
+        raw = limited_raw(channel, wanted, last.front_raw, dt_s, rate_per_s=rate_per_s, within=within)
         return self._counted(channel, wanted, raw)
 
     def _lateral_rad(
@@ -183,7 +187,7 @@ class Gate:
         """The front wheel angles with which lateral acceleration and jerk are within their limits.
 
         The jerk grants its share of `dt_s`; of `held_s`, for which the wheels were not turned, up to one count. So it
-        keeps its limit from turn to turn, and no signal is too coarse to turn at all.
+        keeps its limit from turn to turn, and holds no wheels for good, however coarse their signal is.
         """
         channels, limits, wheelbase_m = self._channels, self._limits, self._wheelbase_m
         front_lsb, rear_lsb = channels.front_wheel_angle_rad.lsb, channels.rear_wheel_angle_rad.lsb
@@ -195,9 +199,12 @@ class Gate:
         )
         low = now - max(per_s * dt_s, min(per_s * held_s, now - right))
         high = now + max(per_s * dt_s, min(per_s * held_s, left - now))
-        low, high = max(-most, low), min(most, high)
-        if abs(now) > most:  # the speed has risen: back into the range, as fast as the wheels may turn
-            low, high = -most, most
+        if now > most:  # the speed has risen: back to the limit as fast as the wheels may turn, and on by the jerk
+            low, high = min(low, most - (left - now)), most
+        elif now < -most:
+            low, high = -most, max(high, (now - right) - most)
+        else:
+            low, high = max(-most, low), min(most, high)
         rear_rad = rear_raw * rear_lsb
         return front_angle_rad(low, rear_rad, wheelbase_m), front_angle_rad(high, rear_rad, wheelbase_m)
 

@@ -11,6 +11,9 @@ from dataclasses import dataclass, field
 from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
 
+_BEYOND = 10**15
+"""Counts that no signal has, and that a float still tells apart."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
@@ -60,48 +63,52 @@ def limited_raw(
     dt_s: float,
     *,
     rate_per_s: float = math.inf,
-    lowest: float = -math.inf,
-    highest: float = math.inf,
+    within: tuple[int, int] = (-_BEYOND, _BEYOND),
 ) -> int:
     """The wire value nearest to `wanted` (SI) that is in range and within one step of `last_raw`.
 
     Finite first, then clamp: `wanted` that is not finite asks for 0. When `last_raw` is itself out of range
     (a measured start value) the range wins.
 
-    `lowest` to `highest` (SI) is where the value has to be as well, or go to as fast as the rate lets it.
+    `within` (counts) is where the value has to be as well, or go to as fast as the rate lets it.
 
-    No limit breaks another. Let t be what is wanted, cut to that interval and to the range. The result is t cut to
+    No limit breaks another. Let t be what is wanted, cut to `within` brought into the range. The result is t cut to
     [last − step, last + step]: it lies between last and t. So every interval that holds both last and t holds the
-    result: the range always (last is cut to it first), and `lowest` to `highest`, and whatever it is made of, once
-    last is in it.
+    result: the range always (last is cut to it first), and `within`, and whatever it is made of, once last is in it.
     """
-    low, high, lsb = channel.lowest_raw, channel.highest_raw, channel.lsb
-    target = wanted / lsb if math.isfinite(wanted) else 0.0
+    whole = channel.lowest_raw, channel.highest_raw
+    low, high = brought_into(within, whole)
+    target = wanted / channel.lsb if math.isfinite(wanted) else 0.0
     raw = high if target >= high else low if target <= low else round(target)
-    if raw * lsb > highest:
-        raw = _floor(max(highest / lsb, -_BEYOND))
-    elif raw * lsb < lowest:
-        raw = _ceil(min(lowest / lsb, _BEYOND))
-    raw = high if raw > high else low if raw < low else raw
+    low, high = whole
     last_raw = high if last_raw > high else low if last_raw < low else last_raw
     step = channel.step_raw(dt_s, rate_per_s)
     return last_raw + step if raw > last_raw + step else last_raw - step if raw < last_raw - step else raw
 
 
-_BEYOND = 1e15
-"""Counts that no signal has, and that still are whole numbers."""
+def counts_between(channel: Channel, lowest: float, highest: float) -> tuple[int, int]:
+    """The first and the last wire value from `lowest` to `highest` (SI); where none is, the nearest one, twice."""
+    lsb = channel.lsb
+    low = _ceil(min(max(lowest / lsb, -_BEYOND), _BEYOND))
+    high = _floor(min(max(highest / lsb, -_BEYOND), _BEYOND))
+    if low > high:
+        low = high = round((lowest + highest) / (2.0 * lsb))
+    return low, high
+
+
+def brought_into(inner: tuple[int, int], outer: tuple[int, int]) -> tuple[int, int]:
+    """Where two intervals overlap; where they do not, the end of the outer one that is nearer to the inner one, twice.
+
+    So of limits that contradict each other the one that is brought in last has its way, and leaves the others what it
+    can.
+    """
+    low, high = outer
+    return min(max(inner[0], low), high), min(max(inner[1], low), high)
 
 
 def at_most_raw(channel: Channel, value: float) -> int:
     """The greatest wire value in range that says no more than `value` (SI, not below 0); what is no number is much."""
     return _floor(min(float(channel.highest_raw), value / channel.lsb))
-
-
-def within_both(first: tuple[float, float], second: tuple[float, float]) -> tuple[float, float]:
-    """Where two intervals overlap; the second one where they do not."""
-    low = first[0] if first[0] > second[0] else second[0]
-    high = first[1] if first[1] < second[1] else second[1]
-    return (low, high) if low <= high else second
 
 
 def by_speed(table: Sequence[tuple[float, float]], speed_mps: float) -> float:
