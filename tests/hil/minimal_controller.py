@@ -512,7 +512,8 @@ class Controller:
         if reason == Reason.NOMINAL:
             speed_mps, gear = self.wanted_speed_mps(state)
         dt_s = min(0.05, max(0.0, (now_ns - self.pair_ns) / 1e9))
-        self.wheel_rad = self.limited_wheel_rad(wheel_rad, state, dt_s)
+        swerves = reason != Reason.NOMINAL and self.defect == "stop_swerves"
+        self.wheel_rad = self.limited_wheel_rad(wheel_rad, state, dt_s, LATERAL_MPS3 * (100.0 if swerves else 1.0))
         self.accel_mps2 = self.limited_accel_mps2(speed_mps, state, dt_s, is_stop=reason != Reason.NOMINAL)
         self.send_pair(1, reason, speed_mps, gear)
 
@@ -540,15 +541,16 @@ class Controller:
             return direction * speed_mps, NO_REQUEST
         return 0.0, gear if abs(state.speed_mps) < GEAR_CHANGE_MPS else NO_REQUEST
 
-    def limited_wheel_rad(self, wanted_rad: float, state: State, dt_s: float) -> float:
+    def limited_wheel_rad(self, wanted_rad: float, state: State, dt_s: float, jerk_mps3: float) -> float:
         """Within angle, lateral acceleration, distance from the measured wheels, and, last, rate."""
         v_mps = max(0.1, abs(state.speed_mps))
         most_rad = min(_at(v_mps, WHEEL_BY_SPEED), math.atan(LATERAL_MPS2 * WHEELBASE_M / v_mps**2))
         most_rad *= 1.1 if self.defect == "limit_off_by_10_percent" else 1.0
         wanted_rad = min(most_rad, max(-most_rad, wanted_rad))
         wanted_rad = min(state.wheel_rad + WHEEL_APART_RAD, max(state.wheel_rad - WHEEL_APART_RAD, wanted_rad))
-        felt_radps = math.inf if self.defect == "stop_swerves" else LATERAL_MPS3 * WHEELBASE_M / v_mps**2
-        fastest_radps = min(WHEEL_RADPS if self.phase == "engaged" else WHEEL_ENGAGING_RADPS, felt_radps)
+        fastest_radps = min(
+            WHEEL_RADPS if self.phase == "engaged" else WHEEL_ENGAGING_RADPS, jerk_mps3 * WHEELBASE_M / v_mps**2
+        )
         step_rad = fastest_radps * dt_s
         return min(self.wheel_rad + step_rad, max(self.wheel_rad - step_rad, wanted_rad))
 

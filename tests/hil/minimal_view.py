@@ -9,6 +9,8 @@ import socket
 import sys
 
 PATIENCE_S = 5.0
+BUFFER_BYTES = 4608
+"""So little is under way that whoever waits for a page that stands still waits at once."""
 
 
 def name_of(port: int) -> str:
@@ -25,6 +27,7 @@ class View:
     def __init__(self, port: int, *, blocks: bool, matters: bool) -> None:
         self._name, self._matters = name_of(port), matters
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
         self._socket.setblocking(blocks)
         self._was_seen = False
 
@@ -68,13 +71,12 @@ async def _serve(port: int) -> None:
         finally:
             writer.close()
 
-    ear = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-    ear.bind(name_of(port))
-    ear.setblocking(False)
-    loop = asyncio.get_running_loop()
-    await loop.create_datagram_endpoint(lambda: newest, sock=ear)
-    server = await asyncio.start_server(page, "127.0.0.1", port)
-    await server.serve_forever()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ear:
+        ear.bind(name_of(port))
+        ear.setblocking(False)
+        server = await asyncio.start_server(page, "127.0.0.1", port)
+        await asyncio.get_running_loop().create_datagram_endpoint(lambda: newest, sock=ear)
+        await server.serve_forever()
 
 
 async def _serve_when_it_is_free(port: int) -> None:

@@ -129,19 +129,25 @@ def test_a_frame_with_one_bit_that_is_wrong_is_not_intact(bit: int, name: str) -
     assert WIRE.intact(WIRE.seal(frame, data_id=0x3F0)) is None
 
 
+def other_wire(folder: Path, *, profile: tuple[str, str] = ("", ""), dbc: tuple[str, str] = ("", "")) -> Wire:
+    """The reference vehicle with a text of its profile, or of its DBC, in place of another."""
+    for text, (old, new) in ((WIRE.path.read_text(), profile), (WIRE.dbc.read_text(), dbc)):
+        assert old in text
+        name = "reference.dbc" if text.startswith("VERSION") else "mine.toml"
+        (folder / name).write_text(text.replace(old, new) if old else text)
+    return Wire(str(folder / "mine.toml"))
+
+
 def test_a_profile_that_cannot_be_benched_is_refused_with_its_name(tmp_path: Path) -> None:
     with pytest.raises(ProfileError, match="no-such"):
         Wire("no-such")
-    text = WIRE.path.read_text()
-    (tmp_path / "reference.dbc").write_text(WIRE.dbc.read_text())
     for spoilt, why in (
-        (text.replace('accel_mps2 = "DRIVE_COMMAND.ACCEL_REQUEST"', ""), "accel_mps2 is missing"),
-        (text.replace('data_id_mode = "BOTH"', 'data_id_mode = "ALT"'), "not 1 \\(ALT\\)"),
+        (('accel_mps2 = "DRIVE_COMMAND.ACCEL_REQUEST"', ""), "accel_mps2 is missing"),
+        (('data_id_mode = "BOTH"', 'data_id_mode = "ALT"'), "not 1 \\(ALT\\)"),
+        (("lateral_jerk_mps3", "# lateral_jerk_mps3"), "lateral_jerk_mps3 is missing"),
     ):
-        path = tmp_path / "mine.toml"
-        path.write_text(spoilt)
         with pytest.raises(ProfileError, match=why):
-            Wire(str(path))
+            other_wire(tmp_path, profile=spoilt)
 
 
 # Its vehicle.
@@ -445,7 +451,7 @@ def ready(wrong: Mapping[str, Callable[[int], Values]]) -> Lie:
     return lambda name, tick, values: [values | of[name](tick) if name in of else values]
 
 
-def judged(tell: Lie, *, case: Case = CATALOGUE[0]) -> dict[str, Verdict]:
+def judged(tell: Lie, *, case: Case = CATALOGUE[0], wire: Wire = WIRE) -> dict[str, Verdict]:
     """Four seconds of commands at 8 m/s, a stop from the second one on; the verdict of each kind."""
     counters: dict[str, int] = {}
     frames = []
@@ -453,13 +459,13 @@ def judged(tell: Lie, *, case: Case = CATALOGUE[0]) -> dict[str, Verdict]:
     def say(at_s: float, name: str, tick: int, **values: float) -> None:
         for told in tell(name, tick, values):
             counters[name] = counters.get(name, -1) + 1
-            frame = WIRE.pack(name, counters[name] % 15, **told)
+            frame = wire.pack(name, counters[name] % 15, **told)
             frames.append(replace(frame, stamp_ns=S + round(at_s * S) + len(frames)))
 
     for tick in range(400):
         at_s, is_stop = tick / 100, tick >= STOPPED_FROM
-        number = WIRE.number("REASON", "STATE_INVALID" if is_stop else "NOMINAL")
-        for name in WIRE.sample:
+        number = wire.number("REASON", "STATE_INVALID" if is_stop else "NOMINAL")
+        for name in wire.sample:
             say(at_s, name, tick, **({"SPEED": SPEED_MPS} if name == "MOTION" else {}))
         braked = max(-3.0, -0.3 * (tick - STOPPED_FROM + 1)) * is_stop
         drive = {"ENABLE": 1, "SAFE_STOP": is_stop, "REASON": number, "ACCEL_REQUEST": braked, "GEAR_REQUEST": 7}
@@ -470,9 +476,9 @@ def judged(tell: Lie, *, case: Case = CATALOGUE[0]) -> dict[str, Verdict]:
         if tick % 10 == 0:
             say(at_s + 0.002, "BODY_COMMAND", tick, HAZARD_LIGHTS=is_stop)
             say(at_s + 0.002, "CONTROLLER_STATUS", tick, STATE=4 if is_stop else 3, REASON=number)
-    record = judge.examine(frames, WIRE)
+    record = judge.examine(frames, wire)
     history = [at(1.0 + tick / 100, SPEED_MPS) for tick in range(400)]
-    rig = SimpleNamespace(wire=WIRE, touched_ns=0, healthy_ns=0)
+    rig = SimpleNamespace(wire=wire, touched_ns=0, healthy_ns=0)
     checks = judge.protocol(case, rig, record, seen(history=history))  # type: ignore[arg-type]
     return {kind: check.verdict for kind, check in zip(judge.KINDS, checks, strict=True)}
 
@@ -499,6 +505,8 @@ LIES: dict[str, tuple[str, Lie]] = {
     "a swerve of twice the jerk": ("dynamics", steered(lambda tick: -min(0.1, max(0.0, 0.0042 * (tick - 100))))),
     "wheels that come back from a swerve too far": ("dynamics", led_back(0.0)),
     "wheels led away from hanging ones": ("dynamics", steered(lambda tick: min(0.32, 0.005 * tick), lambda _: 0.5)),
+    "wheels that are elsewhere from the beginning": ("dynamics", steered(lambda _: 0.5, lambda _: 0.5)),
+    "a swerve at the lateral limit": ("dynamics", steered(lambda tick: 0.126 if tick < 150 else 0.0)),
     "rear wheels that it has not": ("dynamics", with_value("STEER_COMMAND", REAR_WHEEL_ANGLE_REQUEST=0.05)),
     "a speed beyond every limit": ("dynamics", with_value("DRIVE_COMMAND", SPEED_REQUEST=90.0)),
     "no lights at all": ("periods", lie("BODY_COMMAND", lambda *_: [])),
@@ -528,7 +536,7 @@ def test_a_device_that_says_the_truth_has_nothing_against_it() -> None:
     "tell",
     [
         steered(lambda tick: 0.0021 * min(50, max(0, tick - 100))),
-        led_back(0.095),
+        led_back(0.097),
         steered(lambda tick: min(0.3, 0.005 * tick), lambda _: 0.5),
     ],
     ids=["by the lateral jerk", "back by their own rate", "from where they are measured"],
@@ -541,6 +549,22 @@ def test_wheels_that_go_as_far_as_they_may_have_nothing_against_them(tell: Lie) 
 def test_a_lie_is_found_by_the_kind_that_is_there_for_it(name: str) -> None:
     kind, tell = LIES[name]
     assert judged(tell)[kind] is Verdict.FAIL
+
+
+def test_wheels_that_the_device_is_not_told_are_not_compared(tmp_path: Path) -> None:
+    line = 'front_wheel_angle_rad = "CHASSIS.FRONT_WHEEL_ANGLE"'
+    wire = other_wire(tmp_path, profile=(line, ""))
+    hang = steered(lambda tick: min(0.5, 0.005 * tick), lambda _: 0.5)
+    assert (judged(hang)["dynamics"], judged(hang, wire=wire)["dynamics"]) == (Verdict.FAIL, Verdict.PASS)
+
+
+def test_wheels_that_turn_by_coarse_counts_do_not_swerve(tmp_path: Path) -> None:
+    fine = re.search(r"SG_ FRONT_WHEEL_ANGLE_REQUEST : .*", WIRE.dbc.read_text())
+    assert fine is not None
+    wire = other_wire(tmp_path, dbc=(fine[0], fine[0].replace("(0.0001,0)", "(0.01,0)")))
+    assert (WIRE.wheel_count_rad, wire.wheel_count_rad) == (0.002, 0.01)
+    by_counts = steered(lambda tick: 0.01 * min(5, max(0, tick - 100) // 5))
+    assert (judged(by_counts)["dynamics"], judged(by_counts, wire=wire)["dynamics"]) == (Verdict.FAIL, Verdict.PASS)
 
 
 def test_what_a_bad_cable_left_owing_is_no_finding_and_more_than_that_is() -> None:
@@ -600,13 +624,14 @@ def test_health_is_to_move_to_hold_and_to_live_until_told() -> None:
 
 
 def test_a_late_bench_excuses_what_was_late_and_nothing_else() -> None:
-    late, wrong, rate = (
+    late, wrong, *rates = (
         expect.check("a stop", ["no such stop"]),
         expect.check(judge.KINDS["command"], ["3.100 s: ENABLE 1 and 0 in one pair"]),
         expect.check(judge.KINDS["command"], ["3.100 s: wheels faster than 0.8 rad/s"]),
+        expect.check(judge.KINDS["dynamics"], ["3.100 s: a swerve at 8.00 m/s, wheels to 0.1000 rad"]),
     )
     assert judge.certain([late, wrong]) == [wrong]
-    assert judge.certain([late, rate]) == []
+    assert judge.certain([late, *rates]) == []
 
 
 def test_a_driver_who_lets_go_again_leaves_a_vehicle_that_is_ready() -> None:

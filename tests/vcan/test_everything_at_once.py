@@ -1,5 +1,6 @@
 """Everything on one kernel: vcan, simulated vehicle, loop and viewer as processes, and a real browser looking."""
 
+import math
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -123,7 +124,7 @@ def _seen_driving(page: Page) -> list[dict[str, float]]:
         state, reason, numbers = page.evaluate(LOOK)
         if state == "FAULT" or reason == "DEVIATION":
             return []
-        if state == "ENGAGED":
+        if state == "ENGAGED" and all(map(math.isfinite, numbers.values())):
             seen.append(numbers)
         page.wait_for_timeout(1000)
     return seen

@@ -18,8 +18,6 @@ LEAST_MPS = 0.1
 """Slower than this nothing that the wheels do can be felt."""
 ANSWERED_NS = 100 * MS
 """A command answers a sample that is no older."""
-COUNTS_RAD = 0.002
-"""What two devices may round differently."""
 BRAKES_WITHIN_NS = 250 * MS
 
 
@@ -39,8 +37,8 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
         at = _at(pair, record)
         angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
         sideways_rad = math.atan(limits["lateral_accel_mps2"] * wheelbase_m / slowest_mps**2)
-        most_rad = min(_between(table, slowest_mps), sideways_rad) + COUNTS_RAD
-        if abs(angle) > most_rad and abs(angle) >= abs(before):
+        most_rad = min(_between(table, slowest_mps), sideways_rad) + wire.wheel_count_rad
+        if abs(angle) > most_rad and abs(angle) > abs(before):
             yield f"{at} {angle:.4f} rad at {speed:.2f} m/s"
         before = angle
         if abs(pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)) > rear_rad + 1e-9:
@@ -60,7 +58,7 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
 def swerving(wire: Wire, record: Record) -> Iterable[str]:
     """Wheels that bend the path faster than the lateral jerk allows at the slowest speed told lately: κ' ≤ jerk / v².
 
-    Where the speed has risen, wheels that are beyond what it allows go back as fast as they can.
+    Where the speed has risen, wheels that are beyond what it allows go back to that as fast as they can.
     """
     limits, wheelbase_m = wire.profile["limits"], wire.profile["geometry"]["wheelbase_m"]
     speeds = _speeds(record)
@@ -75,10 +73,12 @@ def swerving(wire: Wire, record: Record) -> Iterable[str]:
             angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
             rear = pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)
             per_m = (math.tan(angle) - math.tan(rear)) / wheelbase_m
-            may_be_beyond = abs(before) > 0.99 * limits["lateral_accel_mps2"] / _fastest_mps(lately_mps) ** 2
-            if may_be_beyond and abs(per_m) < abs(before):
-                lowest, highest = math.inf, -math.inf
-            slack = (per_s * JITTER_NS / S + COUNTS_RAD / wheelbase_m) / 2.0
+            slack = (per_s * JITTER_NS / S + wire.wheel_count_rad / wheelbase_m) / 2.0
+            most = limits["lateral_accel_mps2"] / _fastest_mps(lately_mps) ** 2
+            if before > most:
+                highest = min(highest, most + granted - slack)
+            elif before < -most:
+                lowest = max(lowest, -most - granted + slack)
             rising, falling = per_m - granted, per_m + granted
             if rising - slack > lowest or falling + slack < highest:
                 yield f"{_at(pair, record)} a swerve at {lately_mps[-1]:.2f} m/s, wheels to {angle:.4f} rad"
@@ -89,19 +89,19 @@ def swerving(wire: Wire, record: Record) -> Iterable[str]:
 
 def led_away(wire: Wire, record: Record) -> Iterable[str]:
     """Wheels commanded further away from where they are measured than the profile has it, and led on from there."""
-    if not wire.has("FRONT_WHEEL_ANGLE"):
+    if not wire.measures_wheels:
         return
-    apart_rad = wire.profile["limits"]["front_wheel_deviation_rad"] + COUNTS_RAD
+    apart_rad = wire.profile["limits"]["front_wheel_deviation_rad"] + wire.wheel_count_rad
     measured = _Told(
-        [(told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE"))]
+        (told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE"))
     )
-    for stretch in _stretches(record):
-        before = math.inf
-        for pair in stretch:
-            angle, lately_rad = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"], measured.until(pair.stamp_ns)
-            if all(abs(angle - rad) > max(apart_rad, abs(before - rad)) for rad in lately_rad):
-                yield f"{_at(pair, record)} {angle:.4f} rad, where {lately_rad[-1]:.4f} is measured"
-            before = angle
+    before: float | None = None
+    for pair in record.pairs:
+        angle, lately_rad = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"], measured.until(pair.stamp_ns)
+        further_rad = [apart_rad if before is None else max(apart_rad, abs(before - rad)) for rad in lately_rad]
+        if pair.is_enabled and all(abs(angle - rad) > most for rad, most in zip(lately_rad, further_rad, strict=True)):
+            yield f"{_at(pair, record)} {angle:.4f} rad, where {lately_rad[-1]:.4f} is measured"
+        before = angle if pair.is_enabled else None
 
 
 def unbraked(wire: Wire, record: Record, history: Sequence[Instant]) -> Iterable[str]:

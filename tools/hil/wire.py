@@ -62,6 +62,21 @@ WORDS = {
 }
 """Of a profile's table `[PART.signals]`: its key → the contract's word."""
 
+WHEEL_COUNT_RAD = 0.002
+"""What two devices may round differently, however fine the signal is."""
+MUST_LIMIT = (
+    "front_wheel_angle_rad",
+    "front_wheel_rate_radps",
+    "front_wheel_deviation_rad",
+    "lateral_accel_mps2",
+    "lateral_jerk_mps3",
+    "accel_min_mps2",
+    "accel_max_mps2",
+    "accel_rate_mps3",
+    "speed_max_mps",
+    "gear_change_speed_mps",
+)
+"""Of a profile's limits, those that commands are judged by."""
 MUST = {"command": ("enable", "safe_stop", "accel_mps2", "front_wheel_angle_rad", "reason"), "status": ("mode",)}
 """What a vehicle must have to be benched."""
 
@@ -159,6 +174,18 @@ class Wire:
         """Whether this vehicle has such a signal."""
         return any(word in layout.signal_of for layout in self._layouts.values())
 
+    @property
+    def measures_wheels(self) -> bool:
+        """Whether the device is told the front wheels' angle."""
+        return "front_wheel_angle_rad" in self.profile["state"]["signals"]
+
+    @property
+    def wheel_count_rad(self) -> float:
+        """What the commanded front wheels may be off by rounding."""
+        layout = self._layouts[self.command[-1]]
+        signal = layout.message.get_signal_by_name(layout.signal_of["FRONT_WHEEL_ANGLE_REQUEST"][0])
+        return max(WHEEL_COUNT_RAD, float(signal.scale))
+
     def free_block(self) -> int:
         """256 identifiers in a row, of low priority, of which the vehicle uses none; above 0x6FF is diagnosis."""
         used = {can_id >> 8 for can_id in self.names}
@@ -241,6 +268,9 @@ class Wire:
 
     def _limits(self) -> Limits:
         own = self.profile["limits"]
+        for key in MUST_LIMIT:
+            if key not in own:
+                raise ProfileError(f"{self.path}: [limits] {key} is missing: nothing could be judged by it")
         return Limits(
             steer_rad=own["front_wheel_angle_rad"],
             steer_rate_radps=own["front_wheel_rate_radps"],
