@@ -21,7 +21,7 @@ MINIMAL = f"{sys.executable} {ROOT}/tests/hil/minimal_controller.py --channel {{
 ARMED = f"{MINIMAL} --arm --show {{port}}"
 RECORDING = f"{MINIMAL} --arm --record {{record}}"
 VIEWER = f"{sys.executable} {ROOT}/tests/hil/minimal_view.py {{port}}"
-LONGEST_S = 280.0
+LONGEST_S = 480.0
 
 DEFECTS = {
     "timeout_removed": ("state-lost", "a stop with STATE_STALE"),
