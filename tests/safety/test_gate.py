@@ -628,8 +628,33 @@ def test_the_command_never_leads_further_away_from_wheels_that_somebody_else_tur
     for (_, before_rad), (measured_rad, sent_rad) in pairwise(both):
         leads = abs(sent_rad - measured_rad) > apart_rad + 1e-9
         assert not leads or abs(sent_rad - measured_rad) <= abs(before_rad - measured_rad) + 1e-9
-    if abs(speed_mps) <= 3.0:  # where the wheels may be anywhere
-        assert abs(both[-1][0] - both[-1][1]) <= apart_rad + 1e-9
+
+
+@pytest.mark.parametrize("engaging", [False, True])
+@pytest.mark.parametrize("offset_rad", [-0.7, -0.35, -0.31, -0.04, 0.04, 0.31, 0.35, 0.7])
+@pytest.mark.parametrize("speed_mps", [-5.0, 0.0, 2.0, 5.0, 12.0])
+def test_a_steering_sensor_that_is_wrong_does_not_drag_the_wheels_along(
+    speed_mps: float, offset_rad: float, engaging: bool
+) -> None:
+    """The wheels obey, and what is measured follows them beside the truth."""
+    gate, front_rad = new_gate(), 0.0
+    gate.start_from(state(0.0, speed_mps), 0)
+    for step in range(1, 300):
+        measured = state(front_rad + offset_rad, speed_mps)
+        safe = gate.permit(wish(), measured, now_ns=step * 10_000_000, reversing=speed_mps < 0.0, engaging=engaging)
+        front_rad = safe.front_wheel_angle_rad
+        assert front_rad == 0.0
+
+
+@pytest.mark.parametrize("measured_rad", [math.nan, math.inf, -math.inf, 1e300])
+@pytest.mark.parametrize("apart_rad", [0.3, math.inf])
+def test_what_is_measured_and_no_angle_moves_nothing(measured_rad: float, apart_rad: float) -> None:
+    broken = state(speed_mps=5.0)
+    object.__setattr__(broken, "front_wheel_angle_rad", measured_rad)
+    gate = new_gate(front_wheel_deviation_rad=apart_rad)
+    for engaging in (False, True):
+        safe = gate.permit(wish(), broken, now_ns=10_000_000, reversing=False, engaging=engaging)
+        assert safe.front_wheel_angle_rad == 0.0
 
 
 @given(

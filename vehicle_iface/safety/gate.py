@@ -46,9 +46,10 @@ class Gate:
     Rates are taken from the last value that was sent; before the first one, from what was measured. How hard a stop
     brakes is not wished but a manoeuvre of its own, see `stop.braked_raw`. The front wheels are held
     back besides by the lateral acceleration and jerk at the measured speed, by a table over speed, and by how far
-    they may be from where they are measured: where speed has risen they are led back as fast as they may turn, where
-    the measured angle has gone away as fast as the jerk allows. Of limits that contradict each other the lateral ones
-    come first, the table second. `limits.limited_raw` has the proof that none of these breaks another.
+    they may be from where they are measured: where speed has risen they are led back as fast as they may turn; where
+    the measured angle has gone away they are led no further away, nor dragged along, because it may be the sensor that
+    is wrong. Of limits that contradict each other the lateral ones come first, the table second.
+    `limits.limited_raw` has the proof that none of these breaks another.
     """
 
     def __init__(self, channels: GateChannels, limits: Limits, *, wheelbase_m: float, stop: StopShape) -> None:
@@ -86,7 +87,8 @@ class Gate:
 
         `state` is what is measured; `now_ns` is the monotonic time of sending; `reversing` tells which way drive and
         brake point. At a measured speed of the limit or above nothing is added to it. While `engaging`, drive and
-        steering are held back more, and the wheels are led by a tenth of a second of turning from where they are.
+        steering are held back more, and the wheels led no further than a tenth of a second of turning from where they
+        are measured.
         """
         numbers = (wish.accel_mps2, wish.front_wheel_angle_rad, wish.rear_wheel_angle_rad, wish.speed_mps)
         finite = all(map(math.isfinite, numbers))
@@ -167,13 +169,14 @@ class Gate:
         self, wanted: float, rear_raw: int, state: VehicleState, dt_s: float, held_s: float, *, engaging: bool
     ) -> int:
         channel, limits, last = self._channels.front_wheel_angle_rad, self._limits, self._last
-        measured, apart = state.front_wheel_angle_rad, limits.front_wheel_deviation_rad
-        if engaging and apart < math.inf:  # who obeys nobody yet is not to find the wheels elsewhere once it does
-            apart = min(apart, limits.engaging.front_wheel_rate_radps * LONGEST_STEP_S)
         at_speed = by_speed(limits.front_wheel_angle_by_speed, state.speed_mps)
-        within = brought_into(
-            counts_between(channel, measured - apart, measured + apart), counts_between(channel, -at_speed, at_speed)
-        )
+        within = counts_between(channel, -at_speed, at_speed)
+        measured, apart = state.front_wheel_angle_rad, limits.front_wheel_deviation_rad
+        if math.isfinite(measured) and apart < math.inf:
+            if engaging:  # who obeys nobody yet is not to find the wheels elsewhere once it does
+                apart = min(apart, limits.engaging.front_wheel_rate_radps * LONGEST_STEP_S)
+            nearest, farthest = counts_between(channel, measured - apart, measured + apart)
+            within = brought_into((min(nearest, last.front_raw), max(farthest, last.front_raw)), within)
         if abs(state.speed_mps) >= SLOW_MPS:
             lateral = self._lateral_rad(rear_raw, last, state.speed_mps, dt_s, held_s)
             within = brought_into(within, counts_between(channel, *lateral))
