@@ -145,6 +145,7 @@ def test_a_profile_that_cannot_be_benched_is_refused_with_its_name(tmp_path: Pat
         (('accel_mps2 = "DRIVE_COMMAND.ACCEL_REQUEST"', ""), "accel_mps2 is missing"),
         (('data_id_mode = "BOTH"', 'data_id_mode = "ALT"'), "not 1 \\(ALT\\)"),
         (("lateral_jerk_mps3", "# lateral_jerk_mps3"), "lateral_jerk_mps3 is missing"),
+        (("stop_jerk_mps3", "# stop_jerk_mps3"), "stop_jerk_mps3 is missing"),
     ):
         with pytest.raises(ProfileError, match=why):
             other_wire(tmp_path, profile=spoilt)
@@ -506,6 +507,7 @@ LIES: dict[str, tuple[str, Lie]] = {
     "wheels that come back from a swerve too far": ("dynamics", led_back(0.0)),
     "wheels led away from hanging ones": ("dynamics", steered(lambda tick: min(0.32, 0.005 * tick), lambda _: 0.5)),
     "wheels that are elsewhere from the beginning": ("dynamics", steered(lambda _: 0.5, lambda _: 0.5)),
+    "wheels that begin a little elsewhere": ("dynamics", steered(lambda _: 0.08)),
     "a swerve at the lateral limit": ("dynamics", steered(lambda tick: 0.126 if tick < 150 else 0.0)),
     "rear wheels that it has not": ("dynamics", with_value("STEER_COMMAND", REAR_WHEEL_ANGLE_REQUEST=0.05)),
     "a speed beyond every limit": ("dynamics", with_value("DRIVE_COMMAND", SPEED_REQUEST=90.0)),

@@ -24,21 +24,21 @@ BRAKES_WITHIN_NS = 250 * MS
 def beyond(wire: Wire, record: Record) -> Iterable[str]:
     """Steering by speed, requested speed, and the deceleration of stops, against the profile's figures."""
     limits, behavior = wire.profile["limits"], wire.profile["behavior"]
-    table = limits.get("front_wheel_angle_by_speed") or [[0.0, limits["front_wheel_angle_rad"]]]
-    wheelbase_m, rear_rad = wire.profile["geometry"]["wheelbase_m"], limits.get("rear_wheel_angle_rad", 0.0)
-    speeds = _speeds(record)
+    rear_rad = limits.get("rear_wheel_angle_rad", 0.0)
+    speeds, wheels = _speeds(record), _wheels(wire, record)
     by_speed = limits.get("accel_max_by_speed") or [[0.0, limits["accel_max_mps2"]]]
-    before = braked = 0.0
+    before: float | None = None
+    braked = 0.0
     for pair in record.pairs:
-        lately_mps = speeds.until(pair.stamp_ns)
+        lately_mps, lately_rad = speeds.until(pair.stamp_ns), wheels.until(pair.stamp_ns)
         speed, slowest_mps = lately_mps[-1], _slowest_mps(lately_mps)
         if not pair.is_enabled:
+            before = None
             continue
         at = _at(pair, record)
         angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
-        sideways_rad = math.atan(limits["lateral_accel_mps2"] * wheelbase_m / slowest_mps**2)
-        most_rad = min(_between(table, slowest_mps), sideways_rad) + wire.wheel_count_rad
-        if abs(angle) > most_rad and abs(angle) > abs(before):
+        held_rad = max(map(abs, lately_rad)) if before is None else abs(before)
+        if abs(angle) > max(held_rad, _most_rad(wire, slowest_mps) + wire.wheel_count_rad):
             yield f"{at} {angle:.4f} rad at {speed:.2f} m/s"
         before = angle
         if abs(pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)) > rear_rad + 1e-9:
@@ -88,20 +88,31 @@ def swerving(wire: Wire, record: Record) -> Iterable[str]:
 
 
 def led_away(wire: Wire, record: Record) -> Iterable[str]:
-    """Wheels commanded further away from where they are measured than the profile has it, and led on from there."""
+    """Wheels commanded further away from where they are measured than the profile has it, and led on from there.
+
+    The first command begins where they are. Wheels that are beyond what the speed allows go back, wherever that leads.
+    """
     if not wire.measures_wheels:
         return
-    apart_rad = wire.profile["limits"]["front_wheel_deviation_rad"] + wire.wheel_count_rad
-    measured = _Told(
-        (told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE"))
-    )
+    limits = wire.profile["limits"]
+    begins_rad = limits["engaging"]["front_wheel_rate_radps"] * ANSWERED_NS / S + wire.wheel_count_rad
+    apart_rad = limits["front_wheel_deviation_rad"] + wire.wheel_count_rad
+    speeds, wheels = _speeds(record), _wheels(wire, record)
     before: float | None = None
     for pair in record.pairs:
-        angle, lately_rad = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"], measured.until(pair.stamp_ns)
-        further_rad = [apart_rad if before is None else max(apart_rad, abs(before - rad)) for rad in lately_rad]
-        if pair.is_enabled and all(abs(angle - rad) > most for rad, most in zip(lately_rad, further_rad, strict=True)):
+        fastest_mps, lately_rad = _fastest_mps(speeds.until(pair.stamp_ns)), wheels.until(pair.stamp_ns)
+        if not pair.is_enabled:
+            before = None
+            continue
+        angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
+        if before is None:
+            is_away = all(abs(angle - rad) > begins_rad for rad in lately_rad)
+        else:
+            goes_back = abs(angle) < abs(before) and abs(before) > _most_rad(wire, fastest_mps)
+            is_away = not goes_back and all(abs(angle - rad) > max(apart_rad, abs(before - rad)) for rad in lately_rad)
+        if is_away:
             yield f"{_at(pair, record)} {angle:.4f} rad, where {lately_rad[-1]:.4f} is measured"
-        before = angle if pair.is_enabled else None
+        before = angle
 
 
 def unbraked(wire: Wire, record: Record, history: Sequence[Instant]) -> Iterable[str]:
@@ -184,6 +195,20 @@ class _Told:
 
 def _speeds(record: Record) -> _Told:
     return _Told((sample.stamp_ns, sample.speed_mps) for sample in record.samples)
+
+
+def _wheels(wire: Wire, record: Record) -> _Told:
+    if not wire.measures_wheels:
+        return _Told(())
+    return _Told((told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE")))
+
+
+def _most_rad(wire: Wire, speed_mps: float) -> float:
+    """How far the front wheels may be turned at a speed."""
+    limits = wire.profile["limits"]
+    table = limits.get("front_wheel_angle_by_speed") or [[0.0, limits["front_wheel_angle_rad"]]]
+    sideways = limits["lateral_accel_mps2"] * wire.profile["geometry"]["wheelbase_m"] / speed_mps**2
+    return min(_between(table, speed_mps), math.atan(sideways))
 
 
 def _slowest_mps(speeds: Iterable[float]) -> float:

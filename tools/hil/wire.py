@@ -64,19 +64,24 @@ WORDS = {
 
 WHEEL_COUNT_RAD = 0.002
 """What two devices may round differently, however fine the signal is."""
-MUST_LIMIT = (
-    "front_wheel_angle_rad",
-    "front_wheel_rate_radps",
-    "front_wheel_deviation_rad",
-    "lateral_accel_mps2",
-    "lateral_jerk_mps3",
-    "accel_min_mps2",
-    "accel_max_mps2",
-    "accel_rate_mps3",
-    "speed_max_mps",
-    "gear_change_speed_mps",
-)
-"""Of a profile's limits, those that commands are judged by."""
+JUDGED_BY = {
+    "limits": (
+        "front_wheel_angle_rad",
+        "front_wheel_rate_radps",
+        "front_wheel_deviation_rad",
+        "lateral_accel_mps2",
+        "lateral_jerk_mps3",
+        "accel_min_mps2",
+        "accel_max_mps2",
+        "accel_rate_mps3",
+        "speed_max_mps",
+        "gear_change_speed_mps",
+        "engaging",
+    ),
+    "behavior": ("safe_deceleration_mps2", "stop_jerk_mps3"),
+    "geometry": ("wheelbase_m",),
+}
+"""Of a profile's tables, what commands are judged by."""
 MUST = {"command": ("enable", "safe_stop", "accel_mps2", "front_wheel_angle_rad", "reason"), "status": ("mode",)}
 """What a vehicle must have to be benched."""
 
@@ -268,9 +273,10 @@ class Wire:
 
     def _limits(self) -> Limits:
         own = self.profile["limits"]
-        for key in MUST_LIMIT:
-            if key not in own:
-                raise ProfileError(f"{self.path}: [limits] {key} is missing: nothing could be judged by it")
+        for table, keys in JUDGED_BY.items():
+            for key in keys:
+                if key not in self.profile[table]:
+                    raise ProfileError(f"{self.path}: [{table}] {key} is missing: nothing could be judged by it")
         return Limits(
             steer_rad=own["front_wheel_angle_rad"],
             steer_rate_radps=own["front_wheel_rate_radps"],
