@@ -502,18 +502,17 @@ class Controller:
 
     def command(self, state: State, reason: Reason, now_ns: int) -> None:
         """Drive on, or stop for a reason; within the limits either way."""
-        wheel_rad, speed_mps, gear = self.wheel_rad, 0.0, NO_REQUEST
+        wheel_rad, speed_mps, gear, jerk_mps3 = self.wheel_rad, 0.0, NO_REQUEST, LATERAL_MPS3
         if reason in (Reason.NOMINAL, Reason.SHUTDOWN):
             wheel_rad = self.wanted_wheel_rad(state, now_ns)
             if not math.isfinite(wheel_rad) and self.defect != "nan_path":
                 wheel_rad, reason = self.wheel_rad, Reason.CONTROLLER_ERROR
         elif self.defect == "stop_swerves":
-            wheel_rad = 0.0
+            wheel_rad, jerk_mps3 = 0.0, math.inf
         if reason == Reason.NOMINAL:
             speed_mps, gear = self.wanted_speed_mps(state)
         dt_s = min(0.05, max(0.0, (now_ns - self.pair_ns) / 1e9))
-        swerves = reason != Reason.NOMINAL and self.defect == "stop_swerves"
-        self.wheel_rad = self.limited_wheel_rad(wheel_rad, state, dt_s, LATERAL_MPS3 * (100.0 if swerves else 1.0))
+        self.wheel_rad = self.limited_wheel_rad(wheel_rad, state, dt_s, jerk_mps3)
         self.accel_mps2 = self.limited_accel_mps2(speed_mps, state, dt_s, is_stop=reason != Reason.NOMINAL)
         self.send_pair(1, reason, speed_mps, gear)
 

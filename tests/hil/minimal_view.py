@@ -30,6 +30,7 @@ class View:
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
         self._socket.setblocking(blocks)
         self._was_seen = False
+        self.lost = 0
 
     def show(self, *values: float) -> None:
         """One pair, or nothing."""
@@ -37,8 +38,9 @@ class View:
             self._socket.sendto(",".join(f"{value:.6f}" for value in values).encode(), self._name)
             self._was_seen = True
         except BlockingIOError:
-            return
+            self.lost += 1
         except ConnectionRefusedError:
+            self.lost += 1
             if self._matters and self._was_seen:
                 raise
 

@@ -146,6 +146,7 @@ def test_a_profile_that_cannot_be_benched_is_refused_with_its_name(tmp_path: Pat
         (('data_id_mode = "BOTH"', 'data_id_mode = "ALT"'), "not 1 \\(ALT\\)"),
         (("lateral_jerk_mps3", "# lateral_jerk_mps3"), "lateral_jerk_mps3 is missing"),
         (("stop_jerk_mps3", "# stop_jerk_mps3"), "stop_jerk_mps3 is missing"),
+        (("front_wheel_rate_radps = 0.3", ""), "\\[limits.engaging\\] front_wheel_rate_radps is missing"),
     ):
         with pytest.raises(ProfileError, match=why):
             other_wire(tmp_path, profile=spoilt)
@@ -881,9 +882,9 @@ def test_every_option_of_the_guide_is_known(capsys: pytest.CaptureFixture[str]) 
         cli.main(["--help"])
     known = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))
     used = set(re.findall(r"--[a-z][a-z-]+", (ROOT / "docs" / "bench.md").read_text(encoding="utf-8")))
-    of_the_program = {"--arm", "--trajectory", "--speed-cap"}
-    assert of_the_program < used
-    assert used <= known | of_the_program
+    of_the_controllers = {"--arm", "--trajectory", "--speed-cap", "--show"}
+    assert of_the_controllers < used
+    assert used <= known | of_the_controllers
 
 
 def test_the_list_names_every_case_and_what_it_proves(capsys: pytest.CaptureFixture[str]) -> None:

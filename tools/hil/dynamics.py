@@ -65,7 +65,7 @@ def swerving(wire: Wire, record: Record) -> Iterable[str]:
     for stretch in _stretches(record):
         granted = before = 0.0
         before_ns = stretch[0].stamp_ns
-        lowest, highest = math.inf, -math.inf
+        pace = _Pace()
         for pair in stretch:
             lately_mps = speeds.until(pair.stamp_ns)
             per_s = limits["lateral_jerk_mps3"] / _slowest_mps(lately_mps) ** 2
@@ -73,17 +73,12 @@ def swerving(wire: Wire, record: Record) -> Iterable[str]:
             angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
             rear = pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)
             per_m = (math.tan(angle) - math.tan(rear)) / wheelbase_m
-            slack = (per_s * JITTER_NS / S + wire.wheel_count_rad / wheelbase_m) / 2.0
+            slack = per_s * JITTER_NS / S + wire.wheel_count_rad / wheelbase_m
             most = limits["lateral_accel_mps2"] / _fastest_mps(lately_mps) ** 2
-            if before > most:
-                highest = min(highest, most + granted - slack)
-            elif before < -most:
-                lowest = max(lowest, -most - granted + slack)
-            rising, falling = per_m - granted, per_m + granted
-            if rising - slack > lowest or falling + slack < highest:
+            if abs(before) > most:
+                pace.counts_from(math.copysign(most, before), granted, slack)
+            if pace.is_broken(per_m, granted, slack):
                 yield f"{_at(pair, record)} a swerve at {lately_mps[-1]:.2f} m/s, wheels to {angle:.4f} rad"
-                lowest, highest = math.inf, -math.inf
-            lowest, highest = min(lowest, rising + slack), max(highest, falling - slack)
             before, before_ns = per_m, pair.stamp_ns
 
 
@@ -154,7 +149,7 @@ def jerky(wire: Wire, record: Record) -> Iterable[str]:
 
 def rash(wire: Wire, record: Record) -> Iterable[str]:
     """Commands beyond the stricter limits until the vehicle says that it is autonomous; to brake harder is none."""
-    limits = wire.profile["limits"].get("engaging", {})
+    limits = wire.profile["limits"]["engaging"]
     modes, place, mode = record.of("VEHICLE_STATUS"), 0, -1.0
     speeds = _speeds(record)
     autonomous = wire.number("MODE", "AUTONOMOUS")
@@ -170,11 +165,10 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
             accel = pair.drive["ACCEL_REQUEST"]
             speed = speeds.until(pair.stamp_ns)[-1]
             way = speed if abs(speed) > STANDS_MPS else pair.drive.signals.get("SPEED_REQUEST", 0.0)
-            if accel * way > 0.0 and not pair.is_stop and abs(accel) > limits.get("accel_max_mps2", math.inf) + 1e-9:
+            if accel * way > 0.0 and not pair.is_stop and abs(accel) > limits["accel_max_mps2"] + 1e-9:
                 yield f"{_at(pair, record)} {accel:.3f} m/s² while it engages"
         angles = [pair.steer["FRONT_WHEEL_ANGLE_REQUEST"] for pair in engaging]
-        rate_radps = limits.get("front_wheel_rate_radps", math.inf)
-        yield from _faster(engaging, angles, rate_radps, "rad/s while it engages", record)
+        yield from _faster(engaging, angles, limits["front_wheel_rate_radps"], "rad/s while it engages", record)
 
 
 class _Told:
@@ -257,15 +251,34 @@ def _faster(
     falls_freely: bool = False,
 ) -> Iterable[str]:
     """Where a value has changed by more than the rate allows since any time before, however short or long ago."""
-    slack = rate * JITTER_NS / S + 0.001
-    lowest, highest = math.inf, -math.inf
+    slack, pace = rate * JITTER_NS / S + 0.001, _Pace(falls_freely=falls_freely)
     for pair, value in zip(pairs, values, strict=True):
-        t_s = (pair.stamp_ns - record.begin_ns) / S
-        rising, falling = value - rate * t_s, value + rate * t_s
-        if rising > lowest + slack or (falling < highest - slack and not falls_freely):
+        if pace.is_broken(value, rate * (pair.stamp_ns - record.begin_ns) / S, slack):
             yield f"{_at(pair, record)} faster than {rate:g} {unit}, to {value:.3f}"
-            lowest, highest = math.inf, -math.inf
-        lowest, highest = min(lowest, rising), max(highest, falling)
+
+
+class _Pace:
+    """Whether a value changes by more than what was `granted` since any time before; `slack` is for the two ends."""
+
+    def __init__(self, *, falls_freely: bool = False) -> None:
+        self._falls_freely = falls_freely
+        self._lowest, self._highest = math.inf, -math.inf
+
+    def is_broken(self, value: float, granted: float, slack: float) -> bool:
+        """Whether it is by this value; then it counts anew from it."""
+        rising, falling, half = value - granted, value + granted, slack / 2.0
+        broken = rising - half > self._lowest or (falling + half < self._highest and not self._falls_freely)
+        if broken:
+            self._lowest, self._highest = math.inf, -math.inf
+        self._lowest, self._highest = min(self._lowest, rising + half), max(self._highest, falling - half)
+        return broken
+
+    def counts_from(self, limit: float, granted: float, slack: float) -> None:
+        """Whatever was beyond this limit, on its side of 0, may come back to it for nothing."""
+        if limit > 0.0:
+            self._highest = min(self._highest, limit + granted - slack / 2.0)
+        else:
+            self._lowest = max(self._lowest, limit - granted + slack / 2.0)
 
 
 def _at(pair: Pair, record: Record) -> str:

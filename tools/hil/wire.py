@@ -76,8 +76,8 @@ JUDGED_BY = {
         "accel_rate_mps3",
         "speed_max_mps",
         "gear_change_speed_mps",
-        "engaging",
     ),
+    "limits.engaging": ("front_wheel_rate_radps", "accel_max_mps2"),
     "behavior": ("safe_deceleration_mps2", "stop_jerk_mps3"),
     "geometry": ("wheelbase_m",),
 }
@@ -274,8 +274,11 @@ class Wire:
     def _limits(self) -> Limits:
         own = self.profile["limits"]
         for table, keys in JUDGED_BY.items():
+            numbers = self.profile
+            for part in table.split("."):
+                numbers = numbers[part]
             for key in keys:
-                if key not in self.profile[table]:
+                if key not in numbers:
                     raise ProfileError(f"{self.path}: [{table}] {key} is missing: nothing could be judged by it")
         return Limits(
             steer_rad=own["front_wheel_angle_rad"],
