@@ -1,7 +1,7 @@
 """A CAN-bus vehicle interface: state frames in, checked commands out.
 
-    CAN bus ─▶ bus ─▶ codec.decoder ─▶ tracker ─▶ control ─▶ safety.gate ─▶ codec.encoder ─▶ bus ─▶ CAN bus
-                                         trajectories ─▲           runtime.telemetry ─▶ viewer, recorder
+    CAN bus ─▶ bus ─▶ codec.decoder ─▶ state_assembler ─▶ control ─▶ safety.gate ─▶ codec.encoder ─▶ bus ─▶ CAN bus
+                                                 trajectories ─▲                   telemetry ─▶ viewer, recorder
 
 The public names are below; `CONVENTIONS.md` has frames, signs, units and time.
 """

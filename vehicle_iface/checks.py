@@ -40,7 +40,7 @@ def non_negative(name: str, value: object) -> float:
 
 
 def integer(name: str, value: object) -> int:
-    """`value` as a Python int; floats are refused even when whole, since stamps lose nanoseconds in them."""
+    """`value` as a Python int; floats are rejected even when whole, because stamps lose nanoseconds in them."""
     if isinstance(value, bool):
         raise InvalidValueError(f"{name} = {value!r}: must be an integer")
     try:

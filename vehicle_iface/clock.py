@@ -1,17 +1,15 @@
-"""The one place where time is read. Everything else is given `now_ns`.
+"""The one module that reads a clock. Everything else gets `now_ns` as an argument.
 
-Stamps are integer nanoseconds of CLOCK_MONOTONIC, which all processes of one machine share and no
-administrator can step. The wall clock is for log headers and for mapping kernel receive stamps.
+Stamps are integer nanoseconds of CLOCK_MONOTONIC, which all processes of one machine share and which cannot be
+set. The wall clock is for log headers and for mapping kernel receive stamps.
 """
 
 import time
 
 from vehicle_iface.units import NS_PER_S
 
-
-def monotonic_ns() -> int:
-    """Now, in nanoseconds of the machine's monotonic clock."""
-    return time.monotonic_ns()
+monotonic_ns = time.monotonic_ns
+"""Now, in nanoseconds of the machine's monotonic clock; read ten times a pass, so without a call of our own."""
 
 
 def wall_ns() -> int:

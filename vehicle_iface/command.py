@@ -1,4 +1,4 @@
-"""What a controller wants the vehicle to do."""
+"""Commands: what a controller requests, and what the gate permits."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ _NUMBERS = ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "spee
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """A wish: acceleration, wheel angles and speed. It is not yet allowed on the bus (see `safety`).
+    """What a controller requests: acceleration, wheel angles and speed. Only `safety.gate` may permit it on the bus.
 
     Raises `InvalidValueError` when a number is not finite.
     """
@@ -27,9 +27,9 @@ class Command:
     rear_wheel_angle_rad: float = 0.0
     """Road-wheel angle, positive to the left."""
     speed_mps: float = 0.0
-    """Speed of the reference point, negative backwards; its sign is the direction of travel wanted."""
+    """Speed of the reference point, negative backwards; its sign is the requested direction of travel."""
     reason: Reason = Reason.NOMINAL
-    """`NOMINAL`, or why this is a stop."""
+    """`NOMINAL`, or the cause of a stop."""
 
     def __post_init__(self) -> None:
         for name in _NUMBERS:
@@ -43,13 +43,13 @@ class Command:
 
     @property
     def is_stop(self) -> bool:
-        """Whether this command stops the vehicle instead of driving on."""
+        """Whether this command stops the vehicle."""
         return self.reason is not Reason.NOMINAL
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafeCommand:
-    """A permission: what may be encoded. Only `safety.gate` builds one (a test of the architecture says so).
+    """A permitted command, the only one that can be encoded. Only `safety.gate` builds it (`test_architecture` checks).
 
     The numbers are finite, within the limits, and already multiples of what the wire can express.
     """
@@ -57,7 +57,7 @@ class SafeCommand:
     stamp_ns: int
     """Stamp of the state that this was computed from."""
     enable: bool
-    """False lets the vehicle go."""
+    """False releases the vehicle."""
     safe_stop: bool
     accel_mps2: float
     front_wheel_angle_rad: float

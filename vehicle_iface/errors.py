@@ -1,22 +1,23 @@
-"""Everything that this package raises on purpose.
+"""The errors of this package, as one tree.
 
 VehicleIfaceError
-├── InvalidValueError (ValueError)     a value that a data type refuses: name, value, what is allowed
-│   └── SignalError                    the same for a CAN signal: message, signal, value, range
+├── InvalidValueError (ValueError)     a value that a data type rejects: name, value, what is allowed
+│   ├── SignalError                    the same for a CAN signal: message, signal, value, range
+│   └── BackwardStepError              a path that steps backwards: point, distance, what is allowed
 ├── ConfigError                        a profile, DBC or option that does not fit: file, place, allowed
 ├── TrajectoryFileError                a CSV that cannot be read: file, line, column
 ├── FrameMismatchError                 state and trajectory are in different frames of reference
-├── TrajectoryRejectedError            the controller refused a new trajectory; the old one stays in force
-├── NoTrajectoryError                  asked for an index where there is no trajectory
-└── BusError                           the bus cannot be used: channel, cause, mending command
-    └── BusGoneError                   there is no such interface, or not any more
+├── TrajectoryRejectedError            the controller rejected a new trajectory; the old one stays in force
+├── NoTrajectoryError                  an index was read without a trajectory
+└── BusError                           the bus cannot be used: channel, cause, the command that fixes it
+    └── BusGoneError                   the interface does not exist (any more)
 
-What a peer on the bus does wrong is data (a counted cause), never an exception.
+A protocol violation by another node is data (a counted cause), never an exception.
 """
 
 
 class VehicleIfaceError(Exception):
-    """The root of all errors of this package."""
+    """Base class of all errors of this package."""
 
 
 class InvalidValueError(VehicleIfaceError, ValueError):
@@ -24,7 +25,16 @@ class InvalidValueError(VehicleIfaceError, ValueError):
 
 
 class SignalError(InvalidValueError):
-    """A CAN signal's value cannot be on the wire."""
+    """A value cannot be encoded into its CAN signal."""
+
+
+class BackwardStepError(InvalidValueError):
+    """A trajectory has a point behind the one before it, too far for measurement noise."""
+
+    def __init__(self, text: str, *, point: int) -> None:
+        super().__init__(text)
+        self.point = point
+        """Index of that point, counted from 0."""
 
 
 class ConfigError(VehicleIfaceError):
@@ -40,11 +50,11 @@ class FrameMismatchError(VehicleIfaceError):
 
 
 class TrajectoryRejectedError(VehicleIfaceError):
-    """The controller refused a new trajectory."""
+    """The controller rejected a new trajectory."""
 
 
 class NoTrajectoryError(VehicleIfaceError):
-    """There is no trajectory to have an index in."""
+    """There is no trajectory, so there is no index."""
 
 
 class BusError(VehicleIfaceError):
@@ -52,4 +62,4 @@ class BusError(VehicleIfaceError):
 
 
 class BusGoneError(BusError):
-    """There is no such interface, or not any more."""
+    """The interface does not exist, or no longer exists."""

@@ -1,13 +1,17 @@
-"""How a module of this installation is started as a process of its own."""
+"""Start a module of this installation as a process of its own."""
 
 import os
 import sys
 from pathlib import Path
 
 
-def python_module(name: str) -> tuple[list[str], dict[str, str]]:
-    """Command line and environment that run a module of this installation, whatever lies in the current folder."""
-    home = str(Path(__file__).resolve().parents[1])
-    path = os.environ.get("PYTHONPATH")
-    environment = os.environ | {"PYTHONPATH": f"{home}{os.pathsep}{path}" if path else home}
+def module_command(name: str) -> tuple[list[str], dict[str, str]]:
+    """Command line and environment that run a module of this installation, whatever is in the current folder."""
+    home = Path(__file__).resolve().parents[1]
+    folders = [str(home)]
+    if (home / "viewer" / "vehicle_iface_viewer").is_dir():  # a checkout; a wheel has both packages side by side
+        folders.append(str(home / "viewer"))
+    if path := os.environ.get("PYTHONPATH"):
+        folders.append(path)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(folders)}
     return [sys.executable, "-P", "-m", name], environment

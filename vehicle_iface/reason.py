@@ -1,4 +1,4 @@
-"""Why the controller does what it does: the code that goes out with every command."""
+"""Reason codes, sent with every command."""
 
 from enum import IntEnum
 

@@ -1,4 +1,4 @@
-"""What the vehicle is doing at one instant."""
+"""The vehicle's pose and motion at one instant."""
 
 import math
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class VehicleState:
     """
 
     stamp_ns: int
-    """When this was true, nanoseconds of the monotonic clock."""
+    """Time of the measurement, nanoseconds of the monotonic clock."""
     frame_id: str = "map"
     """Frame of reference of `x_m`, `y_m` and `heading_rad`."""
     x_m: float

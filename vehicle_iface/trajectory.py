@@ -1,4 +1,4 @@
-"""Where the vehicle shall be, when, and how fast."""
+"""Trajectories: position, heading and speed over time."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _OPTIONAL = ("accel_mps2", "yaw_rate_radps", "front_wheel_angle_rad")
 class Trajectory:
     """n points in time order; n = 0 means: stop.
 
-    Arrays are copied into bytes that nobody can unlock; whoever passed them may go on changing theirs, and copies
-    of a trajectory are as locked. Raises `InvalidValueError` naming the field, the index and the value when a
-    number is not finite, lengths differ, an array is not one-dimensional, or times are negative or decrease.
-    Equal times of neighbours are allowed.
+    Arrays are copied into immutable memory: the caller may go on changing the ones passed, and copies of a trajectory
+    are immutable, too. Raises `InvalidValueError` naming the field, the index and the value when a number is not
+    finite, lengths differ, an array is not one-dimensional, or times are negative or decrease. Equal times of
+    neighbours are allowed.
     """
 
     stamp_ns: int
-    """When the trajectory's time 0 is, nanoseconds of the monotonic clock."""
+    """Time 0 of the trajectory, nanoseconds of the monotonic clock."""
     frame_id: str = "map"
     """Frame of reference of `x_m`, `y_m` and `heading_rad`."""
     time_from_start_ns: IntArray

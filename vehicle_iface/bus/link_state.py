@@ -1,25 +1,25 @@
-"""How the link is: a table of states and signs."""
+"""How the link is: a table of states and events."""
 
 from enum import Enum
 
 
 class LinkState(Enum):
-    """What can be had from the link now."""
+    """The state of the link."""
 
     UP = "up"
     """Frames come and go."""
     DEGRADED = "degraded"
     """Frames come and go, and something was wrong a moment ago: errors, a full queue, frames lost here."""
     DOWN = "down"
-    """There is an interface, and it carries nothing: down, bus off, or nobody takes our frames."""
+    """The interface exists and carries nothing: it is down, bus off, or sends none of our frames."""
     GONE = "gone"
     """There is no interface of that name."""
     RECOVERING = "recovering"
-    """Open again; frames have not come for long enough to believe it."""
+    """Open again; frames have not been received for long enough yet."""
 
 
-class LinkSign(Enum):
-    """What changes the state."""
+class LinkEvent(Enum):
+    """An event that changes the state."""
 
     TROUBLE = "trouble"
     CLEAN = "clean"
@@ -32,14 +32,14 @@ class LinkSign(Enum):
 
 
 OPEN = (LinkState.UP, LinkState.DEGRADED, LinkState.RECOVERING)
-"""There is a bus to hear and to send on."""
+"""States in which frames are received and sent."""
 
-TABLE: dict[tuple[LinkState, LinkSign], LinkState] = {
-    (LinkState.UP, LinkSign.TROUBLE): LinkState.DEGRADED,
-    (LinkState.DEGRADED, LinkSign.CLEAN): LinkState.UP,
-    (LinkState.RECOVERING, LinkSign.CLEAN): LinkState.UP,
-    **{(state, LinkSign.LOST): LinkState.DOWN for state in (*OPEN, LinkState.GONE)},
-    **{(state, LinkSign.GONE): LinkState.GONE for state in (*OPEN, LinkState.DOWN)},
-    **{(state, LinkSign.OPENED): LinkState.RECOVERING for state in (LinkState.DOWN, LinkState.GONE)},
+TABLE: dict[tuple[LinkState, LinkEvent], LinkState] = {
+    (LinkState.UP, LinkEvent.TROUBLE): LinkState.DEGRADED,
+    (LinkState.DEGRADED, LinkEvent.CLEAN): LinkState.UP,
+    (LinkState.RECOVERING, LinkEvent.CLEAN): LinkState.UP,
+    **{(state, LinkEvent.LOST): LinkState.DOWN for state in (*OPEN, LinkState.GONE)},
+    **{(state, LinkEvent.GONE): LinkState.GONE for state in (*OPEN, LinkState.DOWN)},
+    **{(state, LinkEvent.OPENED): LinkState.RECOVERING for state in (LinkState.DOWN, LinkState.GONE)},
 }
 """A missing pair means: stay."""

@@ -24,7 +24,7 @@ class PythonCanBus:
         self.description = f"python-can {interface} {channel}"
         self._counters = {"received": 0, "sent": 0, "send_no_room": 0, "error_frames": 0}
         self._next: CanFrame | None = None
-        # Filtered here: with filters of its own python-can says "nothing there" at the first frame of another node.
+        # Filtered here: with its own filters python-can reports an empty queue at the first frame of another node.
         self._can_ids = frozenset(can_ids)
         try:
             self._bus = can.Bus(
@@ -58,7 +58,7 @@ class PythonCanBus:
         return frames
 
     def has_room(self) -> bool:
-        """Always: python-can does not tell what its adapters still hold."""
+        """Always true: python-can does not report what its adapters still hold."""
         return True
 
     def send(self, *frames: CanFrame) -> int:

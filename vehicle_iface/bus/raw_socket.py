@@ -27,7 +27,7 @@ _MEMORY = struct.Struct("@9I")
 _GONE = (errno.ENODEV, errno.ENXIO)
 
 
-def packed(frame: CanFrame) -> bytes:
+def pack_frame(frame: CanFrame) -> bytes:
     """`frame` as the kernel's struct can_frame or canfd_frame."""
     can_id, data, _, is_extended, is_remote, is_fd, _ = frame
     if is_extended or is_remote:
@@ -37,8 +37,8 @@ def packed(frame: CanFrame) -> bytes:
     return _FRAME.pack(can_id, len(data), 0, data)
 
 
-def frame_of(packet: Packet, stamp_ns: int) -> CanFrame:
-    """What the kernel handed over, as a frame."""
+def unpack_frame(packet: Packet, stamp_ns: int) -> CanFrame:
+    """A received packet as a frame."""
     word, data, is_fd, _, _, _ = packet
     if word <= SFF_MASK:  # the usual case: a standard data frame
         return unchecked_frame((word, data, stamp_ns, False, False, is_fd, False))
@@ -47,10 +47,12 @@ def frame_of(packet: Packet, stamp_ns: int) -> CanFrame:
     return unchecked_frame((can_id, data, stamp_ns, is_extended, bool(word & RTR_FLAG), is_fd, bool(word & ERR_FLAG)))
 
 
-def opened(channel: str, can_ids: Iterable[int] | None, *, receive_bytes: int, errors: bool = False) -> socket.socket:
+def open_socket(
+    channel: str, can_ids: Iterable[int] | None, *, receive_bytes: int, errors: bool = False
+) -> socket.socket:
     """A raw socket on an interface that is up, filtered to `can_ids` (None: all of them, of either kind).
 
-    `BusError` with the mending command; `BusGoneError` where there is no such interface.
+    `BusError` with the command that fixes it; `BusGoneError` where there is no such interface.
     """
     if not hasattr(socket, "AF_CAN"):
         raise BusError("this system has no SocketCAN; use --interface with a python-can adapter, or the demo")
@@ -92,16 +94,16 @@ def _bind_up(raw: socket.socket, channel: str) -> None:
         raise BusError(f"{channel}: the interface is down; `sudo ip link set {channel} up{setup}`")
 
 
-def gone(channel: str, error: OSError) -> BusError:
-    """What an error of a socket in use means."""
+def gone_error(channel: str, error: OSError) -> BusError:
+    """The `BusError` for an error of a socket in use."""
     if error.errno == errno.EINVAL:
         return BusError(f"{channel}: takes no CAN FD frames; `sudo ip link set {channel} mtu 72`")
     kind = BusGoneError if error.errno in _GONE else BusError
     return kind(f"{channel}: {error.strerror}; check `ip -details link show {channel}`")
 
 
-def waiting_bytes(raw: socket.socket) -> int:
-    """Kernel memory of the frames that this socket handed over and that nobody has taken yet; 0: all are sent."""
+def unsent_bytes(raw: socket.socket) -> int:
+    """Kernel memory of frames that were handed to the socket and are not sent yet; 0: all are sent."""
     return int(_memory(raw)[2])
 
 

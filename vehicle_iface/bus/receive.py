@@ -1,8 +1,8 @@
 """Many frames in one system call: recvmmsg, which Python does not have.
 
 CPython's own recvmsg asks for the interface's name (an ioctl) for each frame of a CAN socket, and needs one more
-call to learn that there are no more frames. This one takes all that are queued at once, and may be the call that
-waits for the first of them.
+call to learn that there are no more frames. This one takes all that are queued in one call, which may wait for the
+first of them.
 """
 
 import ctypes

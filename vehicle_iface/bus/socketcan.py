@@ -1,7 +1,7 @@
 """A SocketCAN interface through raw sockets of our own.
 
 Own sockets and not python-can's reader: they give the kernel's receive stamp and the count of frames that the kernel
-had to drop, tell an error from silence, and cost one system call for a frame.
+had to drop, distinguish an error from silence, and cost one system call for a frame.
 """
 
 import select
@@ -11,10 +11,18 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 
 from vehicle_iface import clock
-from vehicle_iface.bus.error_frames import LinkEvent, events_of
-from vehicle_iface.bus.raw_socket import ERR_FLAG, ERR_MASK, frame_of, gone, opened, packed, waiting_bytes
+from vehicle_iface.bus.controller_events import ControllerEvent, parse_error_frame
+from vehicle_iface.bus.raw_socket import (
+    ERR_FLAG,
+    ERR_MASK,
+    gone_error,
+    open_socket,
+    pack_frame,
+    unpack_frame,
+    unsent_bytes,
+)
 from vehicle_iface.bus.receive import BATCH, BatchReceiver, Packet
-from vehicle_iface.bus.survey import Glimpse, Survey
+from vehicle_iface.bus.traffic_monitor import TrafficMonitor, TrafficSample
 from vehicle_iface.bus.transmit import BatchSender
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.units import NS_PER_MS
@@ -34,7 +42,7 @@ class SocketCanBus:
 
     A frame of the right identifier but the wrong kind (remote, extended, FD) does come through, so that it is
     refused by the decoder, where it is counted. A second socket watches the link: error frames, and our own frames
-    as they come by once they were sent. A third one surveys all traffic.
+    as they come by once they were sent. A third one samples all traffic.
     """
 
     def __init__(
@@ -45,14 +53,14 @@ class SocketCanBus:
         own_ids: Iterable[int] = (),
         bitrate: int,
         data_bitrate: int,
-        patience_ns: int | None = None,
+        receive_timeout_ns: int | None = None,
     ) -> None:
         """Hear `can_ids`; take note of `own_ids` when they were sent. The bit rates, in bits per second, are for the
         bus load only: the interface has its own.
 
-        With `patience_ns`, `wait` is one call that sleeps and receives, for at most so long (in the kernel's ticks,
-        up to 10 ms more), whatever it was told: one system call a frame, for a reader that lives on arrivals.
-        Without it, `wait` ends within 1 ms after the instant that it was told.
+        With `receive_timeout_ns`, `wait` is one call that sleeps and receives, for at most so long (in the kernel's
+        ticks, up to 10 ms more), whatever `until_ns` is: one system call a frame, for an event-driven reader. Without
+        it, `wait` ends within 1 ms after `until_ns`.
         """
         self.channel = channel
         self.description = f"SocketCAN {channel}"
@@ -69,21 +77,25 @@ class SocketCanBus:
         self._offset_ns = clock.monotonic_ns() - clock.wall_ns()
         self._kernel_drops = 0
         self._inbox: list[CanFrame] = []
-        self._waits_in_receive = patience_ns is not None
+        self._waits_in_receive = receive_timeout_ns is not None
         self._to_confirm, self._to_confirm_since_ns = 0, clock.monotonic_ns()
         with ExitStack() as unless_all_open:
-            self._socket = unless_all_open.enter_context(opened(channel, can_ids, receive_bytes=RECEIVE_BUFFER_BYTES))
-            self._watch = unless_all_open.enter_context(
-                opened(channel, own_ids, receive_bytes=RECEIVE_BUFFER_BYTES, errors=True)
+            self._socket = unless_all_open.enter_context(
+                open_socket(channel, can_ids, receive_bytes=RECEIVE_BUFFER_BYTES)
             )
-            self._survey = Survey(channel, bitrate=bitrate, data_bitrate=data_bitrate, now_ns=clock.monotonic_ns())
+            self._watch = unless_all_open.enter_context(
+                open_socket(channel, own_ids, receive_bytes=RECEIVE_BUFFER_BYTES, errors=True)
+            )
+            self._traffic = TrafficMonitor(
+                channel, bitrate=bitrate, data_bitrate=data_bitrate, now_ns=clock.monotonic_ns()
+            )
             unless_all_open.pop_all()
         self._sender = BatchSender(self._socket.fileno())
         self._receiver, self._watcher = BatchReceiver(self._socket.fileno()), BatchReceiver(self._watch.fileno())
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
-        if patience_ns is not None:
-            timeout = _TIMEVAL.pack(*divmod(patience_ns // 1000, 1_000_000))
+        if receive_timeout_ns is not None:
+            timeout = _TIMEVAL.pack(*divmod(receive_timeout_ns // 1000, 1_000_000))
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, timeout)
 
     def wait(self, until_ns: int) -> bool:
@@ -106,48 +118,48 @@ class SocketCanBus:
     def has_room(self) -> bool:
         """Whether the interface has taken all that was handed over: one system call."""
         try:
-            if not waiting_bytes(self._socket):
+            if not unsent_bytes(self._socket):
                 return True
         except OSError as error:
-            raise gone(self.channel, error) from error
+            raise gone_error(self.channel, error) from error
         self._counters["send_no_room"] += 1
         return False
 
     def send(self, *frames: CanFrame) -> int:
         """Hand frames to the kernel's transmit queue in one call, without waiting; how many it has taken."""
         try:
-            sent = self._sender.send([packed(frame) for frame in frames])
+            sent = self._sender.send([pack_frame(frame) for frame in frames])
         except OSError as error:
-            raise gone(self.channel, error) from error
+            raise gone_error(self.channel, error) from error
         self._counters["sent"] += sent
         self._counters["send_no_room"] += sent < len(frames)
         return sent
 
-    def events(self) -> list[LinkEvent]:
+    def events(self) -> list[ControllerEvent]:
         """What the controller hardware reported since the last call.
 
         Counts our own frames: as confirmed those that came by on the bus, as missed those that have not after
         `CONFIRMED_WITHIN_NS`.
         """
-        events: list[LinkEvent] = []
-        packets = self._received(self._watcher, wait=False)
+        events: list[ControllerEvent] = []
+        packets = self._receive(self._watcher, wait=False)
         while packets:
             for can_id, data, _, _, _, is_local in packets:
                 if can_id & ERR_FLAG:
                     self._counters["error_frames"] += 1
-                    events += events_of(can_id & ERR_MASK, data)
+                    events += parse_error_frame(can_id & ERR_MASK, data)
                 elif is_local:
                     self._counters["send_confirmed"] += 1
-            packets = self._received(self._watcher, wait=False) if len(packets) == BATCH else []
+            packets = self._receive(self._watcher, wait=False) if len(packets) == BATCH else []
         self._count_missed(clock.monotonic_ns())
         return events
 
-    def look(self, now_ns: int) -> Glimpse:
+    def poll_traffic(self, now_ns: int) -> TrafficSample:
         """What all nodes have sent since the last call."""
         try:
-            return self._survey.look(now_ns)
+            return self._traffic.poll(now_ns)
         except OSError as error:
-            raise gone(self.channel, error) from error
+            raise gone_error(self.channel, error) from error
 
     def counters(self) -> dict[str, int]:
         """Frames received, sent, refused by a full queue, seen on the bus, dropped by the kernel; clock steps."""
@@ -157,7 +169,7 @@ class SocketCanBus:
         """Close the sockets."""
         self._socket.close()
         self._watch.close()
-        self._survey.close()
+        self._traffic.close()
 
     def _count_missed(self, now_ns: int) -> None:
         if now_ns - self._to_confirm_since_ns < CONFIRMED_WITHIN_NS:
@@ -168,7 +180,7 @@ class SocketCanBus:
 
     def _take(self, *, wait: bool) -> None:
         """Receive into the inbox until the kernel has no more."""
-        packets = self._received(self._receiver, wait=wait)
+        packets = self._receive(self._receiver, wait=wait)
         while packets:
             now_ns = clock.monotonic_ns()
             self._follow_wall_clock(now_ns - clock.wall_ns())
@@ -177,18 +189,18 @@ class SocketCanBus:
                 # Never later than now: a wall clock set forwards between the stamp and our reading of it would make
                 # an old frame look fresh.
                 stamp_ns = wall_ns + self._offset_ns if wall_ns else now_ns
-                self._inbox.append(frame_of(packet, stamp_ns if stamp_ns < now_ns else now_ns))
+                self._inbox.append(unpack_frame(packet, stamp_ns if stamp_ns < now_ns else now_ns))
                 if dropped:
                     self._counters["receive_overflow"] += (dropped - self._kernel_drops) & 0xFFFFFFFF
                     self._kernel_drops = dropped
             self._counters["received"] += len(packets)
-            packets = self._received(self._receiver, wait=False) if len(packets) == BATCH else []
+            packets = self._receive(self._receiver, wait=False) if len(packets) == BATCH else []
 
-    def _received(self, receiver: BatchReceiver, *, wait: bool) -> list[Packet]:
+    def _receive(self, receiver: BatchReceiver, *, wait: bool) -> list[Packet]:
         try:
             return receiver.receive(wait=wait)
         except OSError as error:
-            raise gone(self.channel, error) from error
+            raise gone_error(self.channel, error) from error
 
     def _follow_wall_clock(self, offset_ns: int) -> None:
         """Kernel stamps are wall-clock time: map them by the offset that holds now."""

@@ -15,8 +15,8 @@ from typing import NoReturn
 from cantools.database import Message
 
 from vehicle_iface import checks
+from vehicle_iface.codec.codegen import generate_decode_source, generate_encode_source
 from vehicle_iface.codec.layout import Field, Layout
-from vehicle_iface.codec.source import decode_source, encode_source
 from vehicle_iface.errors import InvalidValueError, SignalError
 
 Value = float | int | None
@@ -53,7 +53,7 @@ class MessageCodec:
         self.length: int = message.length
         """Payload, bytes."""
         self.checked: bool = checked
-        self.source: str = decode_source(layout, checked) + "\n\n" + encode_source(layout, checked)
+        self.source: str = generate_decode_source(layout, checked) + "\n\n" + generate_encode_source(layout, checked)
         """The generated functions, for reading."""
         names = _Failures(layout, checked).names() | _runtime_names(layout)
         exec(compile(self.source, f"<codec of {message.name}>", "exec"), names)
@@ -112,25 +112,25 @@ class _Failures:
             "refuse": self.refuse,
             "unknown": self.unknown,
             "absent": self.absent,
-            "miscounted": self.miscounted,
+            "wrong_count": self.wrong_count,
             "explain_decode": self.explain_decode,
             "explain_encode": self.explain_encode,
         }
 
     def refuse(self, index: int, value: object) -> NoReturn:
         field = self._layout.fields[index]
-        raise SignalError(f"{self._place(index)} = {value!r}: must be {_allowed(field, self._checked)}")
+        raise SignalError(f"{self._place(index)} = {value!r}: must be {_describe_allowed(field, self._checked)}")
 
     def unknown(self, index: int, number: int) -> NoReturn:
         branches = self._layout.branches[self._layout.fields[index].name]
         known = sorted(number for branch in branches for number in branch.ids)
-        raise SignalError(f"{self._place(index)} = {number}: must be a multiplexer id of {_listed(known)}")
+        raise SignalError(f"{self._place(index)} = {number}: must be a multiplexer id of {_list_numbers(known)}")
 
     def absent(self, index: int, value: object) -> NoReturn:
         multiplexer = self._layout.fields[index].parent
         raise SignalError(f"{self._place(index)} = {value!r}: must be None, {multiplexer} hides this signal")
 
-    def miscounted(self, values: Sequence[Value]) -> NoReturn:
+    def wrong_count(self, values: Sequence[Value]) -> NoReturn:
         count = len(self._layout.fields)
         raise SignalError(f"{self._layout.message_name}: {len(values)} values: must be {count}")
 
@@ -158,11 +158,11 @@ class _Failures:
         return f"{self._layout.message_name}.{self._layout.fields[index].name}"
 
 
-def _allowed(field: Field, checked: bool) -> str:
+def _describe_allowed(field: Field, checked: bool) -> str:
     if field.is_float and not (checked and (field.minimum is not None or field.maximum is not None)):
         return f"a finite number of {field.width} bits"
     if checked and field.enumeration():
-        return f"one of {_listed(sorted(field.enumeration()))}"
+        return f"one of {_list_numbers(sorted(field.enumeration()))}"
     if checked and (field.minimum is not None or field.maximum is not None):
         low = "-inf" if field.minimum is None else field.minimum
         high = "inf" if field.maximum is None else field.maximum
@@ -171,6 +171,6 @@ def _allowed(field: Field, checked: bool) -> str:
     return f"in [{ends[0]}, {ends[1]}], what {field.width} bits can hold"
 
 
-def _listed(numbers: Sequence[int]) -> str:
+def _list_numbers(numbers: Sequence[int]) -> str:
     shown = ", ".join(map(str, numbers[:20]))
     return f"{{{shown}, …}}" if len(numbers) > 20 else f"{{{shown}}}"

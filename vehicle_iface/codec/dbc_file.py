@@ -1,7 +1,7 @@
 """One DBC file, read strictly: what cantools would load with a shrug is refused here, with its line."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,51 +42,51 @@ class DbcFile:
         return _fault(self.name, self.lines.get(dotted, 0), f"{dotted}: {text}")
 
 
-Note = Callable[[ConfigError], None]
-"""What is done about a fault: raise it, or keep it and look for more."""
-
-
 def read_dbc(path: Path) -> DbcFile:
-    """Load a DBC; `ConfigError` with file and line when anything in it is doubtful.
+    """Load a DBC; `ConfigError` with file and line of everything in it that is doubtful.
 
     Refused besides what cantools refuses: text that is not text, an end in mid-statement, two
     messages of one id or name, two signals of one name, a factor of 0, a range upside down."""
-    text = _text(path)
-    return _parsed(path.name, text, _examined(path.name, text, _refuse), _refuse, strict=True)
+    file, faults = _load(path, strict=True)
+    if file is None or faults:
+        raise ConfigError("\n".join(map(str, faults)))
+    return file
 
 
-def inspect_dbc(path: Path, note: Note) -> DbcFile | None:
-    """Load a DBC as far as it goes, with its faults told to `note`; overlaps and signals beyond their message are
-    left to the caller. None when there is nothing to look at."""
+def inspect_dbc(path: Path) -> tuple[DbcFile | None, list[ConfigError]]:
+    """Load a DBC as far as it goes, with its faults; overlaps and signals beyond their message are left to the caller.
+    None when there is nothing to look at."""
+    return _load(path, strict=False)
+
+
+def _load(path: Path, *, strict: bool) -> tuple[DbcFile | None, list[ConfigError]]:
+    name, faults = path.name, list[ConfigError]()
     try:
         text = _text(path)
-        return _parsed(path.name, text, _examined(path.name, text, note), note, strict=False)
+        bare = _STRING.sub(_blank, text)
+        if not bare.strip():
+            raise _fault(name, 1, "the file is empty")
+        messages = list(_messages(bare))
+        faults += _ending_faults(name, text, bare)
+        faults += _duplicate_faults(name, messages)
+        lines = _lines(messages)
+        file = DbcFile(name=name, database=_parse(name, text, lines, strict), lines=lines)
     except ConfigError as error:
-        note(error)
-        return None
+        return None, [*faults, error]
+    faults += _content_faults(file)
+    if not file.database.messages:
+        return None, [*faults, ConfigError(f"{name}: no message in it")]
+    return file, faults
 
 
-def _refuse(error: ConfigError) -> None:
-    raise error
-
-
-def _examined(name: str, text: str, note: Note) -> dict[str, int]:
-    """Lines of all messages and signals."""
-    bare = _STRING.sub(_blank, text)
-    _check_ending(name, text, bare, note)
-    return _lines(name, bare, note)
-
-
-def _parsed(name: str, text: str, lines: Mapping[str, int], note: Note, *, strict: bool) -> DbcFile:
+def _parse(name: str, text: str, lines: Mapping[str, int], strict: bool) -> Database:
     try:
         database = load_string(text, database_format="dbc", strict=strict)
     except _FOREIGN as error:
-        raise _translated(name, lines, error) from None
+        raise _explain(name, lines, error) from None
     if not isinstance(database, Database):
         raise ConfigError(f"{name}: describes diagnostics, not a bus")
-    file = DbcFile(name=name, database=database, lines=lines)
-    _check_parsed(file, note)
-    return file
+    return database
 
 
 def _text(path: Path) -> str:
@@ -113,70 +113,95 @@ def _blank(found: re.Match[str]) -> str:
     return '"' + "\n" * found[0].count("\n") + '"'
 
 
-def _check_ending(name: str, text: str, bare: str, note: Note) -> None:
+def _ending_faults(name: str, text: str, bare: str) -> Iterator[ConfigError]:
     last = text.count("\n") + 1
-    if not bare.strip():
-        raise _fault(name, 1, "the file is empty")
     if bare.count('"') % 2:
-        note(_fault(name, last, "the file ends inside a string; it is cut short"))
+        yield _fault(name, last, "the file ends inside a string; it is cut short")
     elif not text.endswith(("\n", ";")):
-        note(_fault(name, last, "the file ends in the middle of a line; it may be cut short"))
+        yield _fault(name, last, "the file ends in the middle of a line; it may be cut short")
 
 
-def _lines(name: str, bare: str, note: Note) -> dict[str, int]:
-    """Lines of all messages and signals, the first ones of duplicates."""
-    lines: dict[str, int] = {}
-    ids: dict[int, int] = {}
-    for message, can_id, line, body in _messages(bare):
-        if message == _UNBOUND:
-            continue
-        if message in lines:
-            note(_fault(name, line, f"message {message} is already in line {lines[message]}"))
-            continue
-        if can_id in ids:
-            note(_fault(name, line, f"message {message}: id {can_id} is already in line {ids[can_id]}"))
-        ids.setdefault(can_id, line)
-        lines[message] = line
-        for found in _SIGNAL.finditer(body):
-            dotted = f"{message}.{found[1]}"
-            signal_line = line + body[: found.start(1)].count("\n")
-            if dotted in lines:
-                note(_fault(name, signal_line, f"signal {dotted} is already in line {lines[dotted]}"))
-            lines.setdefault(dotted, signal_line)
-        orphan = _MULTIPLEXED.search(body)
-        if orphan and not _MULTIPLEXER.search(body):
-            dotted = f"{message}.{orphan[1]}"
-            note(_fault(name, lines[dotted], f"{dotted} is multiplexed, but {message} has no multiplexer"))
-    return lines
+@dataclass(frozen=True, slots=True)
+class _MessageText:
+    """A message as it stands in the file."""
+
+    name: str
+    can_id: int
+    line: int
+    signals: tuple[tuple[str, int], ...]
+    """MESSAGE.SIGNAL and line of each."""
+    orphan: tuple[str, int] | None
+    """MESSAGE.SIGNAL and line of the first multiplexed signal, where there is no multiplexer."""
 
 
-def _messages(bare: str) -> Iterator[tuple[str, int, int, str]]:
-    """Name, id, line and text of each message."""
+def _messages(bare: str) -> Iterator[_MessageText]:
     found = list(_MESSAGE.finditer(bare))
     ends = [match.start() for match in found[1:]] + [len(bare)] * bool(found)
     for match, end in zip(found, ends, strict=True):
+        name, body = match[2], bare[match.start(1) : end]
+        if name == _UNBOUND:
+            continue
         line = bare[: match.start(1)].count("\n") + 1
-        yield match[2], int(match[1]), line, bare[match.start(1) : end]
+        signals = tuple(_place(name, body, line, signal) for signal in _SIGNAL.finditer(body))
+        orphan = _MULTIPLEXED.search(body) if not _MULTIPLEXER.search(body) else None
+        orphan_place = _place(name, body, line, orphan) if orphan else None
+        yield _MessageText(name, int(match[1]), line, signals, orphan_place)
 
 
-def _check_parsed(file: DbcFile, note: Note) -> None:
+def _place(name: str, body: str, line: int, signal: re.Match[str]) -> tuple[str, int]:
+    """MESSAGE.SIGNAL and line of a signal in a message's text, which begins in `line`."""
+    return f"{name}.{signal[1]}", line + body[: signal.start(1)].count("\n")
+
+
+def _lines(messages: Iterable[_MessageText]) -> dict[str, int]:
+    """Lines of all messages and signals, the first ones of duplicates."""
+    lines: dict[str, int] = {}
+    for message in messages:
+        if message.name not in lines:
+            lines[message.name] = message.line
+            for dotted, line in message.signals:
+                lines.setdefault(dotted, line)
+    return lines
+
+
+def _duplicate_faults(name: str, messages: Iterable[_MessageText]) -> Iterator[ConfigError]:
+    """Names and identifiers that are there twice, and multiplexed signals without a multiplexer."""
+    lines: dict[str, int] = {}
+    ids: dict[int, int] = {}
+    for message in messages:
+        if message.name in lines:
+            yield _fault(name, message.line, f"message {message.name} is already in line {lines[message.name]}")
+            continue
+        lines[message.name] = message.line
+        if message.can_id in ids:
+            text = f"message {message.name}: id {message.can_id} is already in line {ids[message.can_id]}"
+            yield _fault(name, message.line, text)
+        ids.setdefault(message.can_id, message.line)
+        for dotted, line in message.signals:
+            if dotted in lines:
+                yield _fault(name, line, f"signal {dotted} is already in line {lines[dotted]}")
+            lines.setdefault(dotted, line)
+        if message.orphan is not None:
+            dotted, line = message.orphan
+            yield _fault(name, line, f"{dotted} is multiplexed, but {message.name} has no multiplexer")
+
+
+def _content_faults(file: DbcFile) -> Iterator[ConfigError]:
     parsed = {message.name for message in file.database.messages}
     written = {name for name in file.lines if "." not in name}
     for name in sorted(written ^ parsed):
-        note(file.fault(name, "was not understood; the file is damaged"))
-    if not parsed:
-        raise ConfigError(f"{file.name}: no message in it")
+        yield file.fault(name, "was not understood; the file is damaged")
     for message in file.database.messages:
         for signal in message.signals:
             dotted = f"{message.name}.{signal.name}"
             if signal.scale == 0:
-                note(file.fault(dotted, "factor 0: every value would be the same"))
+                yield file.fault(dotted, "factor 0: every value would be the same")
             low, high = signal.minimum, signal.maximum
             if low is not None and high is not None and not low <= high:
-                note(file.fault(dotted, f"range [{low}|{high}] is upside down"))
+                yield file.fault(dotted, f"range [{low}|{high}] is upside down")
 
 
-def _translated(name: str, lines: Mapping[str, int], error: Exception) -> ConfigError:
+def _explain(name: str, lines: Mapping[str, int], error: Exception) -> ConfigError:
     """cantools' words, with the line that they are about."""
     text = " ".join(str(error).split()).removeprefix('DBC: "').removesuffix('"')
     stated = re.search(r"line (\d+)", text)

@@ -1,6 +1,6 @@
-"""Frames from the bus to messages that can be believed: whole, intact, in sequence, in range. Or nothing.
+"""Frames from the bus to messages that are whole, intact, in sequence and in range.
 
-A frame that is not so is dropped whole and counted by cause and message; no frame makes this raise.
+A frame that is not is dropped whole and counted by cause and message; no frame makes this raise.
 """
 
 from collections.abc import Iterable, Mapping
@@ -9,9 +9,9 @@ from enum import Enum
 from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.codec.e2e import CounterCheck, Sequence
+from vehicle_iface.decoded import DecodedMessage
 from vehicle_iface.errors import SignalError
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.message import Received
 
 
 class DropCause(Enum):
@@ -44,7 +44,7 @@ _SEQUENCE_DROPS = {
 
 
 class _Input:
-    """What the decoder keeps of one message."""
+    """The decoder's state for one message."""
 
     __slots__ = (
         "counter_byte",
@@ -71,9 +71,9 @@ class _Input:
             self.counters = CounterCheck(protection.counter_states, message.max_counter_step)
             self.intact = protection.intact
             self.counter_byte, self.counter_mask = protection.counter_byte, protection.counter_mask
-        self.translate = message.to_program
+        self.translate = message.from_wire
         self.seen = 0
-        self.translated = any(table is not None for table in message.to_program)
+        self.translated = any(table is not None for table in message.from_wire)
 
 
 class Decoder:
@@ -100,16 +100,16 @@ class Decoder:
 
     @property
     def lost(self) -> dict[str, int]:
-        """Frames of each message that were sent but never arrived, as far as the counters tell."""
+        """Frames of each message that were sent but never arrived, counted by gaps in the counters."""
         checks = ((entry.name, entry.counters) for entry in self._inputs.values())
         return {name: check.lost for name, check in checks if check is not None}
 
-    def decode(self, frame: CanFrame) -> Received | None:
-        """The message in `frame`, or None when it is not ours or not to be believed."""
+    def decode(self, frame: CanFrame) -> DecodedMessage | None:
+        """The message in `frame`, or None when the frame is not ours or was dropped."""
         can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error = frame
         entry = self._inputs.get(can_id | _EXTENDED if is_extended else can_id)
         if entry is None:
-            self._drop_stranger(frame)
+            self._drop_unknown(frame)
             return None
         entry.seen += 1
         if is_remote or is_error or is_fd is not entry.is_fd:
@@ -136,9 +136,9 @@ class Decoder:
             self._drop(DropCause.OUT_OF_RANGE, entry.name)
             return None
         if entry.translated:
-            values = _translated(values, entry.translate)
+            values = _translate(values, entry.translate)
         self.accepted += 1
-        return Received(entry.name, stamp_ns, counter, values)
+        return DecodedMessage(entry.name, stamp_ns, counter, values)
 
     def reset(self) -> None:
         """Forget all sequences, as after the bus was opened anew; the counts stay."""
@@ -146,7 +146,7 @@ class Decoder:
             if entry.counters is not None:
                 entry.counters.reset()
 
-    def _drop_stranger(self, frame: CanFrame) -> None:
+    def _drop_unknown(self, frame: CanFrame) -> None:
         """A frame whose identifier is none of ours, or ours in the other format."""
         other = self._inputs.get(frame.can_id if frame.is_extended else frame.can_id | _EXTENDED)
         if frame.is_error:
@@ -161,8 +161,8 @@ class Decoder:
         self.drops[key] = self.drops.get(key, 0) + 1
 
 
-def _translated(values: tuple[Value, ...], tables: tuple[Mapping[int, int] | None, ...]) -> tuple[Value, ...]:
-    """The program's numbers for the DBC's; the codec has already refused numbers without a name."""
+def _translate(values: tuple[Value, ...], tables: tuple[Mapping[int, int] | None, ...]) -> tuple[Value, ...]:
+    """The program's numbers for the wire's; the codec has already refused numbers without a name."""
     return tuple(
         value if table is None or value is None else table[int(value)]
         for value, table in zip(values, tables, strict=True)

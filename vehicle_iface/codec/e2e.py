@@ -137,7 +137,7 @@ _ALL_GOOD = (1 << WINDOW) - 1
 
 
 class Sequence(Enum):
-    """What a frame's counter says about the frame."""
+    """The verdict on a frame by its counter."""
 
     INITIAL = "initial"
     """The first one: nothing to compare with; accepted."""

@@ -1,20 +1,21 @@
-"""Permissions to frames: the fields of an object into a message's signals, with counter and checksum.
+"""Encodes permitted commands into frames, with counter and checksum.
 
-The counter of a message steps once for each frame that was built of it, from 0; a value that cannot
-be sent raises `SignalError` and steps nothing, and a frame that nobody took may be taken back.
+The counter of a message starts at 0 and steps once for each of its frames that is committed as sent: a frame that
+nobody took has stepped nothing, and the next one has its counter.
 """
 
 from collections.abc import Callable, Iterable
 
+from vehicle_iface.codec.binding import Role
 from vehicle_iface.codec.compiled import Value
-from vehicle_iface.codec.database import BoundMessage, Role
+from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.command import SafeCommand
 from vehicle_iface.errors import ConfigError, SignalError
 from vehicle_iface.frame import CanFrame, unchecked_frame
 
 
 class _Output:
-    """What the encoder keeps of one message."""
+    """The encoder's state for one message."""
 
     __slots__ = (
         "can_id",
@@ -23,7 +24,6 @@ class _Output:
         "fields",
         "is_extended",
         "is_fd",
-        "last",
         "name",
         "protection",
         "sent",
@@ -41,25 +41,17 @@ class _Output:
         self.fields = message.fields
         self.counter = 0
         self.sent = 0
-        self.last = 0
-        """The counter of the frame before the next one."""
 
-    def payload(self, source: object) -> bytes:
-        """The signals of `source`, not yet protected; SignalError when a value cannot be sent."""
+    def frame(self, source: object) -> CanFrame:
+        """The next frame of this message with the signals of `source`; SignalError when a value cannot be sent."""
         try:
             values = self.values_of(source)
         except KeyError as error:
             raise SignalError(f"{self.name}: {error.args[0]!r} has no number in the DBC's VAL_ table") from None
-        return self.encode(values)
-
-    def frame(self, payload: bytes) -> CanFrame:
-        """The next frame of this message with that payload; steps the counter."""
-        self.sent += 1
+        payload = self.encode(values)
         if self.protection is not None:
             data = bytearray(payload)
             self.protection.protect(data, self.counter)
-            self.last = self.counter
-            self.counter = self.protection.next_counter(self.counter)
             payload = bytes(data)
         return unchecked_frame((self.can_id, payload, 0, self.is_extended, False, self.is_fd, False))
 
@@ -77,38 +69,36 @@ class Encoder:
 
     @property
     def sent(self) -> dict[tuple[int, bool], int]:
-        """Frames of each identifier that were built and not taken back; with whether it is extended."""
+        """Frames of each identifier that were committed; with whether it is extended."""
         return {can_id: output.sent for can_id, output in self._by_id.items()}
 
     def encode(self, message_name: str, source: object) -> CanFrame:
         """The next frame of a message, its values taken from the attributes of `source` that bear
         its fields' names.
 
-        Raises `SignalError` when a value is not finite or out of range (the counter then stays),
-        `ConfigError` for a message that this encoder does not have."""
+        Raises `SignalError` when a value is not finite or out of range, `ConfigError` for a message that this encoder
+        does not have."""
         output = self._outputs.get(message_name)
         if output is None:
             raise ConfigError(f"no message {message_name!r}: must be one of {', '.join(self._outputs)}")
-        return output.frame(output.payload(source))
+        return output.frame(source)
 
     def encode_command(self, command: SafeCommand) -> tuple[CanFrame, ...]:
-        """One frame of each command message; all of them, or `SignalError` and no counter has stepped."""
-        payloads = [output.payload(command) for output in self._commands]
-        return tuple(output.frame(data) for output, data in zip(self._commands, payloads, strict=True))
+        """The next frame of each command message; all of them, or `SignalError`."""
+        return tuple([output.frame(command) for output in self._commands])
+
+    def commit(self, frames: Iterable[CanFrame]) -> None:
+        """These frames were sent, at most one of each message: the next ones have the counters after theirs."""
+        outputs = self._by_id
+        for frame in frames:
+            output = outputs[frame.can_id, frame.is_extended]
+            output.sent += 1
+            if output.protection is not None:
+                output.counter = output.protection.next_counter(output.counter)
 
     def fields_of(self, frames: Iterable[CanFrame]) -> set[str]:
-        """The fields whose values these frames of ours carry."""
+        """The fields whose values these frames carry."""
         return {field for frame in frames for field in self._by_id[frame.can_id, frame.is_extended].fields if field}
-
-    def take_back(self, frame: CanFrame) -> None:
-        """The newest frame of its message was not sent: the next one bears its counter again.
-
-        What is no message of ours has none.
-        """
-        output = self._by_id.get((frame.can_id, frame.is_extended))
-        if output is not None:
-            output.counter = output.last
-            output.sent -= 1
 
 
 def _collector(message: BoundMessage) -> Callable[[object], tuple[Value, ...]]:
@@ -118,11 +108,11 @@ def _collector(message: BoundMessage) -> Callable[[object], tuple[Value, ...]]:
     for index, field in enumerate(message.fields):
         if not field:
             terms.append(repr(message.constants[index]))
-        elif message.to_bus[index] is not None:
+        elif message.to_wire[index] is not None:
             terms.append(f"tables[{index}][s.{field}]")
         else:
             terms.append(f"s.{field}")
     source = f"lambda s: ({''.join(term + ', ' for term in terms)})"
-    names: dict[str, object] = {"tables": message.to_bus}
+    names: dict[str, object] = {"tables": message.to_wire}
     collect: Callable[[object], tuple[Value, ...]] = eval(compile(source, f"<values of {message.name}>", "eval"), names)
     return collect

@@ -1,7 +1,7 @@
 """All that is wrong with a DBC or a profile for control use, each with its line: `vehicle-iface check-dbc FILE`.
 
-An error is what the program refuses to drive with, a warning what somebody should look at. A `.toml` profile is
-checked together with its DBC, a `.dbc` by itself: then nothing is known about what its signals are for.
+An error keeps the program from driving, a warning asks for a look. A `.toml` profile is
+checked together with its DBC. A `.dbc` alone is checked without knowledge of what its signals are for.
 """
 
 import re
@@ -11,10 +11,12 @@ from pathlib import Path
 
 from cantools.database import Message, Signal
 
-from vehicle_iface.codec.database import PERIODS, UNITS, Role, binding_faults, bits_of, roles_of
+from vehicle_iface.codec.binding import PERIODS, Binding, Role, bits_of
+from vehicle_iface.codec.consistency import UNITS, find_faults
 from vehicle_iface.codec.dbc_file import DbcFile, inspect_dbc
 from vehicle_iface.codec.layout import Layout
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.motion_sources import describe_missing
 from vehicle_iface.profile import Profile, inspect_profile
 
 ERROR, WARNING = "error", "warning"
@@ -30,7 +32,7 @@ _FOREIGN_UNITS = {
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Finding:
+class LintFinding:
     """One thing that is wrong."""
 
     file: str
@@ -45,7 +47,7 @@ class Finding:
         return f"{place}: {self.severity}: {self.text}"
 
 
-def check_file(path: Path) -> list[Finding]:
+def check_file(path: Path) -> list[LintFinding]:
     """All findings, in the order of file and line. `ConfigError` for a file that is neither `.dbc` nor `.toml`."""
     if path.suffix == ".dbc":
         found = _of_dbc(path)
@@ -60,9 +62,8 @@ MOST_BITS = 512
 """Of the longest FD frame."""
 
 
-def _of_dbc(path: Path) -> list[Finding]:
-    errors: list[ConfigError] = []
-    file = inspect_dbc(path, errors.append)
+def _of_dbc(path: Path) -> list[LintFinding]:
+    file, errors = inspect_dbc(path)
     found = [_located(str(error), {path.name: path}) for error in errors]
     if file is not None:
         found += _of_content(path, file)
@@ -70,48 +71,49 @@ def _of_dbc(path: Path) -> list[Finding]:
     return found
 
 
-def _of_profile(path: Path) -> list[Finding]:
+def _of_profile(path: Path) -> list[LintFinding]:
     try:
-        profile, faults = inspect_profile(path)
+        profile, faults, warnings = inspect_profile(path)
     except ConfigError as error:
         return [_located(str(error), {path.name: path})]
     lines = _TomlLines(path)
     found = [lines.finding(fault, ERROR) for fault in faults]
+    found += (lines.finding(warning, WARNING) for warning in warnings)
     if profile is None:
         dbc = lines.dbc()
         return found if dbc is None else [*found, *_of_dbc(dbc)]
     return [*found, *_of_pair(path, profile, lines)]
 
 
-def _of_pair(path: Path, profile: Profile, lines: "_TomlLines") -> list[Finding]:
+def _of_pair(path: Path, profile: Profile, lines: "_TomlLines") -> list[LintFinding]:
     """Of the DBC, and of the two together."""
     dbc = (
         path.parent / Path(profile.dbc).name if path.parent.resolve() == Path(profile.dbc).parent else Path(profile.dbc)
     )
-    errors: list[ConfigError] = []
-    file = inspect_dbc(dbc, errors.append)
+    file, errors = inspect_dbc(dbc)
     if file is None:
         return [_located(str(error), {dbc.name: dbc}) for error in errors]
     found = list(_of_content(dbc, file))
-    errors += binding_faults(profile, file)
-    for error in errors:
+    binding = Binding(profile, file)
+    for error in [*errors, *find_faults(binding)]:
         text = str(error)
         if text.startswith(f"{path.name}: "):
             found.append(lines.finding(text.removeprefix(f"{path.name}: "), ERROR))
         else:
             found.append(_located(text, {dbc.name: dbc}))
-    return [*found, *_for_control(dbc, file, profile)]
+    found += (lines.finding(text, WARNING) for text in describe_missing(profile))
+    return [*found, *_for_control(dbc, binding)]
 
 
-def _located(text: str, files: dict[str, Path]) -> Finding:
+def _located(text: str, files: dict[str, Path]) -> LintFinding:
     """An error's text taken apart: `FILE:LINE: …`, `FILE: …` or `PATH: …`."""
     for name, path in files.items():
         for known in (name, str(path)):
             match = re.match(rf"{re.escape(known)}(?::(\d+))?: ", text)
             if match:
                 rest = text[match.end() :]
-                return Finding(str(path), int(match[1] or _line_in(rest, path)), ERROR, rest)
-    return Finding(next(iter(map(str, files.values()))), 0, ERROR, text)
+                return LintFinding(str(path), int(match[1] or _line_in(rest, path)), ERROR, rest)
+    return LintFinding(next(iter(map(str, files.values()))), 0, ERROR, text)
 
 
 def _line_in(text: str, path: Path) -> int:
@@ -125,7 +127,7 @@ def _line_in(text: str, path: Path) -> int:
 # --- what needs no profile
 
 
-def _of_content(path: Path, file: DbcFile) -> Iterator[Finding]:
+def _of_content(path: Path, file: DbcFile) -> Iterator[LintFinding]:
     """Bits and ranges of every message."""
     for message in file.database.messages:
         yield from _bit_findings(path, file, message)
@@ -135,7 +137,7 @@ def _of_content(path: Path, file: DbcFile) -> Iterator[Finding]:
                 yield _finding(path, file, message, signal, WARNING, text)
 
 
-def _bit_findings(path: Path, file: DbcFile, message: Message) -> Iterator[Finding]:
+def _bit_findings(path: Path, file: DbcFile, message: Message) -> Iterator[LintFinding]:
     """Signals beyond their message, and signals on the bits of another one."""
     taken: list[tuple[Signal, frozenset[int]]] = []
     for signal in message.signals:
@@ -145,7 +147,7 @@ def _bit_findings(path: Path, file: DbcFile, message: Message) -> Iterator[Findi
             yield _finding(path, file, message, signal, ERROR, text)
         for other, others in taken:
             if bits & others and not _apart(message, signal, other):
-                yield _finding(path, file, message, signal, ERROR, f"lies on the bits of {other.name}: overlapping")
+                yield _finding(path, file, message, signal, ERROR, f"overlapping: shares bits with {other.name}")
         taken.append((signal, bits))
 
 
@@ -166,7 +168,7 @@ def _multiplexers(message: Message, signal: Signal) -> Iterator[tuple[str, froze
 
 
 def _range_beyond_bits(signal: Signal) -> str:
-    """A range that the bits cannot express: nobody can ever send its ends."""
+    """A range whose ends the bits cannot express; empty where they can."""
     if signal.is_float or signal.minimum is None or signal.maximum is None or not signal.scale:
         return ""
     if signal.length > MOST_BITS:
@@ -180,8 +182,8 @@ def _range_beyond_bits(signal: Signal) -> str:
     return f"range [{signal.minimum}|{signal.maximum}]: {signal.length} bits express [{low:.10g}|{high:.10g}]"
 
 
-def _for_nobody(path: Path, file: DbcFile) -> Iterator[Finding]:
-    """What would matter if the signal were used: without a profile nobody knows."""
+def _for_nobody(path: Path, file: DbcFile) -> Iterator[LintFinding]:
+    """Findings that matter if the signal is used, which only a profile can tell."""
     for message in file.database.messages:
         yield from _cycle_findings(path, file, message)
         yield from _impossible(path, file, message)
@@ -191,17 +193,17 @@ def _for_nobody(path: Path, file: DbcFile) -> Iterator[Finding]:
             yield from _unit_findings(path, file, message, signal)
 
 
-def _cycle_findings(path: Path, file: DbcFile, message: Message) -> Iterator[Finding]:
+def _cycle_findings(path: Path, file: DbcFile, message: Message) -> Iterator[LintFinding]:
     if not message.cycle_time:
-        yield Finding(str(path), file.lines.get(message.name, 0), WARNING, f"{message.name}: no cycle time")
+        yield LintFinding(str(path), file.lines.get(message.name, 0), WARNING, f"{message.name}: no cycle time")
 
 
-def _impossible(path: Path, file: DbcFile, message: Message) -> Iterator[Finding]:
+def _impossible(path: Path, file: DbcFile, message: Message) -> Iterator[LintFinding]:
     """Ranges without a value, and messages that cannot be compiled."""
     try:
         fields = Layout.of(message).fields
     except ConfigError as error:
-        yield Finding(str(path), file.lines.get(message.name, 0), ERROR, str(error))
+        yield LintFinding(str(path), file.lines.get(message.name, 0), ERROR, str(error))
         return
     for field, signal in zip(fields, message.signals, strict=True):
         upside_down = field.minimum is not None and field.maximum is not None and field.minimum > field.maximum
@@ -210,7 +212,7 @@ def _impossible(path: Path, file: DbcFile, message: Message) -> Iterator[Finding
             yield _finding(path, file, message, signal, ERROR, text)
 
 
-def _unit_findings(path: Path, file: DbcFile, message: Message, signal: Signal) -> Iterator[Finding]:
+def _unit_findings(path: Path, file: DbcFile, message: Message, signal: Signal) -> Iterator[LintFinding]:
     """Units that are not SI or not known, and scaled numbers without one."""
     if signal.unit in _FOREIGN_UNITS:
         text = f"unit {signal.unit!r} is not SI; a signal to control by is in {_FOREIGN_UNITS[signal.unit]!r}"
@@ -224,37 +226,29 @@ def _unit_findings(path: Path, file: DbcFile, message: Message, signal: Signal) 
 # --- what needs one
 
 
-def _for_control(path: Path, file: DbcFile, profile: Profile) -> Iterator[Finding]:
-    """What the program would drive with, but nobody should without a look."""
-    messages = {message.name: message for message in file.database.messages}
-    protected = profile.e2e.data_ids if profile.e2e else {}
-    for name, role in roles_of(profile, file).items():
+def _for_control(path: Path, binding: Binding) -> Iterator[LintFinding]:
+    """Warnings: the program drives with these."""
+    file = binding.file
+    for name, role in binding.roles.items():
         if role in PERIODS:
-            yield from _cycle_findings(path, file, messages[name])
-        if role in (Role.SAMPLE, Role.COMMAND) and name not in protected:
-            text = f"{name}: no counter and no checksum: nothing tells a frame from a repeated or damaged one"
-            yield Finding(str(path), file.lines.get(name, 0), WARNING, text)
-    for field, dotted in _bound(profile):
-        message_name, _, name = dotted.partition(".")
-        for signal in messages[message_name].signals if message_name in messages else ():
-            if signal.name == name and not signal.unit and field.rpartition("_")[2] in UNITS:
-                text = f"no unit; {field} is taken from it as it is"
-                yield _finding(path, file, messages[message_name], signal, WARNING, text)
+            yield from _cycle_findings(path, file, binding.messages[name])
+        if role in (Role.SAMPLE, Role.COMMAND) and not binding.is_protected(name):
+            text = f"{name}: no counter and no checksum: repeated and damaged frames are not detected"
+            yield LintFinding(str(path), file.lines.get(name, 0), WARNING, text)
+    for bindings in binding.sections.values():
+        for field, signals in bindings.items():
+            for dotted in signals:
+                signal = binding.find_signal(dotted)
+                if signal is not None and not signal.unit and field.rpartition("_")[2] in UNITS:
+                    message = binding.messages[dotted.partition(".")[0]]
+                    yield _finding(
+                        path, file, message, signal, WARNING, f"no unit; its value is taken for {field} as it is"
+                    )
 
 
-def _bound(profile: Profile) -> Iterator[tuple[str, str]]:
-    """Each field with each of its signals."""
-    tables = (profile.state, profile.status, profile.command, profile.body, profile.report)
-    for signals in (table.signals for table in tables if table is not None):
-        for field in signals.__struct_fields__:
-            value = getattr(signals, field)
-            for dotted in (value,) if isinstance(value, str) else value or ():
-                yield field, dotted
-
-
-def _finding(path: Path, file: DbcFile, message: Message, signal: Signal, severity: str, text: str) -> Finding:
+def _finding(path: Path, file: DbcFile, message: Message, signal: Signal, severity: str, text: str) -> LintFinding:
     dotted = f"{message.name}.{signal.name}"
-    return Finding(str(path), file.lines.get(dotted, 0), severity, f"{dotted}: {text}")
+    return LintFinding(str(path), file.lines.get(dotted, 0), severity, f"{dotted}: {text}")
 
 
 class _TomlLines:
@@ -277,13 +271,13 @@ class _TomlLines:
                 if table == "$" and key[1] == "dbc" and (value := re.search(r"=\s*[\"']([^\"']+)[\"']", line)):
                     self._dbc = value[1]
 
-    def finding(self, fault: str, severity: str) -> Finding:
+    def finding(self, fault: str, severity: str) -> LintFinding:
         """`$.place: text` with the line of the place, or of the nearest table around it."""
         place = fault.partition(": ")[0]
         known = re.sub(r"\[\d+\]", "", place)
         while known not in self._lines and "." in known:
             known = known.rpartition(".")[0]
-        return Finding(str(self._path), self._lines.get(known, 0), severity, fault)
+        return LintFinding(str(self._path), self._lines.get(known, 0), severity, fault)
 
     def dbc(self) -> Path | None:
         """The DBC that the profile names, where it can be read from a profile that is not whole."""

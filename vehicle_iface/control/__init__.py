@@ -1,8 +1,7 @@
-"""Controllers: from a state and a trajectory to a wish.
+"""Controllers: from a state and a trajectory to a requested command.
 
-`base` says when to stop and how, `tracking` where the vehicle is on its trajectory, `prediction` where it
-will be, `stops` where it has to stand on the way, `lookahead` which point it aims at. Each controller has a
-file of its own.
+`base` has stops and guarantees, `tracking` the progress along the trajectory, `prediction` the state a short time
+ahead, `stop_schedule` the standstills on the way, `lookahead` the point to steer at. Each controller has its own file.
 """
 
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase, ControlReference, StopSteering

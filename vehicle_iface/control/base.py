@@ -1,5 +1,4 @@
-"""What every controller does in the same way: when to stop, how far the vehicle has come, and how it
-stops."""
+"""The base class of all controllers: when to stop, how to stop, and progress along the trajectory."""
 
 import logging
 import math
@@ -10,7 +9,7 @@ from typing import final
 
 from vehicle_iface import checks
 from vehicle_iface.command import Command
-from vehicle_iface.control.tracking import Progress
+from vehicle_iface.control.tracking import PathProgress
 from vehicle_iface.errors import (
     FrameMismatchError,
     InvalidValueError,
@@ -25,7 +24,7 @@ log = logging.getLogger(__name__)
 
 
 class ControlReference(StrEnum):
-    """Which trajectory point is the reference: the one for this place, or the one for this instant."""
+    """Which trajectory point is the reference: the one at this position, or the one for this time."""
 
     SPATIAL = "spatial"
     TEMPORAL = "temporal"
@@ -37,20 +36,19 @@ class StopSteering(StrEnum):
     STRAIGHT = "straight"
     """To 0."""
     HOLD = "hold"
-    """They stay where the state says they are."""
+    """They stay at the measured angle."""
     TRACK = "track"
-    """Where the controller would steer, as long as it can and the state is good; straight otherwise."""
+    """Along the path while the controller can steer and the state is good; straight otherwise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BehaviorConfig:
-    """How a controller stops and which point it refers to. Raises `InvalidValueError`."""
+    """How a controller stops, and which point is its reference. Raises `InvalidValueError`."""
 
     safe_deceleration_mps2: float = 3.0
-    """The hardest braking of a stop command; above 0."""
+    """Greatest deceleration of a stop command; above 0."""
     time_step_s: float = 0.1
-    """Until the next command, at most; a stop brakes no harder than brings the vehicle to rest in it; above
-    0."""
+    """Longest time until the next command; a stop does not bring the vehicle to rest in less; above 0."""
     reference: ControlReference = ControlReference.SPATIAL
     stop_steering: StopSteering = StopSteering.STRAIGHT
 
@@ -65,14 +63,14 @@ class BehaviorConfig:
 class ControllerBase(ABC):
     """Follows a trajectory, or stops.
 
-    A child writes `compute_command_impl`, and may override the hooks `check_new_trajectory`,
+    A subclass implements `compute_command_impl`, and may override the hooks `check_new_trajectory`,
     `handle_new_trajectory` and `stop_steering_impl`. On every `compute_command(state)`, in this order:
 
     1. No trajectory, or one without points: stop command, before any look at the frame.
     2. State and trajectory in different frames: `FrameMismatchError`, and the indices stay.
     3. Both indices advance to the last point that the state is past or level with (see `tracking`).
     4. Past the end in time, or else in space: stop command.
-    5. Otherwise the child's command, under the state's stamp.
+    5. Otherwise the subclass's command, with the state's stamp.
 
     A stop command brakes with −sign(v) · min(|v| / time step, safe deceleration): never against a vehicle
     at rest, and never so hard that it would be moving the other way one time step later.
@@ -80,13 +78,13 @@ class ControllerBase(ABC):
 
     def __init__(self, behavior: BehaviorConfig | None = None) -> None:
         self.behavior = BehaviorConfig() if behavior is None else behavior
-        self._progress: Progress | None = None
+        self._progress: PathProgress | None = None
         self._is_stopping = True
         self._stop_steering_failed = False
 
     @final
     def set_trajectory(self, trajectory: Trajectory) -> None:
-        """Follow `trajectory` from now on; one without points means stop. Both indices are 0 again.
+        """Follow `trajectory` from now on; one without points means stop. Resets both indices to 0.
 
         Calls `check_new_trajectory`, then `handle_new_trajectory`, then takes what that returned. Raises
         `TrajectoryRejectedError` when the check says no, `InvalidValueError` for what is not a trajectory,
@@ -99,11 +97,11 @@ class ControllerBase(ABC):
             )
         handled = self.handle_new_trajectory(trajectory)
         _require_trajectory("what handle_new_trajectory returned", handled)
-        self._progress = Progress(handled)
+        self._progress = PathProgress(handled)
 
     @final
     def clear_trajectory(self) -> None:
-        """Forget the trajectory, which means: stop."""
+        """Remove the trajectory, so that the next command is a stop."""
         self._progress = None
 
     @final
@@ -127,18 +125,18 @@ class ControllerBase(ABC):
             return self.compute_stop_command(state, Reason.PAST_END_TIME)
         if progress.is_past_end_in_space(state.x_m, state.y_m):
             return self.compute_stop_command(state, Reason.PAST_END_SPACE)
-        return self._stamped(self.compute_command_impl(state), state.stamp_ns)
+        return self._stamp(self.compute_command_impl(state), state.stamp_ns)
 
     @final
     def compute_stop_command(
         self, state: VehicleState, reason: Reason | None = None, *, may_track: bool = True
     ) -> Command:
-        """The command that stops the vehicle, wheels by `BehaviorConfig.stop_steering`. Always an answer.
+        """The command that stops the vehicle, wheels by `BehaviorConfig.stop_steering`. Never raises.
 
         Needs no trajectory and stops in any frame. `reason` says why; without one (or with `NOMINAL`, which
         no stop can have) it is `NO_TRAJECTORY` or `EMPTY_TRAJECTORY` where that is so, and `SHUTDOWN`
-        otherwise: somebody ordered it. `may_track` is false where the state, or the controller, is not to be
-        steered by: then a tracking stop is a straight one.
+        otherwise, because it was requested. `may_track` is false where state or controller is not good enough to
+        steer: then a tracking stop is a straight one.
         """
         if reason is None or reason is Reason.NOMINAL:
             reason = self._reason_to_stop()
@@ -201,7 +199,7 @@ class ControllerBase(ABC):
 
     @abstractmethod
     def compute_command_impl(self, state: VehicleState) -> Command:
-        """The command for a state that is on the trajectory: the one method that a controller must have.
+        """The command for a state that is on the trajectory: the one method that a controller must implement.
 
         Called only with a trajectory that has points, in the state's frame, with `spatial_index` and
         `temporal_index` up to date and neither past the end. The stamp of what it returns is overwritten
@@ -239,13 +237,13 @@ class ControllerBase(ABC):
             return checks.finite("front_wheel_angle_rad", front_rad), checks.finite("rear_wheel_angle_rad", rear_rad)
         except KeyboardInterrupt:
             raise
-        except BaseException:  # a child's hook may raise anything, and a stop must always have an answer
+        except BaseException:  # a subclass's hook may raise anything, and a stop must always have an answer
             if not self._stop_steering_failed:
                 self._stop_steering_failed = True
                 log.exception("stop_steering_impl raised; stops are straight while it does (said once)")
             return 0.0, 0.0
 
-    def _stamped(self, command: Command, stamp_ns: int) -> Command:
+    def _stamp(self, command: Command, stamp_ns: int) -> Command:
         if not isinstance(command, Command):
             raise InvalidValueError(f"compute_command_impl returned {command!r}: must be a Command")
         self._is_stopping = command.is_stop
@@ -256,7 +254,7 @@ class ControllerBase(ABC):
             return Reason.NO_TRAJECTORY
         return Reason.EMPTY_TRAJECTORY if self._progress.last < 0 else Reason.SHUTDOWN
 
-    def _progress_in_force(self) -> Progress:
+    def _progress_in_force(self) -> PathProgress:
         if self._progress is None:
             raise NoTrajectoryError("no trajectory is set, so there is no index in it")
         return self._progress

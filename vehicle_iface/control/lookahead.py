@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vehicle_iface.control.tracking import plain_values
+from vehicle_iface.control.tracking import as_numbers
 
 _STEPS = 32
 _FIRST_BLOCK, _GREATEST_BLOCK = 256, 16384
@@ -29,7 +29,7 @@ _SAMPLES = 1024
 """Among more points than this only so many are looked at, evenly, and then those around the one found."""
 
 
-class Way:
+class ArcLength:
     """How long the path is up to each point, measured from some point behind the vehicle on as far as
     needed."""
 
@@ -38,7 +38,7 @@ class Way:
     def __init__(self, xs_m: Sequence[float], ys_m: Sequence[float]) -> None:
         self.xs_m, self.ys_m = xs_m, ys_m
         self._along = np.empty(len(xs_m))  # (n,) filled as far as measured
-        self._along_m: Sequence[float] = plain_values(self._along)
+        self._along_m: Sequence[float] = as_numbers(self._along)
         self.measured = 0
         """The points before this one are measured."""
 
@@ -48,13 +48,13 @@ class Way:
             self._along[index] = 0.0
             self.measured = index + 1
 
-    def next(self, index: int, way_m: float, end: int) -> int:
-        """The first point after a measured one that is `way_m` further along the path; `end`, or the first
+    def next(self, index: int, distance_m: float, end: int) -> int:
+        """The first point after a measured one that is `distance_m` further along the path; `end`, or the first
         point not measured yet, when it is not before that."""
         along_m = self._along_m
-        wanted_m = (along_m[index] + way_m) * (1.0 - _ROUNDING) - _ROUNDING
+        wanted_m = (along_m[index] + distance_m) * (1.0 - _ROUNDING) - _ROUNDING
         if not wanted_m < math.inf:
-            wanted_m = 0.0  # lengths that overflow tell nothing: the next point
+            wanted_m = 0.0  # lengths that overflow cannot be compared: the next point
         index += 1
         measured = self.measured
         if measured < end and (index >= measured or along_m[measured - 1] < wanted_m):
@@ -82,19 +82,19 @@ class Way:
             while at < end and (index >= at or along_m[at - 1] < wanted_m):
                 stop = min(at + size, end)
                 x, y = np.asarray(self.xs_m[at - 1 : stop]), np.asarray(self.ys_m[at - 1 : stop])  # (m + 1,)
-                way, dy = x[1:] - x[:-1], y[1:] - y[:-1]  # (m,)
-                way *= way
+                length, dy = x[1:] - x[:-1], y[1:] - y[:-1]  # (m,)
+                length *= length
                 dy *= dy
-                way += dy
-                np.sqrt(way, out=way)
-                way[0] += along_m[at - 1]
-                np.cumsum(way, out=along[at:stop])
+                length += dy
+                np.sqrt(length, out=length)
+                length[0] += along_m[at - 1]
+                np.cumsum(length, out=along[at:stop])
                 at, size = stop, min(2 * size, _GREATEST_BLOCK)
         self.measured = at
 
 
 def search_target(
-    way: Way,
+    arc: ArcLength,
     start: int,
     end: int,
     x_m: float,
@@ -106,59 +106,59 @@ def search_target(
     """The first of the points start..end−1 that is ahead of (x_m, y_m) and at least the look-ahead away.
 
     Ahead is where (p − s) · (ahead_x, ahead_y) > 0. Without such a point the farthest that is ahead, or −1.
-    `start` never decreases from one search on a `Way` to the next. A search ends four look-aheads (and 1024
-    points) further along the path, and beyond 32768 points that nobody measured yet it looks at samples, so
+    `start` never decreases from one search on an `ArcLength` to the next. A search ends four look-aheads (and 1024
+    points) further along the path, and beyond 32768 points that are not measured yet it looks at samples, so
     that its cost does not depend on how long the trajectory is.
     """
-    xs_m, ys_m, reach, index = way.xs_m, way.ys_m, lookahead_m * lookahead_m, start
-    way.begin(start)
-    enough = way.measured + _MOST_MEASURED
+    xs_m, ys_m, reach, index = arc.xs_m, arc.ys_m, lookahead_m * lookahead_m, start
+    arc.begin(start)
+    enough = arc.measured + _MOST_MEASURED
     for _ in range(_STEPS):
         dx_m, dy_m = xs_m[index] - x_m, ys_m[index] - y_m
         square, ahead_m = dx_m * dx_m + dy_m * dy_m, dx_m * ahead_x + dy_m * ahead_y
         if square >= reach and ahead_m > 0.0:
             return index
         lacking_m = lookahead_m - math.sqrt(square)
-        index = way.next(index, lacking_m if lacking_m >= -ahead_m else -ahead_m, end)
+        index = arc.next(index, lacking_m if lacking_m >= -ahead_m else -ahead_m, end)
         if index >= end:
-            return _farthest(way, start, end, x_m, y_m, ahead_x, ahead_y)
-        if index >= way.measured or way.measured >= enough:
+            return _farthest(arc, start, end, x_m, y_m, ahead_x, ahead_y)
+        if index >= arc.measured or arc.measured >= enough:
             stop = end
             break
     else:
-        stop = min(end, max(start + _LEAST_POINTS, way.next(start, _REACH * lookahead_m, end)))
-    found = _first_beyond(way, index, stop, x_m, y_m, ahead_x, ahead_y, reach) if index < stop else -1
-    return found if found >= 0 else _farthest(way, start, stop, x_m, y_m, ahead_x, ahead_y)
+        stop = min(end, max(start + _LEAST_POINTS, arc.next(start, _REACH * lookahead_m, end)))
+    found = _first_beyond(arc, index, stop, x_m, y_m, ahead_x, ahead_y, reach) if index < stop else -1
+    return found if found >= 0 else _farthest(arc, start, stop, x_m, y_m, ahead_x, ahead_y)
 
 
 def _first_beyond(
-    way: Way, start: int, stop: int, x_m: float, y_m: float, ahead_x: float, ahead_y: float, reach: float
+    arc: ArcLength, start: int, stop: int, x_m: float, y_m: float, ahead_x: float, ahead_y: float, reach: float
 ) -> int:
     """`search_target` point by point, with the square of the look-ahead; −1 without one."""
     step = -(-(stop - start) // _SAMPLES)
-    beyond = _squares_ahead(way, slice(start, stop, step), x_m, y_m, ahead_x, ahead_y) >= reach
+    beyond = _squares_ahead(arc, slice(start, stop, step), x_m, y_m, ahead_x, ahead_y) >= reach
     if not beyond.any():
         return -1
     found = start + step * int(beyond.argmax())
     if step == 1 or found == start:
         return found
-    near = _squares_ahead(way, slice(found - min(step, _SAMPLES) + 1, found + 1), x_m, y_m, ahead_x, ahead_y)
+    near = _squares_ahead(arc, slice(found - min(step, _SAMPLES) + 1, found + 1), x_m, y_m, ahead_x, ahead_y)
     return found - len(near) + 1 + int((near >= reach).argmax())
 
 
-def _farthest(way: Way, start: int, stop: int, x_m: float, y_m: float, ahead_x: float, ahead_y: float) -> int:
+def _farthest(arc: ArcLength, start: int, stop: int, x_m: float, y_m: float, ahead_x: float, ahead_y: float) -> int:
     """The first of the farthest points ahead; −1 without one."""
     last = stop - 1
-    is_behind = (way.xs_m[start] - x_m) * ahead_x + (way.ys_m[start] - y_m) * ahead_y <= 0.0
+    is_behind = (arc.xs_m[start] - x_m) * ahead_x + (arc.ys_m[start] - y_m) * ahead_y <= 0.0
     if is_behind and start < last:
         start += 1  # what the vehicle has just passed
-    if (way.xs_m[last] - x_m) * ahead_x + (way.ys_m[last] - y_m) * ahead_y > 0.0:
-        found = way.first_of_end(start, last, x_m, y_m)
+    if (arc.xs_m[last] - x_m) * ahead_x + (arc.ys_m[last] - y_m) * ahead_y > 0.0:
+        found = arc.first_of_end(start, last, x_m, y_m)
         if found >= 0:
             return found
     step = -(-(stop - start) // _SAMPLES)
     begin = start + (stop - 1 - start) % step  # so that the last point is looked at
-    squares = _squares_ahead(way, slice(begin, stop, step), x_m, y_m, ahead_x, ahead_y)
+    squares = _squares_ahead(arc, slice(begin, stop, step), x_m, y_m, ahead_x, ahead_y)
     best = int(squares.argmax())
     if squares[best] < 0.0:
         return -1
@@ -167,15 +167,15 @@ def _farthest(way: Way, start: int, stop: int, x_m: float, y_m: float, ahead_x: 
         return found
     around = min(step, _SAMPLES) - 1
     near = slice(max(found - around, start), min(found + around + 1, stop))
-    return near.start + int(_squares_ahead(way, near, x_m, y_m, ahead_x, ahead_y).argmax())
+    return near.start + int(_squares_ahead(arc, near, x_m, y_m, ahead_x, ahead_y).argmax())
 
 
 def _squares_ahead(
-    way: Way, points: slice, x_m: float, y_m: float, ahead_x: float, ahead_y: float
+    arc: ArcLength, points: slice, x_m: float, y_m: float, ahead_x: float, ahead_y: float
 ) -> np.typing.NDArray[np.float64]:
     """(m,) the squares of the distances; −1 for points that are not ahead."""
     with np.errstate(over="ignore", invalid="ignore"):
-        dx, dy = np.asarray(way.xs_m[points]) - x_m, np.asarray(way.ys_m[points]) - y_m
+        dx, dy = np.asarray(arc.xs_m[points]) - x_m, np.asarray(arc.ys_m[points]) - y_m
         ahead = dx * ahead_x + dy * ahead_y > 0.0
         dx *= dx
         dy *= dy

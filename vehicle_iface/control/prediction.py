@@ -1,4 +1,4 @@
-"""Where the vehicle will be a moment later."""
+"""Prediction of the state a short time ahead."""
 
 import math
 from dataclasses import replace
@@ -28,7 +28,9 @@ def predict(state: VehicleState, dt_s: float) -> VehicleState:
     """
     dt_s = checks.finite("dt_s", dt_s)
     turned_rad = state.yaw_rate_radps * dt_s
-    forward_m, left_m = _moved_in_body_m(state.speed_mps, state.accel_mps2, state.lateral_speed_mps, turned_rad, dt_s)
+    forward_m, left_m = _body_displacement_m(
+        state.speed_mps, state.accel_mps2, state.lateral_speed_mps, turned_rad, dt_s
+    )
     cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
     return replace(
         state,
@@ -40,7 +42,7 @@ def predict(state: VehicleState, dt_s: float) -> VehicleState:
     )
 
 
-def _moved_in_body_m(
+def _body_displacement_m(
     speed_mps: float, accel_mps2: float, lateral_mps: float, turned_rad: float, dt_s: float
 ) -> tuple[float, float]:
     """The way moved (forward, left), in the body frame at the beginning.

@@ -2,7 +2,7 @@
 
 R. C. Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01, 1992, for the
 arc. Around it, as Autoware.Auto's controller has them: the direction of travel, the interpolated look-ahead
-point (see `lookahead`), and an acceleration from v² = u² + 2·a·s. Stops on the way (see `stops`) are taken one
+point (see `lookahead`), and an acceleration from v² = u² + 2·a·s. Stops on the way (see `stop_schedule`) are taken one
 after the other.
 """
 
@@ -15,10 +15,10 @@ from vehicle_iface import checks
 from vehicle_iface.clock import monotonic_ns
 from vehicle_iface.command import Command
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase
-from vehicle_iface.control.lookahead import Way, search_target
+from vehicle_iface.control.lookahead import ArcLength, search_target
 from vehicle_iface.control.prediction import predict
-from vehicle_iface.control.stops import Stops
-from vehicle_iface.control.tracking import Progress
+from vehicle_iface.control.stop_schedule import StopSchedule
+from vehicle_iface.control.tracking import PathProgress
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.reason import Reason
 from vehicle_iface.state import VehicleState
@@ -27,7 +27,7 @@ from vehicle_iface.units import s_from_ns
 LEAST_DISTANCE_M = 0.01
 """The acceleration law divides by no less."""
 GREATEST_AGE_S = 0.5
-"""Delay compensation looks no further ahead: a state that is older belongs to nobody's prediction."""
+"""Delay compensation predicts no further ahead: an older state is too uncertain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,14 +41,14 @@ class PurePursuitConfig:
     max_lookahead_m: float = 20.0
     """At least `min_lookahead_m`."""
     lookahead_time_s: float = 1.0
-    """The look-ahead is the way that the vehicle's speed makes in this time; at least 0."""
+    """The look-ahead is the distance driven in this time; at least 0."""
     interpolate: bool = True
-    """Aim exactly the look-ahead away, between two points; otherwise at the next point beyond it."""
+    """Aim at exactly the look-ahead distance, between two points; otherwise at the next point beyond it."""
     delay_compensation: bool = False
-    """Compute from where the vehicle will be by now, not from where it was at the state's stamp."""
+    """Compute from the state predicted for now, not from the one at its stamp."""
     standstill_speed_mps: float = 0.1
-    """Slower than this the vehicle stands: so fast it creeps up to a stop that it came to rest short of; at
-    least 0."""
+    """Below this speed the vehicle counts as standing; it is also the speed at which it creeps up to a stop that it did
+    not quite reach. At least 0."""
 
     def __post_init__(self) -> None:
         for name in ("wheelbase_m", "min_lookahead_m", "max_lookahead_m"):
@@ -104,13 +104,13 @@ class PurePursuit(ControllerBase):
         behavior: BehaviorConfig | None = None,
         clock: Callable[[], int] = monotonic_ns,
     ) -> None:
-        """`clock` tells the age of a state for `delay_compensation` (nanoseconds, the stamps' clock)."""
+        """`clock` gives the age of a state for `delay_compensation` (nanoseconds, the stamps' clock)."""
         super().__init__(behavior)
         self.config = PurePursuitConfig() if config is None else config
         self._clock = clock
-        self._stops_of: Progress | None = None
-        self._stops: Stops
-        self._way: Way
+        self._stops_of: PathProgress | None = None
+        self._stops: StopSchedule
+        self._arc_length: ArcLength
         self._lookahead_point: tuple[float, float] | None = None
 
     @property
@@ -121,7 +121,7 @@ class PurePursuit(ControllerBase):
     def compute_command_impl(self, state: VehicleState) -> Command:
         progress = self._progress
         assert progress is not None  # the base calls only with a trajectory
-        seen = self._compensated(state) if self.config.delay_compensation else state
+        seen = self._compensate_delay(state) if self.config.delay_compensation else state
         self._go_on_from_stops(progress, state)
         target = self._target(progress, seen)
         accel_mps2 = self._acceleration(progress, seen, target)
@@ -149,7 +149,7 @@ class PurePursuit(ControllerBase):
         target = self._target(progress, state)
         return (0.0, 0.0) if target is None else (self._steering(state, target), 0.0)
 
-    def _compensated(self, state: VehicleState) -> VehicleState:
+    def _compensate_delay(self, state: VehicleState) -> VehicleState:
         """Where the vehicle is by now; braking ends at standstill."""
         age_s = min(max(s_from_ns(self._clock() - state.stamp_ns), 0.0), GREATEST_AGE_S)
         if state.speed_mps * state.accel_mps2 < 0.0:
@@ -160,20 +160,20 @@ class PurePursuit(ControllerBase):
 
     # ── what to aim at ──
 
-    def _take_up(self, progress: Progress) -> None:
+    def _take_up(self, progress: PathProgress) -> None:
         """What is known of the trajectory's stops and way, anew for each trajectory."""
         if self._stops_of is not progress:
-            self._stops, self._way = Stops(progress), Way(progress.xs_m, progress.ys_m)
+            self._stops, self._arc_length = StopSchedule(progress), ArcLength(progress.xs_m, progress.ys_m)
             self._stops_of = progress
 
-    def _go_on_from_stops(self, progress: Progress, state: VehicleState) -> None:
+    def _go_on_from_stops(self, progress: PathProgress, state: VehicleState) -> None:
         """Goes on from the present stop when it is done, and knows the direction of travel afterwards."""
         self._take_up(progress)
         stops, index = self._stops, progress.spatial_index
         if stops.first > index:
             return
         if stops.last < index and not stops.must_stand:
-            stops.resume(index)  # the vehicle was set ahead, over stops that nobody saw
+            stops.resume(index)  # the vehicle was set ahead, past stops
             if stops.first > index:
                 return
         is_time = state.stamp_ns - progress.trajectory.stamp_ns >= progress.times_ns[stops.last]
@@ -181,7 +181,7 @@ class PurePursuit(ControllerBase):
         if is_time and (stands or not stops.must_stand):
             stops.release(index)
 
-    def _target(self, progress: Progress, seen: VehicleState) -> _Target | None:
+    def _target(self, progress: PathProgress, seen: VehicleState) -> _Target | None:
         """The target among the points up to the next change of direction."""
         config, stops, start = self.config, self._stops, progress.spatial_index
         lookahead_m = abs(seen.speed_mps) * config.lookahead_time_s
@@ -192,7 +192,7 @@ class PurePursuit(ControllerBase):
         end = max(stops.first, start) + 1 if stops.turns else progress.last + 1
         ahead_x = math.cos(seen.heading_rad) * stops.direction
         ahead_y = math.sin(seen.heading_rad) * stops.direction
-        index = search_target(self._way, start, end, seen.x_m, seen.y_m, ahead_x, ahead_y, lookahead_m)
+        index = search_target(self._arc_length, start, end, seen.x_m, seen.y_m, ahead_x, ahead_y, lookahead_m)
         if index < 0:
             return None
         if start < stops.first <= index:
@@ -220,7 +220,7 @@ class PurePursuit(ControllerBase):
         left_m = math.cos(seen.heading_rad) * target.dy_m - math.sin(seen.heading_rad) * target.dx_m
         return math.atan2(2.0 * left_m * self.config.wheelbase_m, target.distance_m * target.distance_m)
 
-    def _acceleration(self, progress: Progress, seen: VehicleState, target: _Target | None) -> float | None:
+    def _acceleration(self, progress: PathProgress, seen: VehicleState, target: _Target | None) -> float | None:
         """Towards the target's speed, or to rest at the stop before it; None when there is nowhere to go."""
         stops = self._stops
         if target is not None and target.point < stops.first:
@@ -229,7 +229,7 @@ class PurePursuit(ControllerBase):
         if stops.first > progress.last:
             return None
         if stops.first <= progress.spatial_index:
-            return self._waiting(seen, target)
+            return self._hold_for_stop(seen, target)
         distance_m = math.hypot(progress.xs_m[stops.first] - seen.x_m, progress.ys_m[stops.first] - seen.y_m)
         if target is None and distance_m > self.config.min_lookahead_m:
             return None
@@ -237,13 +237,13 @@ class PurePursuit(ControllerBase):
         towards_mps = stops.direction * self.config.standstill_speed_mps if creeps else 0.0
         return _acceleration(towards_mps, seen.speed_mps, distance_m)
 
-    def _waiting(self, seen: VehicleState, target: _Target | None) -> float | None:
+    def _hold_for_stop(self, seen: VehicleState, target: _Target | None) -> float | None:
         """At a stop: to rest, at once where the vehicle should be standing already."""
         if self._stops.must_stand:
             return self.stop_acceleration(seen.speed_mps)
         return None if target is None else _acceleration(0.0, seen.speed_mps, target.distance_m)
 
-    def _reference_speed(self, progress: Progress) -> float:
+    def _reference_speed(self, progress: PathProgress) -> float:
         speed_mps = progress.speeds_mps[self.reference_index]
         return speed_mps if speed_mps * self._stops.direction >= 0.0 else 0.0
 

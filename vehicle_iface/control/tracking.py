@@ -25,12 +25,12 @@ _SCALAR_STEPS = 32
 _FIRST_BLOCK, _GREATEST_BLOCK = 64, 16384
 
 
-def plain_values(array: np.typing.NDArray[Any]) -> Sequence[Any]:
+def as_numbers(array: np.typing.NDArray[Any]) -> Sequence[Any]:
     """`array` (n,) as a sequence of plain Python numbers, without a copy."""
     return cast("Sequence[Any]", memoryview(array))  # type: ignore[arg-type]  # arrays are buffers at run time
 
 
-def advanced_in_space(xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float) -> int:
+def advance_in_space(xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float) -> int:
     """The last point from `index` on that (x_m, y_m) is past or level with.
 
     Past point i+1: (p_{i+1} − p_i) · (s − p_{i+1}) ≥ −`PASSED_TOLERANCE`; the walk ends at the first point
@@ -46,11 +46,11 @@ def advanced_in_space(xs_m: Sequence[float], ys_m: Sequence[float], index: int, 
             return index
         index += 1
         x0, y0 = x1, y1
-    return advanced_in_blocks(xs_m, ys_m, index, x_m, y_m) if index < last else index
+    return advance_in_blocks(xs_m, ys_m, index, x_m, y_m) if index < last else index
 
 
-def advanced_in_blocks(xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float) -> int:
-    """The same as `advanced_in_space`, for far jumps: growing blocks, so that the cost follows the way
+def advance_in_blocks(xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float) -> int:
+    """The same as `advance_in_space`, for far jumps: growing blocks, so that the cost follows the way
     jumped."""
     last, size = len(xs_m) - 1, _FIRST_BLOCK
     with np.errstate(over="ignore", invalid="ignore"):
@@ -65,7 +65,7 @@ def advanced_in_blocks(xs_m: Sequence[float], ys_m: Sequence[float], index: int,
     return index
 
 
-def advanced_in_time(times_ns: Sequence[int], index: int, elapsed_ns: int) -> int:
+def advance_in_time(times_ns: Sequence[int], index: int, elapsed_ns: int) -> int:
     """The last point from `index` on whose time is not after `elapsed_ns`; `index` itself when there is none.
 
     Exact integers. Steps of doubling length, then halving: the cost follows the logarithm of the way
@@ -80,7 +80,7 @@ def advanced_in_time(times_ns: Sequence[int], index: int, elapsed_ns: int) -> in
     return bisect_right(times_ns, elapsed_ns, index + 1, min(index + step, end)) - 1
 
 
-class Progress:
+class PathProgress:
     """One trajectory and how far the vehicle has come on it. Made anew for each trajectory, at a constant
     cost."""
 
@@ -100,10 +100,10 @@ class Progress:
         self.trajectory = trajectory
         self.last = len(trajectory) - 1
         """Index of the last point; −1 when there is none."""
-        self.xs_m: Sequence[float] = plain_values(trajectory.x_m)
-        self.ys_m: Sequence[float] = plain_values(trajectory.y_m)
-        self.speeds_mps: Sequence[float] = plain_values(trajectory.speed_mps)
-        self.times_ns: Sequence[int] = plain_values(trajectory.time_from_start_ns)
+        self.xs_m: Sequence[float] = as_numbers(trajectory.x_m)
+        self.ys_m: Sequence[float] = as_numbers(trajectory.y_m)
+        self.speeds_mps: Sequence[float] = as_numbers(trajectory.speed_mps)
+        self.times_ns: Sequence[int] = as_numbers(trajectory.time_from_start_ns)
         self.end_ns = trajectory.stamp_ns + (self.times_ns[-1] if self.last >= 0 else 0)
         """Stamp of the last point."""
         self.spatial_index = 0
@@ -112,8 +112,8 @@ class Progress:
     def advance(self, stamp_ns: int, x_m: float, y_m: float) -> None:
         """Moves both indices on to where this instant and place are."""
         elapsed_ns = stamp_ns - self.trajectory.stamp_ns
-        self.temporal_index = advanced_in_time(self.times_ns, self.temporal_index, elapsed_ns)
-        self.spatial_index = advanced_in_space(self.xs_m, self.ys_m, self.spatial_index, x_m, y_m)
+        self.temporal_index = advance_in_time(self.times_ns, self.temporal_index, elapsed_ns)
+        self.spatial_index = advance_in_space(self.xs_m, self.ys_m, self.spatial_index, x_m, y_m)
 
     def is_past_end_in_time(self, stamp_ns: int) -> bool:
         """Whether the last point's time has come."""
@@ -200,7 +200,7 @@ def point_at(trajectory: Trajectory, index: int) -> ReferencePoint:
 
 
 def tracking_error(state: VehicleState, reference_point: Reference) -> TrackingError:
-    """How far the state is off the reference: state minus reference.
+    """The error of the state against the reference: state minus reference.
 
     The difference in position is turned into the reference point's axes (x along its heading, y to its left);
     the heading error is wrapped. Raises `FrameMismatchError` when the reference names another frame.
@@ -209,7 +209,7 @@ def tracking_error(state: VehicleState, reference_point: Reference) -> TrackingE
     if frame_id != state.frame_id:
         raise FrameMismatchError(f"state in frame {state.frame_id!r}, reference in {frame_id!r}")
     dx_m, dy_m = state.x_m - reference_point.x_m, state.y_m - reference_point.y_m
-    longitudinal_m, lateral_m = turned_back(dx_m, dy_m, reference_point.heading_rad)
+    longitudinal_m, lateral_m = to_body_axes(dx_m, dy_m, reference_point.heading_rad)
     return TrackingError(
         lateral_m=lateral_m,
         longitudinal_m=longitudinal_m,
@@ -220,7 +220,7 @@ def tracking_error(state: VehicleState, reference_point: Reference) -> TrackingE
     )
 
 
-def turned_back(dx_m: float, dy_m: float, heading_rad: float) -> tuple[float, float]:
+def to_body_axes(dx_m: float, dy_m: float, heading_rad: float) -> tuple[float, float]:
     """A difference in position in the axes of that heading: how far along it, and how far to its left."""
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     return cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m

@@ -1,5 +1,5 @@
-"""The recorder: a process beside the loop that writes down a drive.
+"""The recorder: a separate process that records a drive.
 
-It hears the bus on a socket of its own and follows the telemetry like any other reader, so that no disk can make the
-loop wait. `files` is what a recording consists of.
+It receives the bus on a socket of its own and reads the telemetry like any other reader, so no disk can make the loop
+wait. `files` defines the files of a recording.
 """

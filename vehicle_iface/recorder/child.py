@@ -1,82 +1,83 @@
-"""The recorder as the loop knows it: a process to start, and to end; in between nothing is asked of it."""
+"""The recorder's process, as the loop starts and stops it."""
 
 import contextlib
-import json
 import logging
 import select
 import signal
 import subprocess
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import msgspec
 
 from vehicle_iface.errors import BusError, ConfigError
-from vehicle_iface.process import python_module
-from vehicle_iface.recorder.files import SUMMARY, Report
-from vehicle_iface.recorder.folder import Order
+from vehicle_iface.process import module_command
+from vehicle_iface.recorder.files import SUMMARY, RecorderStatus
+from vehicle_iface.recorder.folder import RecordingRequest
+from vehicle_iface.telemetry.details import RecorderSummary
 
 log = logging.getLogger(__name__)
 
 END = b"end\n"
-BEGIN_S, ENDING_S = 20.0, 5.0
-"""Waited for before anything drives, and after the vehicle was let go."""
+START_TIMEOUT_S, STOP_TIMEOUT_S = 20.0, 5.0
+"""Before anything drives, and after the vehicle was released."""
 
 
-class Answer(msgspec.Struct, kw_only=True, frozen=True):
+class RecorderReply(msgspec.Struct, kw_only=True, frozen=True):
     """A line of the recorder's output."""
 
     refusal: str = ""
     is_bus: bool = False
-    report: Report | None = None
+    status: RecorderStatus | None = None
 
 
-class Recording:
-    """A recorder at work. `ConfigError` or `BusError` when it cannot record."""
+class RecorderProcess:
+    """A running recorder. `ConfigError` or `BusError` when it cannot record."""
 
-    def __init__(self, order: Order) -> None:
-        self._folder = Path(order.folder)
+    def __init__(self, request: RecordingRequest) -> None:
+        self._folder = Path(request.folder)
         self._is_stuck = self._is_over = False
-        command_line, environment = python_module("vehicle_iface.recorder")
+        command_line, environment = module_command("vehicle_iface.recorder")
         self._process = subprocess.Popen(
             command_line,
             env=environment,
             bufsize=0,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for the loop: how the vehicle is stopped is to be recorded
+            start_new_session=True,  # Ctrl-C is for the loop: the stop it causes is recorded
         )
-        answer = self._begin(msgspec.json.encode(order) + b"\n")
-        if answer.refusal:
+        reply = self._start(msgspec.json.encode(request) + b"\n")
+        if reply.refusal:
             self._process.wait()
-            raise (BusError if answer.is_bus else ConfigError)(answer.refusal)
-        signal.signal(signal.SIGCHLD, self._look)
+            raise (BusError if reply.is_bus else ConfigError)(reply.refusal)
+        signal.signal(signal.SIGCHLD, self._on_child_exit)
 
-    def end(self) -> dict[str, Any]:
-        """Its account, for the summary; a recorder that does not give one in `ENDING_S` is killed."""
+    def end(self) -> RecorderSummary:
+        """Stop it; its result for the summary. A recorder that does not stop within `STOP_TIMEOUT_S` is killed."""
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         self._is_over = True
         try:
-            output, _ = self._process.communicate(END, ENDING_S)
+            output, _ = self._process.communicate(END, STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._is_stuck = True
-            return self._told("has not ended in time and was killed; what it had not written is LOST")
+            return self._summary("did not end in time and was killed; unwritten data is LOST")
         try:
-            report = msgspec.json.decode(output, type=Answer).report
+            status = msgspec.json.decode(output, type=RecorderReply).status
         except msgspec.MsgspecError:
-            report = None
-        if report is None:
-            return self._told(f"was gone before the end, status {self._process.returncode}; what came then is LOST")
-        return self._told(report.in_words, written=report.written, lost=report.lost, trouble=report.trouble)
+            status = None
+        if status is None:
+            return self._summary(f"exited early with status {self._process.returncode}; later data is LOST")
+        ended = self._summary(status.text)
+        return msgspec.structs.replace(ended, written=status.written, lost=status.lost, trouble=status.trouble)
 
-    def save_summary(self, summary: dict[str, Any]) -> None:
-        """Beside the rest; not where the recorder got stuck, for so would we."""
+    def save_summary(self, summary: bytes) -> None:
+        """Write `summary.json`, unless the recorder got stuck: this process would, too."""
         if self._is_stuck:
             return
         try:
-            with open(self._folder / SUMMARY, "x", encoding="utf-8") as file:
-                file.write(json.dumps(summary, indent=2) + "\n")
+            with open(self._folder / SUMMARY, "xb") as file:
+                file.write(summary)
         except OSError as error:
             log.error("recorder: %s cannot be written: %s", self._folder / SUMMARY, error.strerror)
 
@@ -87,27 +88,29 @@ class Recording:
         if not self._is_over:
             self.end()
 
-    def _begin(self, order: bytes) -> Answer:
+    def _start(self, request: bytes) -> RecorderReply:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         with contextlib.suppress(BrokenPipeError):
-            self._process.stdin.write(order)
-        ear = select.poll()  # select knows no descriptor above 1023
-        ear.register(self._process.stdout, select.POLLIN)
-        if not ear.poll(BEGIN_S * 1e3):
+            self._process.stdin.write(request)
+        output = select.poll()  # select cannot handle descriptors above 1023
+        output.register(self._process.stdout, select.POLLIN)
+        if not output.poll(START_TIMEOUT_S * 1e3):
             self._process.kill()
-            return Answer(refusal=f"--record {self._folder}: the recorder has not begun within {BEGIN_S:.0f} s")
+            return RecorderReply(
+                refusal=f"--record {self._folder}: the recorder did not start within {START_TIMEOUT_S:.0f} s"
+            )
         try:
-            return msgspec.json.decode(self._process.stdout.readline(), type=Answer)
+            return msgspec.json.decode(self._process.stdout.readline(), type=RecorderReply)
         except msgspec.MsgspecError:
-            return Answer(refusal=f"--record {self._folder}: the recorder has ended by itself, see above")
+            return RecorderReply(refusal=f"--record {self._folder}: the recorder exited, see above")
 
-    def _look(self, *_: object) -> None:
-        """A child has ended; say so when it is this one."""
+    def _on_child_exit(self, *_: object) -> None:
+        """Log the end of the recorder."""
         status = self._process.poll()
         if status is not None:
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            log.error("the recorder is gone (status %d): nothing more is recorded, the drive goes on", status)
+            log.error("the recorder exited (status %d): recording has stopped, the drive continues", status)
 
-    def _told(self, text: str, **account: Any) -> dict[str, Any]:
-        return {"folder": str(self._folder), "text": f"{self._folder}: {text}"} | account
+    def _summary(self, text: str) -> RecorderSummary:
+        return RecorderSummary(folder=str(self._folder), text=f"{self._folder}: {text}")

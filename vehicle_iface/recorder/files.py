@@ -1,93 +1,105 @@
-"""What a recording consists of, and the form of its lines: the recorder writes them, the viewer reads them.
+"""Files of a recording and the format of their lines; the recorder writes them, the viewer reads them.
 
 | file | content |
 |---|---|
 | `meta.json` | what was recorded: command line, versions, start on both clocks, profile with its hashes |
-| `frames.log` | every frame on the bus, as `candump -L` writes it, with the kernel's (wall-clock) stamps |
-| `snapshots.csv` | every snapshot of the telemetry, one a line; a number that `sequence` leaves out was lost |
+| `frames.log` | every frame on the bus, in the format of `candump -L`, with the kernel's (wall-clock) timestamps |
+| `snapshots.csv` | every snapshot of the telemetry, one a line; a gap in `sequence` means lost snapshots |
 | `trajectories.jsonl` | every trajectory as it was drawn, to a micrometre, one a line |
 | `counters.jsonl` | all counters, twice a second, one object a line |
-| `recorder.json` | what was written and lost so far, each second anew |
-| `summary.json` | the loop's own account, at its end |
+| `recorder.json` | status of the recorder: what was written and lost so far; updated each second |
+| `summary.json` | the loop's summary of the run |
 | `profile/` | the profile and its DBC, copied |
 
-A file of lines is whole up to its last line end, whoever was killed when.
+A file of lines is intact up to its last line end, whichever process was killed.
 """
 
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import msgspec
 import numpy as np
 
-from vehicle_iface.runtime.telemetry import DrawnTrajectory, SessionInfo, Snapshot
+from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot
+from vehicle_iface.telemetry.details import LiveDetails
 
-REPORT_BYTES = 4096
-"""`recorder.json` is always as long: each report is written over the one before, for which a full disk has room."""
-REPORT_S = 1.0
-META, REPORT, SUMMARY, PROFILE = "meta.json", "recorder.json", "summary.json", "profile"
+STATUS_BYTES = 4096
+"""Fixed size of `recorder.json`: each status overwrites the one before, which works on a full disk, too."""
+STATUS_PERIOD_S = 1.0
+META, STATUS, SUMMARY, PROFILE = "meta.json", "recorder.json", "summary.json", "profile"
 FRAMES, SNAPSHOTS = "frames.log", "snapshots.csv"
 TRAJECTORIES, COUNTERS = "trajectories.jsonl", "counters.jsonl"
 FORMAT = 1
 
 _DECIMALS = 6
-_KINDS = [str(getattr(kind, "__forward_arg__", kind)) for kind in Snapshot.__annotations__.values()]
-_FORMS = {"int": "%d", "bool": "%d", "float": "%r", "str": "%s"}
-_ROW = ",".join(_FORMS[kind] for kind in _KINDS) + "\n"
+_TYPES = [str(getattr(kind, "__forward_arg__", kind)) for kind in Snapshot.__annotations__.values()]
+_FORMATS = {"int": "%d", "bool": "%d", "float": "%r", "str": "%s"}
+_ROW = ",".join(_FORMATS[kind] for kind in _TYPES) + "\n"
 _FRAME_ID = Snapshot._fields.index("frame_id")
-_READERS: dict[str, Callable[[str], object]] = {"int": int, "bool": "1".__eq__, "float": float, "str": str}
-_READ = {name: _READERS[kind] for name, kind in zip(Snapshot._fields, _KINDS, strict=True)}
+_PARSERS: dict[str, Callable[[str], object]] = {"int": int, "bool": "1".__eq__, "float": float, "str": str}
+_PARSER_OF = {name: _PARSERS[kind] for name, kind in zip(Snapshot._fields, _TYPES, strict=True)}
+_RENAMED = {
+    "has_wanted": "has_requested",
+    "wanted_accel_mps2": "requested_accel_mps2",
+    "wanted_front_wheel_angle_rad": "requested_front_wheel_angle_rad",
+    "hands_over": "handover_pending",
+    "handover_ns": "handover_in_ns",
+}
+"""Columns of `snapshots.csv` as version 0.1 named them."""
+_RENAMED_COUNTERS = {"not_let_out": "tx_blocked", "without_a_sample": "unmatched_commands", "apart": "mismatches"}
+"""Fields of `counters.jsonl` as version 0.1 named them."""
+_OLD_COUNTER = re.compile(f'"({"|".join(_RENAMED_COUNTERS)})":')
 
 SNAPSHOT_HEADER = (",".join(Snapshot._fields) + "\n").encode()
 
 
 class Meta(msgspec.Struct, kw_only=True, frozen=True):
-    """`meta.json`."""
+    """`meta.json`: what was recorded."""
 
     format: int
     session: SessionInfo
     wall_ns: int
     """When the recording began, nanoseconds since 1970: the clock of `frames.log`."""
     monotonic_ns: int
-    """The same instant on the clock of everything else."""
+    """The same time on the monotonic clock, which everything else uses."""
     frames: str
-    """Where the frames come from, or why there are none."""
+    """Source of the frames, or why there are none."""
     command_line: list[str]
     versions: dict[str, str]
     sha256: dict[str, str]
     """Of the copies in `profile/`, by file name."""
 
 
-class Counters(msgspec.Struct, frozen=True):
+class CountersLine(msgspec.Struct, frozen=True):
     """A line of `counters.jsonl`."""
 
     at_ns: int
-    counters: dict[str, Any]
+    counters: LiveDetails
 
 
-class Report(msgspec.Struct, kw_only=True, frozen=True):
-    """`recorder.json`: how many lines of each kind were written, and how many of what there was are lost."""
+class RecorderStatus(msgspec.Struct, kw_only=True, frozen=True):
+    """`recorder.json`: how many lines of each kind were written and lost."""
 
     at_ns: int
-    """When that was so, on the monotonic clock."""
+    """Time of this status, on the monotonic clock."""
     is_over: bool = False
     written: dict[str, int]
     lost: dict[str, int]
     trouble: str = ""
-    """Why nothing is written at present, in words."""
+    """Why nothing is written at present; empty when all is well."""
 
     @property
-    def in_words(self) -> str:
-        """For people, in one line."""
-        return f"{_listed(self.written) or 'nothing'} written, {self.loss or 'nothing lost'}"
+    def text(self) -> str:
+        """What was written and lost, in one line."""
+        return f"{_format_counts(self.written) or 'nothing'} written, {self.loss or 'nothing lost'}"
 
     @property
     def loss(self) -> str:
-        """What is lost, in words; empty where nothing is."""
-        lost = _listed(self.lost)
+        """What is lost, as text; empty when nothing is."""
+        lost = _format_counts(self.lost)
         return f"{lost} LOST" if lost else ""
 
 
@@ -104,8 +116,8 @@ class TrajectoryLine(msgspec.Struct, kw_only=True, frozen=True):
     speed_mps: list[float]
     time_s: list[float]
 
-    def drawn(self) -> DrawnTrajectory:
-        """As the viewer takes it."""
+    def to_drawn(self) -> DrawnTrajectory:
+        """The trajectory as telemetry publishes it."""
         columns = {name: np.array(getattr(self, name)) for name in _COLUMNS}
         return DrawnTrajectory(
             version=self.version,
@@ -119,24 +131,25 @@ class TrajectoryLine(msgspec.Struct, kw_only=True, frozen=True):
 _COLUMNS = ("x_m", "y_m", "heading_rad", "speed_mps", "time_s")
 
 
-def snapshot_line(snapshot: Snapshot) -> bytes:
-    """A row of `snapshots.csv`; floats in full."""
+def format_snapshot(snapshot: Snapshot) -> bytes:
+    """A row of `snapshots.csv`; floats in full precision."""
     values: list[object] = [*snapshot]
-    values[_FRAME_ID] = _csv_text(snapshot.frame_id)
+    values[_FRAME_ID] = _quote_csv(snapshot.frame_id)
     return (_ROW % tuple(values)).encode()
 
 
-def snapshot_of(columns: Sequence[str], line: str) -> Snapshot | None:
-    """A row as a snapshot again, whatever version wrote it; None when it is none."""
+def parse_snapshot(columns: Sequence[str], line: str) -> Snapshot | None:
+    """The snapshot of a row, by whichever version it was written; None when the row is damaged."""
     try:
         (cells,) = csv.reader([line])
-        values = {name: _READ[name](cell) for name, cell in zip(columns, cells, strict=True) if name in _READ}
+        named = zip((_RENAMED.get(column, column) for column in columns), cells, strict=True)
+        values = {name: _PARSER_OF[name](cell) for name, cell in named if name in _PARSER_OF}
         return Snapshot(**values)  # type: ignore[arg-type]  # by name, of the kind that the name has
     except (ValueError, TypeError, csv.Error):
         return None
 
 
-def trajectory_line(path: DrawnTrajectory) -> bytes:
+def format_trajectory(path: DrawnTrajectory) -> bytes:
     """A line of `trajectories.jsonl`."""
     columns = {name: np.round(getattr(path, name), _DECIMALS).tolist() for name in _COLUMNS}
     line = TrajectoryLine(
@@ -149,16 +162,25 @@ def trajectory_line(path: DrawnTrajectory) -> bytes:
     return msgspec.json.encode(line) + b"\n"
 
 
-def counters_line(at_ns: int, counters: dict[str, Any]) -> bytes:
+def format_counters(at_ns: int, counters: LiveDetails) -> bytes:
     """A line of `counters.jsonl`."""
-    return msgspec.json.encode(Counters(at_ns, counters)) + b"\n"
+    return msgspec.json.encode(CountersLine(at_ns, counters)) + b"\n"
 
 
-def _listed(counts: dict[str, int]) -> str:
+def parse_counters(line: str) -> LiveDetails | None:
+    """The counters of a line, by whichever version it was written; None when the line is damaged."""
+    try:
+        renamed = _OLD_COUNTER.sub(lambda found: f'"{_RENAMED_COUNTERS[found[1]]}":', line)
+        return msgspec.json.decode(renamed, type=CountersLine).counters
+    except msgspec.MsgspecError:
+        return None
+
+
+def _format_counts(counts: dict[str, int]) -> str:
     return ", ".join(f"{count:,} {name}" for name, count in counts.items() if count)
 
 
-def _csv_text(text: str) -> str:
-    """In one line, and quoted where a comma or a quote would end the cell."""
+def _quote_csv(text: str) -> str:
+    """Text as one CSV cell: in one line, and quoted where it has a comma or a quote."""
     line = "".join(c if c.isprintable() else "�" for c in text)
     return '"' + line.replace('"', '""') + '"' if set(line) & set(',"') else line

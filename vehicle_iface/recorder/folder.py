@@ -1,4 +1,4 @@
-"""Makes a recording's folder: nothing is overwritten, and a disk that takes nothing is found out before the drive."""
+"""Create the folder of a recording. Nothing is overwritten, and a full disk is detected before the drive."""
 
 import contextlib
 import errno
@@ -14,19 +14,19 @@ import msgspec
 from vehicle_iface import clock
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.recorder.files import FORMAT, META, PROFILE, Meta
-from vehicle_iface.runtime.telemetry import SessionInfo
+from vehicle_iface.telemetry import SessionInfo
 
-_MENDS = {
+_REMEDIES = {
     errno.ENOSPC: "make room there (`df -h {0}`), or choose a folder on another disk",
     errno.EDQUOT: "make room there (`quota`), or choose a folder on another disk",
     errno.EROFS: "`mount -o remount,rw` what it is on, or choose a folder on another disk",
 }
-_MEND = "choose a folder that this user may write to"
+_REMEDY = "choose a folder that this user may write to"
 _PACKAGES = ("vehicle-iface", "numpy", "cantools", "msgspec")
 
 
-class Order(msgspec.Struct, kw_only=True, frozen=True):
-    """What the loop wants recorded."""
+class RecordingRequest(msgspec.Struct, kw_only=True, frozen=True):
+    """What to record, and where."""
 
     folder: str
     telemetry: str
@@ -38,29 +38,29 @@ class Order(msgspec.Struct, kw_only=True, frozen=True):
     command_line: list[str]
 
 
-def refused(folder: Path, error: OSError) -> ConfigError:
-    """Why there can be no recording, with what helps."""
-    mend = _MENDS.get(error.errno or 0, _MEND).format(folder)
-    return ConfigError(f"--record {folder}: cannot be written: {error.strerror or error}; {mend}")
+def not_writable_error(folder: Path, error: OSError) -> ConfigError:
+    """The error of a folder that cannot be written, with a remedy."""
+    remedy = _REMEDIES.get(error.errno or 0, _REMEDY).format(folder)
+    return ConfigError(f"--record {folder}: cannot be written: {error.strerror or error}; {remedy}")
 
 
-def made(order: Order, info: SessionInfo) -> Path:
-    """The folder, with `meta.json` and the profile in it; `OSError`, or `ConfigError` when it is not empty."""
-    folder = Path(order.folder)
+def create_folder(request: RecordingRequest, info: SessionInfo) -> Path:
+    """Create the folder with `meta.json` and the profile; `OSError`, or `ConfigError` when it is not empty."""
+    folder = Path(request.folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"--record {folder}: is not an empty folder; nothing is overwritten: choose another name")
     folder.mkdir(parents=True, exist_ok=True)
     copies = folder / PROFILE
     copies.mkdir()
-    for file in (order.profile, order.dbc):
+    for file in (request.profile, request.dbc):
         shutil.copyfile(file, copies / Path(file).name)
     meta = Meta(
         format=FORMAT,
         session=info,
         wall_ns=clock.wall_ns(),
         monotonic_ns=clock.monotonic_ns(),
-        frames=f"SocketCAN {order.channel}" if order.channel else f"none: {info.bus} has no frames on a socket",
-        command_line=order.command_line,
+        frames=f"SocketCAN {request.channel}" if request.channel else f"none: {info.bus} has no frames on a socket",
+        command_line=request.command_line,
         versions=_versions(),
         sha256={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(copies.iterdir())},
     )
@@ -69,8 +69,8 @@ def made(order: Order, info: SessionInfo) -> Path:
     return folder
 
 
-def emptied(folder: Path) -> None:
-    """Take back what `made` has begun, so that the same name can be given again."""
+def empty_folder(folder: Path) -> None:
+    """Remove what `create_folder` has created, so that the same name can be used again."""
     with contextlib.suppress(OSError):
         for entry in os.scandir(folder):
             shutil.rmtree(entry.path, ignore_errors=True) if entry.is_dir() else os.unlink(entry.path)

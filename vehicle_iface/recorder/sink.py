@@ -1,4 +1,4 @@
-"""A file of whole lines on a disk that may be full."""
+"""A file of complete lines on a disk that may be full."""
 
 import contextlib
 import errno
@@ -8,32 +8,32 @@ from pathlib import Path
 
 from vehicle_iface.units import NS_PER_S
 
-AGAIN_NS = NS_PER_S
-"""After a failure the file is left alone for so long, and what comes meanwhile is lost."""
+RETRY_NS = NS_PER_S
+"""Time without writing after a failure; lines of that time are lost."""
 
 
 class Sink:
-    """Appends, never overwrites, and counts the lines that it could not keep."""
+    """Appends lines, never overwrites, and counts the lines that it could not write."""
 
-    def __init__(self, path: Path, say: Callable[[str], None], header: bytes = b"") -> None:
-        """Makes the file; `OSError` when it cannot be made, is there already, or does not even take its header."""
+    def __init__(self, path: Path, notify: Callable[[str], None], header: bytes = b"") -> None:
+        """Create the file; `OSError` when it exists already, cannot be created, or has no room for its header."""
         self._name = path.name
-        self._say = say
+        self._notify = notify
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644)
         self._bytes = os.write(self._file, header)
         if self._bytes < len(header):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        self._again_ns = 0
+        self._retry_due_ns = 0
         self.written = 0
         self.lost = 0
         self.trouble = ""
-        """Why it takes nothing at present, in words."""
+        """Why nothing can be written at present; empty when all is well."""
 
     def write(self, lines: Sequence[bytes], now_ns: int) -> None:
-        """Append `lines`, each with its line end; those that find no room are counted."""
+        """Append `lines`, each with its line end; those that cannot be written are counted."""
         if not lines:
             return
-        if self.trouble and now_ns < self._again_ns:
+        if self.trouble and now_ns < self._retry_due_ns:
             self.lost += len(lines)
             return
         text = b"".join(lines)
@@ -44,24 +44,24 @@ class Sink:
             done, trouble = 0, error.strerror or str(error)
         kept = len(text) if done == len(text) else text.rfind(b"\n", 0, done) + 1
         self._bytes += kept
-        if done > kept:  # half a line would be taken for a whole one with the next behind it
+        if done > kept:  # a partial line would merge with the next one
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file, self._bytes)
         count = len(lines) if not trouble else text.count(b"\n", 0, kept)
         self.written += count
         self.lost += len(lines) - count
-        self._note(trouble, now_ns)
+        self._set_trouble(trouble, now_ns)
 
     def close(self) -> None:
-        """Give the file back."""
+        """Close the file."""
         os.close(self._file)
 
-    def _note(self, trouble: str, now_ns: int) -> None:
-        """Say what has changed, once."""
+    def _set_trouble(self, trouble: str, now_ns: int) -> None:
+        """Report a change, once."""
         if trouble:
-            self._again_ns = now_ns + AGAIN_NS
+            self._retry_due_ns = now_ns + RETRY_NS
         if trouble and not self.trouble:
-            self._say(f"{self._name}: {trouble}; what comes now is lost and counted, the drive goes on")
+            self._notify(f"{self._name}: {trouble}; new lines are lost and counted, the drive continues")
         elif self.trouble and not trouble:
-            self._say(f"{self._name}: is written again; {self.lost} lines lost so far")
+            self._notify(f"{self._name}: writable again; {self.lost} lines lost so far")
         self.trouble = trouble

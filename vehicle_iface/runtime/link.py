@@ -1,18 +1,18 @@
-"""The loop's hold on the bus: it may be lost and come back, and the loop goes on."""
+"""The loop's link to the bus: it is reopened after a loss."""
 
 import logging
 from collections import Counter
 from collections.abc import Callable
 from typing import NamedTuple
 
-from vehicle_iface.bus.base import Bus, Surveyed, Watched
-from vehicle_iface.bus.error_frames import LinkEvent
-from vehicle_iface.bus.link_state import TABLE, LinkSign, LinkState
+from vehicle_iface.bus.base import Bus, SupportsErrorEvents, SupportsTraffic
+from vehicle_iface.bus.controller_events import ControllerEvent
+from vehicle_iface.bus.link_state import TABLE, LinkEvent, LinkState
 from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.runtime.counts import Counts
-from vehicle_iface.runtime.rate import Grid
-from vehicle_iface.runtime.traffic import Traffic
+from vehicle_iface.runtime.bus_load import BusLoad
+from vehicle_iface.runtime.counters import Counters
+from vehicle_iface.runtime.timer import PeriodicTimer
 from vehicle_iface.units import NS_PER_MS
 
 log = logging.getLogger(__name__)
@@ -20,25 +20,25 @@ log = logging.getLogger(__name__)
 REOPEN_NS = 100 * NS_PER_MS
 """How often a lost link is tried again."""
 REFUSED_NS = 100 * NS_PER_MS
-"""A bus that has refused everything for so long carries nothing any more."""
+"""A bus that has refused every frame for so long is lost."""
 STALLED_AFTER = 3
 """Commands refused in a row: from then on the vehicle is stopped, until the link is clean again."""
 WATCH_NS = 50 * NS_PER_MS
-"""How often the controller hardware is asked how it is."""
+"""Period of polling the CAN controller."""
 SURVEY_NS = 500 * NS_PER_MS
-"""How often all traffic is looked at."""
+"""Period of polling all traffic."""
 CLEAN_NS = 500 * NS_PER_MS
-"""Without trouble for so long, while frames come, a link is as good as new."""
-MAX_CHANGES = 1000
+"""A link without errors for so long, while frames come, counts as UP again."""
+MAX_TRANSITIONS = 1000
 
-_ILL = (LinkEvent.WARNING, LinkEvent.PASSIVE)
-"""These last until the controller says that it is well."""
-_WELL = (LinkEvent.ACTIVE, LinkEvent.RESTARTED)
-_USUAL = (LinkEvent.ARBITRATION_LOST,)
-"""No trouble on a bus with more than one node."""
+_ERROR_STATES = (ControllerEvent.WARNING, ControllerEvent.PASSIVE)
+"""These last until the CAN controller reports one of `_RECOVERED`."""
+_RECOVERED = (ControllerEvent.ACTIVE, ControllerEvent.RESTARTED)
+_NO_ERRORS = (ControllerEvent.ARBITRATION_LOST,)
+"""Not an error on a bus with more than one node."""
 
 
-class Change(NamedTuple):
+class LinkTransition(NamedTuple):
     """When the link changed, to what, and why."""
 
     at_ns: int
@@ -47,46 +47,50 @@ class Change(NamedTuple):
 
 
 class Link:
-    """Hears and sends while there is a bus; `on_lost` is called once for each loss."""
+    """Receives and sends while there is a bus. Each loss, wherever it was noticed, is returned by `take_loss`."""
 
     def __init__(
         self,
         open_bus: Callable[[], Bus],
-        counts: Counts,
+        counters: Counters,
         *,
         now_ns: Callable[[], int],
         sleep_until: Callable[[int], None],
-        on_lost: Callable[[], None],
     ) -> None:
         """Opens the bus; `BusError` when that is not possible now."""
         self._open_bus = open_bus
         self._bus: Bus | None = open_bus()
         self.description = self._bus.description
-        self._counts = counts
+        self._counters = counters
         self._now_ns, self._sleep_until = now_ns, sleep_until
-        self._on_lost = on_lost
-        self._reopen_grid = Grid(REOPEN_NS, now_ns())
-        self._watch_grid = Grid(WATCH_NS, now_ns())
-        self._survey_grid = Grid(SURVEY_NS, now_ns())
+        self._reopen_timer = PeriodicTimer(REOPEN_NS, now_ns())
+        self._watch_timer = PeriodicTimer(WATCH_NS, now_ns())
+        self._survey_timer = PeriodicTimer(SURVEY_NS, now_ns())
         self._refused_since_ns: int | None = None
         self._refused_in_row = 0
         self._troubled_ns = 0
-        self._is_ill = False
+        self._has_errors = False
         self._overflow = 0
-        self._has_heard = False
-        self._stuck: Bus | None = None
+        self._received_since_open = False
+        self._was_lost = False
+        self._draining: Bus | None = None
         """A bus that took nothing any more; it is used again when what waits in it has left."""
         self._closed_counters: dict[str, int] = {}
         self.state = LinkState.UP
         self.is_stalled = False
         """Commands are not taken one after another: whatever leaves next has to be a stop."""
-        self.changes: list[Change] = []
+        self.transitions: list[LinkTransition] = []
         """Of the state, the first ones of the run."""
         self.events: Counter[str] = Counter()
         """What the controller hardware reported, by kind."""
-        self.traffic = Traffic()
+        self.load = BusLoad()
 
-    def hear(self, until_ns: int) -> list[CanFrame]:
+    def take_loss(self) -> bool:
+        """Whether the bus was lost since the last call."""
+        was_lost, self._was_lost = self._was_lost, False
+        return was_lost
+
+    def receive(self, until_ns: int) -> list[CanFrame]:
         """What has come, after waiting for it until `until_ns` at most."""
         if self._bus is None:
             self._sleep_until(until_ns)
@@ -96,9 +100,9 @@ class Link:
             self._bus.wait(until_ns)
             frames = self._bus.drain()
         except BusError as error:
-            self._lose(error)
+            self._drop(error)
             return []
-        self._has_heard = self._has_heard or bool(frames)
+        self._received_since_open = self._received_since_open or bool(frames)
         return frames
 
     def has_room(self) -> bool:
@@ -108,11 +112,11 @@ class Link:
         try:
             has_room = self._bus.has_room()
         except BusError as error:
-            self._lose(error)
+            self._drop(error)
             return False
         if not has_room:
-            self._counts.commands_refused += 1
-            self._refused()
+            self._counters.commands_refused += 1
+            self._note_refusal()
         return has_room
 
     def send(self, *frames: CanFrame) -> int:
@@ -122,145 +126,143 @@ class Link:
         try:
             sent = self._bus.send(*frames)
         except BusError as error:
-            self._lose(error)
+            self._drop(error)
             return 0
-        self._counts.frames_sent += sent
-        self._counts.frames_not_sent += len(frames) - sent
+        self._counters.frames_sent += sent
+        self._counters.frames_not_sent += len(frames) - sent
         if sent == len(frames):
             self._refused_since_ns, self._refused_in_row = None, 0
         else:
-            self._refused()
+            self._note_refusal()
         return sent
 
     def watch(self, now_ns: int) -> None:
-        """Ask how the link is: a bus that takes nothing, or whose controller took itself off, is lost."""
+        """Poll the link: a bus that accepts nothing, or whose CAN controller is bus off, is lost."""
         if self._refused_since_ns is not None and now_ns - self._refused_since_ns > REFUSED_NS:
-            self._stuck, self._bus = self._bus, None
-            self._lost(BusError(f"{self.description}: takes no frames; is anybody else on the bus?"))
-        if not self._watch_grid.due(now_ns):
+            self._draining, self._bus = self._bus, None
+            self._on_drop(BusError(f"{self.description}: takes no frames; is anybody else on the bus?"))
+        if not self._watch_timer.is_due(now_ns):
             return
-        self._look_at_hardware()
-        self._look_at_traffic(now_ns)
-        self._look_for_overflow()
-        if now_ns - self._troubled_ns >= CLEAN_NS and self._has_heard and not self._is_ill:
+        self._poll_controller()
+        self._poll_traffic(now_ns)
+        self._check_overflow()
+        if now_ns - self._troubled_ns >= CLEAN_NS and self._received_since_open and not self._has_errors:
             self.is_stalled = False
-            self._sign(LinkSign.CLEAN, "no trouble for a while")
+            self._apply(LinkEvent.CLEAN, "no trouble for a while")
 
     def counters(self) -> dict[str, int]:
         """The bus' own counters, over all times that it was open."""
-        bus = self._bus or self._stuck
+        bus = self._bus or self._draining
         now = bus.counters() if bus is not None else {}
         names = self._closed_counters.keys() | now.keys()
         return {name: self._closed_counters.get(name, 0) + now.get(name, 0) for name in sorted(names)}
 
     def close(self) -> None:
-        """Give the bus back."""
-        bus = self._bus or self._stuck
+        """Close the bus."""
+        bus = self._bus or self._draining
         if bus is not None:
             self._closed_counters = self.counters()
             bus.close()
-            self._bus = self._stuck = None
+            self._bus = self._draining = None
 
-    def _look_at_hardware(self) -> None:
+    def _poll_controller(self) -> None:
         bus: object = self._bus
-        if not isinstance(bus, Watched):
+        if not isinstance(bus, SupportsErrorEvents):
             return
         try:
             events = bus.events()
         except BusError as error:
-            self._lose(error)
+            self._drop(error)
             return
         for event in events:
-            self._hear_of(event)
-        if LinkEvent.BUS_OFF in events:
-            self._lose(
-                BusError(f"{self.description}: bus off; `ip link set DEVICE type can restart-ms 100` restarts it")
-            )
+            self._note_event(event)
+        if ControllerEvent.BUS_OFF in events:
+            self._drop(BusError(f"{self.description}: bus off; `sudo ip link set DEVICE type can restart` restarts it"))
 
-    def _hear_of(self, event: LinkEvent) -> None:
+    def _note_event(self, event: ControllerEvent) -> None:
         if not self.events[event.value]:
             log.warning("%s: %s (further ones are counted)", self.description, event.value)
         self.events[event.value] += 1
-        if event in _WELL:
-            self._is_ill = False
-        elif event is not LinkEvent.BUS_OFF and event not in _USUAL:
-            self._is_ill = self._is_ill or event in _ILL
-            self._trouble(event.value)
+        if event in _RECOVERED:
+            self._has_errors = False
+        elif event is not ControllerEvent.BUS_OFF and event not in _NO_ERRORS:
+            self._has_errors = self._has_errors or event in _ERROR_STATES
+            self._degrade(event.value)
 
-    def _look_at_traffic(self, now_ns: int) -> None:
+    def _poll_traffic(self, now_ns: int) -> None:
         bus: object = self._bus
-        if not self._survey_grid.due(now_ns) or not isinstance(bus, Surveyed):
+        if not self._survey_timer.is_due(now_ns) or not isinstance(bus, SupportsTraffic):
             return
         try:
-            self.traffic.add(bus.look(now_ns))
+            self.load.add(bus.poll_traffic(now_ns))
         except BusError as error:
-            self._lose(error)
+            self._drop(error)
 
-    def _look_for_overflow(self) -> None:
-        """Frames that the kernel had no room for are lost to us, not to the bus."""
+    def _check_overflow(self) -> None:
+        """Frames that the kernel had no room for were on the bus and are lost here."""
         overflow = self.counters().get("receive_overflow", 0)
         if overflow > self._overflow:
             self._overflow = overflow
-            self._trouble("receive overflow")
+            self._degrade("receive overflow")
 
-    def _refused(self) -> None:
+    def _note_refusal(self) -> None:
         if self._refused_since_ns is None:
             self._refused_since_ns = self._now_ns()
         self._refused_in_row += 1
         self.is_stalled = self.is_stalled or self._refused_in_row >= STALLED_AFTER
-        self._trouble("transmit queue full")
+        self._degrade("transmit queue full")
 
-    def _trouble(self, why: str) -> None:
+    def _degrade(self, why: str) -> None:
         self._troubled_ns = self._now_ns()
-        self._sign(LinkSign.TROUBLE, why)
+        self._apply(LinkEvent.TROUBLE, why)
 
-    def _sign(self, sign: LinkSign, why: str) -> None:
+    def _apply(self, event: LinkEvent, why: str) -> None:
         """Move by the table."""
-        state = TABLE.get((self.state, sign), self.state)
+        state = TABLE.get((self.state, event), self.state)
         if state is self.state:
             return
         self.state = state
         log.log(logging.INFO if state is LinkState.UP else logging.WARNING, "link %s: %s", state.name, why)
-        if len(self.changes) < MAX_CHANGES:
-            self.changes.append(Change(self._now_ns(), state, why))
+        if len(self.transitions) < MAX_TRANSITIONS:
+            self.transitions.append(LinkTransition(self._now_ns(), state, why))
 
-    def _lose(self, error: BusError) -> None:
+    def _drop(self, error: BusError) -> None:
         self.close()
-        self._lost(error)
+        self._on_drop(error)
 
-    def _lost(self, error: BusError) -> None:
+    def _on_drop(self, error: BusError) -> None:
         self._refused_since_ns, self._refused_in_row = None, 0
-        self.is_stalled = self._is_ill = False
-        self._sign(_sign_of(error), str(error))
-        self._counts.link_losses += 1
-        self._on_lost()
+        self.is_stalled = self._has_errors = False
+        self._apply(_event_of(error), str(error))
+        self._counters.link_losses += 1
+        self._was_lost = True
 
     def _reopen(self) -> None:
-        if not self._reopen_grid.due(self._now_ns()):
+        if not self._reopen_timer.is_due(self._now_ns()):
             return
-        if self._is_stuck():
+        if self._is_draining():
             return
         try:
-            self._bus, self._stuck = self._stuck or self._open_bus(), None
+            self._bus, self._draining = self._draining or self._open_bus(), None
         except BusError as error:
-            self._sign(_sign_of(error), str(error))
+            self._apply(_event_of(error), str(error))
             return
-        self._has_heard = False
+        self._received_since_open = False
         self._troubled_ns = self._now_ns()
-        self._sign(LinkSign.OPENED, f"{self._bus.description} is open again")
+        self._apply(LinkEvent.OPENED, f"{self._bus.description} is open again")
 
-    def _is_stuck(self) -> bool:
+    def _is_draining(self) -> bool:
         """Whether frames still wait in a bus that took nothing any more; a new one beside it could not see them."""
-        if self._stuck is None:
+        if self._draining is None:
             return False
         try:
-            if not self._stuck.has_room():
+            if not self._draining.has_room():
                 return True
-            self._stuck.drain()  # what came meanwhile is old
+            self._draining.drain()  # what came meanwhile is old
         except BusError:  # the interface went down, and what waited in it is gone
             self.close()
         return False
 
 
-def _sign_of(error: BusError) -> LinkSign:
-    return LinkSign.GONE if isinstance(error, BusGoneError) else LinkSign.LOST
+def _event_of(error: BusError) -> LinkEvent:
+    return LinkEvent.GONE if isinstance(error, BusGoneError) else LinkEvent.LOST

@@ -5,8 +5,8 @@ What was measured, and what follows from it (two shared cores, Python 3.11, the 
 - SCHED_FIFO is what matters. It is for the calling thread alone: the thread that writes the log stays ordinary,
   and so do all threads and processes that are started later.
 - A collection of everything takes 8 to 13 ms after the start, and 8 µs once what exists then is frozen. The loop
-  itself makes no cycles: 10⁶ passes left none, and not a kilobyte. Somebody's controller may: `tidy` moves
-  collecting between two passes, and does not switch it off.
+  itself makes no cycles: 10⁶ passes left none, and not a kilobyte. A user's controller may:
+  `collect_garbage_if_due` moves collecting between two passes, and does not switch it off.
 - Locking memory whole (MCL_CURRENT) takes the process from 53 to 164 MB resident, most of it buffers that nobody
   ever touches; locking each page once it is touched (MCL_ONFAULT) takes nothing. Memory mapped later
   (MCL_FUTURE) is left out: at the limit it would make allocations fail, and the loop's memory stays flat.
@@ -27,8 +27,8 @@ from pathlib import Path
 FIFO_PRIORITY = 50
 """Above everything ordinary, below the kernel's interrupt threads of a real-time kernel (50 shares their class)."""
 LIMITS_FILE = "/etc/security/limits.d/vehicle-iface.conf"
-MEND_FIFO = f'echo "$USER - rtprio {FIFO_PRIORITY}" | sudo tee -a {LIMITS_FILE}'
-MEND_LOCK = f'echo "$USER - memlock unlimited" | sudo tee -a {LIMITS_FILE}'
+FIX_FIFO = f'echo "$USER - rtprio {FIFO_PRIORITY}" | sudo tee -a {LIMITS_FILE}'
+FIX_LOCK = f'echo "$USER - memlock unlimited" | sudo tee -a {LIMITS_FILE}'
 """Both hold from the next login on."""
 
 # From <sys/mman.h> and <linux/prctl.h>
@@ -45,7 +45,7 @@ _BLAS_SETTERS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class RealtimeSettings:
     """What a loop would like to have."""
 
     priority: int = FIFO_PRIORITY
@@ -53,14 +53,14 @@ class Wish:
     """The only processor that it shall run on; None leaves that to the kernel."""
 
 
-def claim(priority: int = FIFO_PRIORITY, *, cpu: int | None = None) -> list[str]:
-    """Take what can be had for this thread and process; returns what is lacking, each with the mending command."""
-    wish = Wish(priority=priority, cpu=cpu)
-    lacking = (step(wish) for step in STEPS)
-    return [lack for lack in lacking if lack]
+def apply_settings(priority: int = FIFO_PRIORITY, *, cpu: int | None = None) -> list[str]:
+    """Take what can be had for this thread and process; returns what is lacking, with the command that fixes it."""
+    settings = RealtimeSettings(priority=priority, cpu=cpu)
+    problems = (step(settings) for step in STEPS)
+    return [problem for problem in problems if problem]
 
 
-def tidy() -> None:
+def collect_garbage_if_due() -> None:
     """Collect garbage where Python would have; call it between two passes.
 
     From the first call on nothing is collected anywhere else. Costs 0.3 µs, and 4 µs each few thousand passes.
@@ -86,52 +86,52 @@ def may_fifo(priority: int = FIFO_PRIORITY) -> bool:
 
 def may_lock() -> bool:
     """Whether this process could lock its memory; it is tried, and given back."""
-    if _lock_memory(Wish()):
+    if _lock_memory(RealtimeSettings()):
         return False
     ctypes.CDLL(None).munlockall()
     return True
 
 
-def _freeze_start(_: Wish) -> str:
+def _freeze_start(_: RealtimeSettings) -> str:
     """What exists by now is never looked at again."""
     gc.collect()
     gc.freeze()
     return ""
 
 
-def _use_one_blas_thread(_: Wish) -> str:
+def _use_one_blas_thread(_: RealtimeSettings) -> str:
     """Matrix products in the calling thread only."""
-    deaf = [path for path in _blas_libraries() if not _told_one_thread(path)]
-    if not deaf:
+    unconfigured = [path for path in _blas_libraries() if not _set_one_thread(path)]
+    if not unconfigured:
         return ""
     return (
-        f"{', '.join(Path(path).name for path in deaf)} may compute in threads that are not real-time; "
+        f"{', '.join(Path(path).name for path in unconfigured)} may compute in threads that are not real-time; "
         "`export OMP_NUM_THREADS=1` before the start"
     )
 
 
-def _pin(wish: Wish) -> str:
+def _pin(settings: RealtimeSettings) -> str:
     """One processor, where one was asked for."""
-    if wish.cpu is None:
+    if settings.cpu is None:
         return ""
     if not hasattr(os, "sched_setaffinity"):
         return "this system binds no thread to a processor"
     try:
-        os.sched_setaffinity(0, {wish.cpu})
+        os.sched_setaffinity(0, {settings.cpu})
     except (OSError, ValueError, OverflowError):
         allowed = ", ".join(map(str, sorted(os.sched_getaffinity(0))))
-        return f"processor {wish.cpu} is not to be had, this process may use {allowed}; `taskset -p {os.getpid()}`"
+        return f"CPU {settings.cpu} is not available, this process may use {allowed}; `taskset -p {os.getpid()}`"
     return ""
 
 
-def _wake_in_time(_: Wish) -> str:
+def _wake_in_time(_: RealtimeSettings) -> str:
     """No rounding of the times to wake up at; a SCHED_FIFO thread has none anyway."""
     if hasattr(os, "sched_setscheduler"):
         ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, TIMER_SLACK_NS, 0, 0, 0)
     return ""
 
 
-def _lock_memory(_: Wish) -> str:
+def _lock_memory(_: RealtimeSettings) -> str:
     """What was touched once stays in memory."""
     if not hasattr(os, "sched_setscheduler"):
         return "this system locks no memory: a pass can wait for the disk when memory runs short"
@@ -140,21 +140,21 @@ def _lock_memory(_: Wish) -> str:
         return ""
     cause = {errno.ENOMEM: "more than its limit `ulimit -l`", errno.EPERM: "no right to"}
     why = cause.get(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
-    return f"memory is not locked ({why}), a pass can wait for the disk when it runs short; `{MEND_LOCK}`"
+    return f"memory is not locked ({why}), a pass can wait for the disk when it runs short; `{FIX_LOCK}`"
 
 
-def _set_fifo(wish: Wish) -> str:
+def _set_fifo(settings: RealtimeSettings) -> str:
     """Before every ordinary program; what this thread starts later is ordinary again."""
     if not hasattr(os, "sched_setscheduler"):
         return "this system has no SCHED_FIFO: other programs can delay the loop"
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(wish.priority))
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(settings.priority))
     except PermissionError:
-        return f"no right to SCHED_FIFO, other programs can delay the loop; `{MEND_FIFO}`, or run as root"
+        return f"no right to SCHED_FIFO, other programs can delay the loop; `{FIX_FIFO}`, or run as root"
     return ""
 
 
-STEPS: tuple[Callable[[Wish], str], ...] = (
+STEPS: tuple[Callable[[RealtimeSettings], str], ...] = (
     _freeze_start,
     _use_one_blas_thread,
     _pin,
@@ -175,7 +175,7 @@ def _blas_libraries() -> list[str]:
     return sorted(path for path in mapped if _BLAS.search(path) and ".so" in path)
 
 
-def _told_one_thread(path: str) -> bool:
+def _set_one_thread(path: str) -> bool:
     try:
         library = ctypes.CDLL(path)
     except OSError:

@@ -7,26 +7,27 @@ rates are counted from what we would have sent before. While nobody commands it 
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.command import SafeCommand
+from vehicle_iface.decoded import DecodedMessage
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.message import Received
-from vehicle_iface.runtime.latency import LogHistogram
+from vehicle_iface.runtime.histogram import LogHistogram
 from vehicle_iface.state import VehicleState
+from vehicle_iface.state_assembler import Sample
 from vehicle_iface.status import VehicleMode, VehicleStatus
-from vehicle_iface.tracker import Sample
+from vehicle_iface.telemetry.details import ShadowSummary, Spread
 from vehicle_iface.units import NS_PER_MS
 
-KEPT = 16
-"""Answers of ours that one of the other commander's may belong to."""
-MISSED_NS = 100 * NS_PER_MS
+HISTORY = 16
+"""Own commands that a foreign command may belong to."""
+TAKEOVER_GAP_NS = 100 * NS_PER_MS
 """After so long without an enabled command, the next one takes the vehicle over."""
 
 
-class Differences:
+class DifferenceStats:
     """Absolute differences, from 1e-6 of the quantity's unit to 16."""
 
     def __init__(self) -> None:
@@ -36,24 +37,24 @@ class Differences:
         """Count one, whatever its sign."""
         self._sizes.add(abs(difference))
 
-    def summary(self) -> dict[str, float]:
-        """Mean, p50, p95 and max, in the quantity's unit; zeros without any."""
+    def summary(self) -> Spread:
+        """In the quantity's unit; zeros without any."""
         sizes = self._sizes
         mean = sizes.total / sizes.count if sizes.count else 0.0
-        return {"mean": mean, "p50": sizes.quantile(0.50), "p95": sizes.quantile(0.95), "max": sizes.max}
+        return Spread(mean=mean, p50=sizes.quantile(0.50), p95=sizes.quantile(0.95), max=sizes.max)
 
 
-class Ours(NamedTuple):
+class OwnCommand(NamedTuple):
     """What we would have sent for a sample."""
 
     completed_ns: int
     """When the sample was."""
     state: VehicleState
-    answered_ns: int
-    safe: SafeCommand
+    decided_ns: int
+    permitted: SafeCommand
 
 
-class _Theirs(NamedTuple):
+class ForeignCommand(NamedTuple):
     """A whole command of the other commander's."""
 
     begun_ns: int
@@ -67,15 +68,15 @@ class Shadow:
     def __init__(self, commands: Sequence[BoundMessage], *, together_ns: int, longest_ns: int) -> None:
         """`commands` are the messages that make one command: they come within `together_ns`.
 
-        Later than `longest_ns` after it no sample is answered.
+        A command later than `longest_ns` after a sample does not belong to it.
         """
         self._fields = {message.name: message.fields for message in commands}
         self._ids = {(message.can_id, message.is_extended) for message in commands}
         self._decoder = Decoder(commands)
         self._together_ns, self._longest_ns = together_ns, longest_ns
-        self._ours: deque[Ours] = deque(maxlen=KEPT)
-        self._parts: dict[str, Received] = {}
-        self._theirs: list[_Theirs] = []
+        self._ours: deque[OwnCommand] = deque(maxlen=HISTORY)
+        self._parts: dict[str, DecodedMessage] = {}
+        self._theirs: list[ForeignCommand] = []
         self._enabled_ns: int | None = None
         self._compared_ns = 0
         self.is_taking_over = False
@@ -83,12 +84,12 @@ class Shadow:
         self.compared = 0
         self.takeovers = 0
         """Commands that took the vehicle over; with them our history begins, and they are not compared."""
-        self.without_a_sample = 0
-        """Commands that answer no sample, or one that another command had answered."""
-        self.apart = dict.fromkeys(("enable", "safe_stop", "reason"), 0)
-        self.accel_mps2, self.front_wheel_angle_rad = Differences(), Differences()
+        self.unmatched_commands = 0
+        """Commands that belong to no sample, or to one that another command belongs to."""
+        self.mismatches = dict.fromkeys(("enable", "safe_stop", "reason"), 0)
+        self.accel_mps2, self.front_wheel_angle_rad = DifferenceStats(), DifferenceStats()
 
-    def hear(self, frame: CanFrame) -> None:
+    def on_foreign_frame(self, frame: CanFrame) -> None:
         """A frame with an identifier of ours that another node has sent; what is not intact is dropped and counted."""
         is_command = (frame.can_id, frame.is_extended) in self._ids
         received = self._decoder.decode(frame) if is_command else None
@@ -101,37 +102,37 @@ class Shadow:
             self._theirs.append(self._whole(self._parts))
             self._parts = {}
 
-    def note(self, sample: Sample, safe: SafeCommand, now_ns: int) -> None:
+    def record(self, sample: Sample, permitted: SafeCommand, now_ns: int) -> None:
         """What we would have sent for a sample, at `now_ns`."""
-        self._ours.append(Ours(sample.completed_ns, sample.state, now_ns, safe))
+        self._ours.append(OwnCommand(sample.completed_ns, sample.state, now_ns, permitted))
 
-    def compare(self) -> Ours | None:
-        """Pair what has come with what was noted; our answer where the other takes the vehicle over, if it does."""
-        taken: Ours | None = None
+    def compare(self) -> OwnCommand | None:
+        """Pair received and recorded commands; our command where the other commander takes over, or None."""
+        taken: OwnCommand | None = None
         for theirs in self._theirs:
             ours = self._sample_of(theirs)
             is_enabled = bool(theirs.fields["enable"])
-            drives_on = self._enabled_ns is not None and theirs.begun_ns - self._enabled_ns <= MISSED_NS
+            drives_on = self._enabled_ns is not None and theirs.begun_ns - self._enabled_ns <= TAKEOVER_GAP_NS
             if ours is None:
-                self.without_a_sample += 1
+                self.unmatched_commands += 1
                 is_enabled = is_enabled and drives_on
             elif is_enabled and not drives_on:
                 self.takeovers += 1
                 taken = ours
             else:
-                self._count(ours.safe, theirs.fields)
+                self._count(ours.permitted, theirs.fields)
             self._enabled_ns = theirs.begun_ns if is_enabled else None
         self._theirs.clear()
         self.is_taking_over = self._enabled_ns is not None and (self.is_taking_over or taken is not None)
         return taken
 
-    def see_status(self, status: VehicleStatus) -> bool:
+    def on_status(self, status: VehicleStatus) -> bool:
         """Whether the vehicle says now that it has been taken over."""
         has_been = self.is_taking_over and status.mode is VehicleMode.AUTONOMOUS
         self.is_taking_over = self.is_taking_over and not has_been
         return has_been
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Start anew, as after the link was lost; the counts stay."""
         self._decoder.reset()
         self._ours.clear()
@@ -140,28 +141,28 @@ class Shadow:
         self._enabled_ns = None
         self.is_taking_over = False
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> ShadowSummary:
         """All counts; differences in m/s² and rad."""
-        return {
-            "compared": self.compared,
-            "takeovers": self.takeovers,
-            "without_a_sample": self.without_a_sample,
-            "drops": {f"{cause.value} {name}".strip(): count for (cause, name), count in self._decoder.drops.items()},
-            "apart": dict(self.apart),
-            "accel_mps2": self.accel_mps2.summary(),
-            "front_wheel_angle_rad": self.front_wheel_angle_rad.summary(),
-        }
+        return ShadowSummary(
+            compared=self.compared,
+            takeovers=self.takeovers,
+            unmatched_commands=self.unmatched_commands,
+            drops={f"{cause.value} {name}".strip(): count for (cause, name), count in self._decoder.drops.items()},
+            mismatches=dict(self.mismatches),
+            accel_mps2=self.accel_mps2.summary(),
+            front_wheel_angle_rad=self.front_wheel_angle_rad.summary(),
+        )
 
-    def _whole(self, parts: dict[str, Received]) -> _Theirs:
+    def _whole(self, parts: dict[str, DecodedMessage]) -> ForeignCommand:
         fields: dict[str, float | int] = {}
         for received in parts.values():
             for name, value in zip(self._fields[received.name], received.values, strict=True):
                 if name and value is not None:  # a field in several signals: the least, so ENABLE = 0 anywhere is off
                     fields[name] = min(value, fields.get(name, value))
-        return _Theirs(min(received.stamp_ns for received in parts.values()), fields)
+        return ForeignCommand(min(received.stamp_ns for received in parts.values()), fields)
 
-    def _sample_of(self, theirs: _Theirs) -> Ours | None:
-        """The newest sample before the command, unless another command has answered it, or it is too old."""
+    def _sample_of(self, theirs: ForeignCommand) -> OwnCommand | None:
+        """The newest sample before the command, unless another command belongs to it, or it is too old."""
         before = (ours for ours in reversed(self._ours) if ours.completed_ns <= theirs.begun_ns)
         ours = next(before, None)
         if ours is None or theirs.begun_ns - ours.completed_ns > self._longest_ns:
@@ -173,9 +174,9 @@ class Shadow:
 
     def _count(self, ours: SafeCommand, theirs: dict[str, float | int]) -> None:
         self.compared += 1
-        for name in self.apart:
+        for name in self.mismatches:
             if name in theirs:
-                self.apart[name] += getattr(ours, name) != theirs[name]
+                self.mismatches[name] += getattr(ours, name) != theirs[name]
         if ours.enable and theirs["enable"]:
             self.accel_mps2.add(ours.accel_mps2 - theirs["accel_mps2"])
             self.front_wheel_angle_rad.add(ours.front_wheel_angle_rad - theirs["front_wheel_angle_rad"])

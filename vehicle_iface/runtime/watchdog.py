@@ -33,7 +33,7 @@ class Watchdog:
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
 
-    def live(self) -> None:
+    def feed(self) -> None:
         """A sign of life, from the loop."""
         self._signs_of_life += 1
 

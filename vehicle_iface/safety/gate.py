@@ -1,4 +1,4 @@
-"""From a wish to a permission: the one place where a `SafeCommand` is made."""
+"""From a requested command to a permitted one: the one place where a `SafeCommand` is made."""
 
 import math
 from collections.abc import Callable, Collection
@@ -9,8 +9,8 @@ from vehicle_iface.command import Command, SafeCommand
 from vehicle_iface.profile import Limits
 from vehicle_iface.reason import Reason
 from vehicle_iface.safety.lateral import SLOW_MPS, curvature_per_m, front_angle_rad
-from vehicle_iface.safety.limits import Channel, brought_into, by_speed, counts_between, limited_raw
-from vehicle_iface.safety.stop import StopShape, braked_raw
+from vehicle_iface.safety.limits import Channel, clamp_interval, interpolate_by_speed, limit_raw, raw_range
+from vehicle_iface.safety.stop import StopShape, stop_accel_raw
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_S
@@ -43,13 +43,14 @@ class _Sent(NamedTuple):
 class Gate:
     """Limits each command in range and rate, on the value as encoded. It always answers and never raises.
 
-    Rates are taken from the last value that was sent; before the first one, from what was measured. How hard a stop
-    brakes is not wished but a manoeuvre of its own, see `stop.braked_raw`. The front wheels are held
+    `permit` proposes and `commit` says that it was sent: rates are taken from the last value that was committed; before
+    the first one, from what was measured. How hard a stop brakes is not requested but a manoeuvre of its own, see
+    `stop.stop_accel_raw`. The front wheels are held
     back besides by the lateral acceleration and jerk at the measured speed, by a table over speed, and by how far
     they may be from where they are measured: where speed has risen they are led back as fast as they may turn; where
     the measured angle has gone away they are led no further away, nor dragged along, because it may be the sensor that
     is wrong. Of limits that contradict each other the lateral ones come first, the table second.
-    `limits.limited_raw` has the proof that none of these breaks another.
+    `limits.limit_raw` has the proof that none of these breaks another.
     """
 
     def __init__(self, channels: GateChannels, limits: Limits, *, wheelbase_m: float, stop: StopShape) -> None:
@@ -58,11 +59,11 @@ class Gate:
         self._stop = stop
         self._wheelbase_m = wheelbase_m
         self._backwards = _mirrored(channels.accel_mps2)
-        self._last = self._before = _Sent()
+        self._last = self._proposed = _Sent()
         self.limited: dict[str, int] = dict.fromkeys(
             ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps", "overspeed", "not_finite"), 0
         )
-        """How often each wish had to be cut."""
+        """How often each request had to be cut."""
 
     def start_from(self, state: VehicleState, now_ns: int) -> None:
         """Take the vehicle over as it is: the first step is counted from the measured wheel angles."""
@@ -71,48 +72,60 @@ class Gate:
             _nearest_raw(front, state.front_wheel_angle_rad),
             _nearest_raw(rear, state.rear_wheel_angle_rad),
         )
-        self._last = self._before = _Sent(now_ns, 0, front_raw, rear_raw, now_ns)
+        self._last = self._proposed = _Sent(now_ns, 0, front_raw, rear_raw, now_ns)
 
     def permit(
         self,
-        wish: Command,
+        requested: Command,
         state: VehicleState,
         *,
         now_ns: int,
         reversing: bool,
         engaging: bool = False,
         gear_request: Gear = Gear.NO_REQUEST,
+        speed_mps: float | None = None,
+        speed_is_known: bool = True,
     ) -> SafeCommand:
         """The nearest command that may be sent, enabled.
 
         `state` is what is measured; `now_ns` is the monotonic time of sending; `reversing` tells which way drive and
-        brake point. At a measured speed of the limit or above nothing is added to it. While `engaging`, drive and
-        steering are held back more, and the wheels led no further than a tenth of a second of turning from where they
-        are measured.
+        brake point. `speed_mps` is the speed that limits go by, the measured one by default: at the limit or above
+        nothing is added to it. Where no speed is known a stop brakes as at any speed above standstill, and goes on.
+        While `engaging`, drive and steering are held back more, and the wheels led no further than a tenth of a second
+        of turning from where they are measured.
         """
-        numbers = (wish.accel_mps2, wish.front_wheel_angle_rad, wish.rear_wheel_angle_rad, wish.speed_mps)
+        if speed_mps is None:
+            speed_mps = state.speed_mps
+        numbers = (
+            requested.accel_mps2,
+            requested.front_wheel_angle_rad,
+            requested.rear_wheel_angle_rad,
+            requested.speed_mps,
+        )
         finite = all(map(math.isfinite, numbers))
-        reason = wish.reason if finite else Reason.CONTROLLER_ERROR
-        front, rear, speed = numbers[1:] if finite else (0.0, 0.0, 0.0)
+        reason = requested.reason if finite else Reason.CONTROLLER_ERROR
+        front, rear, told_mps = numbers[1:] if finite else (0.0, 0.0, 0.0)
         self.limited["not_finite"] += not finite
         channels, last = self._channels, self._last
         dt_s = min(LONGEST_STEP_S, max(0.0, (now_ns - last.at_ns) / NS_PER_S))
         is_stop = reason is not Reason.NOMINAL
         if is_stop:
-            accel_raw = braked_raw(
-                self._stop, self._backwards, last.accel_raw, state.speed_mps, dt_s, reversing=reversing
+            braked_mps = speed_mps if speed_is_known else -math.inf if reversing else math.inf
+            accel_raw = stop_accel_raw(
+                self._stop, self._backwards, last.accel_raw, braked_mps, dt_s, reversing=reversing
             )
         else:
-            accel_raw = self._accel_raw(wish.accel_mps2, state.speed_mps, dt_s, reversing, engaging=engaging)
-        rear_raw = self._plainly(channels.rear_wheel_angle_rad, rear, last.rear_raw, dt_s)
+            accel_raw = self._accel_raw(requested.accel_mps2, speed_mps, dt_s, reversing, engaging=engaging)
+        rear_raw = self._limit(channels.rear_wheel_angle_rad, rear, last.rear_raw, dt_s)
         held_s = (now_ns - last.turned_ns) / NS_PER_S
-        front_raw = self._front_raw(front, rear_raw, state, dt_s, held_s, engaging=engaging)
-        speed_raw = self._plainly(channels.speed_mps, speed, 0, dt_s)
+        measured_rad = state.front_wheel_angle_rad
+        front_raw = self._front_raw(front, rear_raw, measured_rad, speed_mps, dt_s, held_s, engaging=engaging)
+        speed_raw = self._limit(channels.speed_mps, told_mps, 0, dt_s)
         turned = front_raw != last.front_raw or rear_raw != last.rear_raw
         turned_ns = now_ns if turned else last.turned_ns
-        self._before, self._last = last, _Sent(now_ns, accel_raw, front_raw, rear_raw, turned_ns)
+        self._proposed = _Sent(now_ns, accel_raw, front_raw, rear_raw, turned_ns)
         return SafeCommand(
-            stamp_ns=wish.stamp_ns,
+            stamp_ns=requested.stamp_ns,
             enable=True,
             safe_stop=is_stop,
             accel_mps2=accel_raw * channels.accel_mps2.lsb,
@@ -123,22 +136,27 @@ class Gate:
             gear_request=gear_request,
         )
 
-    def take_back(self, *, left: Collection[str] = ()) -> None:
-        """The last permission was not sent, up to the fields that `left`: the others' rates are counted from before it.
+    def commit(self) -> None:
+        """The last permission was sent: rates are counted from it."""
+        self._last = self._proposed
 
-        Where some left, all are counted from their time: that grants the others less, never more.
+    def commit_fields(self, fields: Collection[str]) -> None:
+        """Only these fields of the last permission were sent: the others' rates are counted from before it.
+
+        All are counted from its time: that grants the others less, never more.
         """
-        sent, before = self._last, self._before
+        sent, before = self._proposed, self._last
         self._last = _Sent(
-            sent.at_ns if left else before.at_ns,
-            sent.accel_raw if "accel_mps2" in left else before.accel_raw,
-            sent.front_raw if "front_wheel_angle_rad" in left else before.front_raw,
-            sent.rear_raw if "rear_wheel_angle_rad" in left else before.rear_raw,
-            sent.turned_ns if left else before.turned_ns,
+            sent.at_ns,
+            sent.accel_raw if "accel_mps2" in fields else before.accel_raw,
+            sent.front_raw if "front_wheel_angle_rad" in fields else before.front_raw,
+            sent.rear_raw if "rear_wheel_angle_rad" in fields else before.rear_raw,
+            sent.turned_ns,
         )
 
     def release(self, *, stamp_ns: int, reason: Reason) -> SafeCommand:
-        """Let the vehicle go: nothing is asked of it."""
+        """Release the vehicle: nothing is requested of it, and nothing is proposed."""
+        self._proposed = self._last
         return SafeCommand(
             stamp_ns=stamp_ns,
             enable=False,
@@ -156,33 +174,41 @@ class Gate:
         if abs(speed_mps) >= channels.speed_mps.highest and accel * speed_mps > 0.0:
             self.limited["overspeed"] += 1
             accel = 0.0
-        drive = by_speed(limits.accel_max_by_speed, speed_mps)
+        drive = interpolate_by_speed(limits.accel_max_by_speed, speed_mps)
         if engaging:
-            drive = min(drive, limits.engaging.accel_max_mps2)
+            drive = min(drive, limits.while_engaging.accel_max_mps2)
         lowest, highest = (-drive, math.inf) if reversing else (-math.inf, drive)
         channel = self._backwards if reversing else channels.accel_mps2
-        within = counts_between(channel, lowest, highest)
-        raw = limited_raw(channel, accel, self._last.accel_raw, dt_s, within=within)
-        return self._counted(channel, accel, raw)
+        within = raw_range(channel, lowest, highest)
+        raw = limit_raw(channel, accel, self._last.accel_raw, dt_s, within=within)
+        return self._count_if_limited(channel, accel, raw)
 
     def _front_raw(
-        self, wanted: float, rear_raw: int, state: VehicleState, dt_s: float, held_s: float, *, engaging: bool
+        self,
+        requested: float,
+        rear_raw: int,
+        measured: float,
+        speed_mps: float,
+        dt_s: float,
+        held_s: float,
+        *,
+        engaging: bool,
     ) -> int:
         channel, limits, last = self._channels.front_wheel_angle_rad, self._limits, self._last
-        at_speed = by_speed(limits.front_wheel_angle_by_speed, state.speed_mps)
-        within = counts_between(channel, -at_speed, at_speed)
-        measured, apart = state.front_wheel_angle_rad, limits.front_wheel_deviation_rad
+        at_speed = interpolate_by_speed(limits.front_wheel_angle_by_speed, speed_mps)
+        within = raw_range(channel, -at_speed, at_speed)
+        apart = limits.front_wheel_deviation_rad
         if math.isfinite(measured) and apart < math.inf:
             if engaging:  # who obeys nobody yet is not to find the wheels elsewhere once it does
-                apart = min(apart, limits.engaging.front_wheel_rate_radps * LONGEST_STEP_S)
-            nearest, farthest = counts_between(channel, measured - apart, measured + apart)
-            within = brought_into((min(nearest, last.front_raw), max(farthest, last.front_raw)), within)
-        if abs(state.speed_mps) >= SLOW_MPS:
-            lateral = self._lateral_rad(rear_raw, last, state.speed_mps, dt_s, held_s)
-            within = brought_into(within, counts_between(channel, *lateral))
-        rate_per_s = limits.engaging.front_wheel_rate_radps if engaging else math.inf
-        raw = limited_raw(channel, wanted, last.front_raw, dt_s, rate_per_s=rate_per_s, within=within)
-        return self._counted(channel, wanted, raw)
+                apart = min(apart, limits.while_engaging.front_wheel_rate_radps * LONGEST_STEP_S)
+            nearest, farthest = raw_range(channel, measured - apart, measured + apart)
+            within = clamp_interval((min(nearest, last.front_raw), max(farthest, last.front_raw)), within)
+        if abs(speed_mps) >= SLOW_MPS:
+            lateral = self._lateral_rad(rear_raw, last, speed_mps, dt_s, held_s)
+            within = clamp_interval(within, raw_range(channel, *lateral))
+        rate_per_s = limits.while_engaging.front_wheel_rate_radps if engaging else math.inf
+        raw = limit_raw(channel, requested, last.front_raw, dt_s, rate_per_s=rate_per_s, within=within)
+        return self._count_if_limited(channel, requested, raw)
 
     def _lateral_rad(
         self, rear_raw: int, last: _Sent, speed_mps: float, dt_s: float, held_s: float
@@ -196,10 +222,10 @@ class Gate:
         front_lsb, rear_lsb = channels.front_wheel_angle_rad.lsb, channels.rear_wheel_angle_rad.lsb
         most = limits.lateral_accel_mps2 / (speed_mps * speed_mps)
         per_s = limits.lateral_jerk_mps3 / (speed_mps * speed_mps)
-        right, now, left = (
-            curvature_per_m(raw * front_lsb, last.rear_raw * rear_lsb, wheelbase_m)
-            for raw in (last.front_raw - 1, last.front_raw, last.front_raw + 1)
-        )
+        was_rad, was_rear_rad = last.front_raw * front_lsb, last.rear_raw * rear_lsb
+        right = curvature_per_m(was_rad - front_lsb, was_rear_rad, wheelbase_m)
+        now = curvature_per_m(was_rad, was_rear_rad, wheelbase_m)
+        left = curvature_per_m(was_rad + front_lsb, was_rear_rad, wheelbase_m)
         low = now - max(per_s * dt_s, min(per_s * held_s, now - right))
         high = now + max(per_s * dt_s, min(per_s * held_s, left - now))
         if now > most:  # the speed has risen: back to the limit as fast as the wheels may turn, and on by the jerk
@@ -211,11 +237,11 @@ class Gate:
         rear_rad = rear_raw * rear_lsb
         return front_angle_rad(low, rear_rad, wheelbase_m), front_angle_rad(high, rear_rad, wheelbase_m)
 
-    def _plainly(self, channel: Channel, wanted: float, last_raw: int, dt_s: float) -> int:
-        return self._counted(channel, wanted, limited_raw(channel, wanted, last_raw, dt_s))
+    def _limit(self, channel: Channel, requested: float, last_raw: int, dt_s: float) -> int:
+        return self._count_if_limited(channel, requested, limit_raw(channel, requested, last_raw, dt_s))
 
-    def _counted(self, channel: Channel, wanted: float, raw: int) -> int:
-        self.limited[channel.name] += abs(raw * channel.lsb - wanted) > channel.lsb
+    def _count_if_limited(self, channel: Channel, requested: float, raw: int) -> int:
+        self.limited[channel.name] += abs(raw * channel.lsb - requested) > channel.lsb
         return raw
 
 

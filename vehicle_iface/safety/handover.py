@@ -1,4 +1,4 @@
-"""Giving control back at a planned end: the person is told before ENABLE = 0.
+"""Handing control back at a planned end: the driver is warned before ENABLE = 0.
 
 Planned are the end of the duration and a request to end. A driver who takes over, a fault and a second request never
 wait for it, and the end of a trajectory gives nothing back: there the vehicle is held.
@@ -10,10 +10,10 @@ import sys
 class Handover:
     """The warning, and what it holds up. Time is given."""
 
-    def __init__(self, warning_ns: int, *, holds: bool) -> None:
-        """`holds`: whether a vehicle that stands is held until the person has been warned for `warning_ns`."""
+    def __init__(self, warning_ns: int, *, hold_until_warned: bool) -> None:
+        """With `hold_until_warned` a standing vehicle is held until the driver has been warned for `warning_ns`."""
         self._warning_ns = warning_ns
-        self._holds = holds
+        self._hold_until_warned = hold_until_warned
         self._planned_ns = sys.maxsize  # that is, never
         self._since_ns: int | None = None
 
@@ -26,7 +26,7 @@ class Handover:
         """The run will be asked to end then."""
         self._planned_ns = end_ns
 
-    def look(self, now_ns: int, *, is_driven: bool, is_ending: bool) -> bool:
+    def update(self, now_ns: int, *, is_driven: bool, is_ending: bool) -> bool:
         """Whether a warning begins now. Without control there is none to give back."""
         if not is_driven:
             self._since_ns = None
@@ -42,9 +42,9 @@ class Handover:
         if self._since_ns is None:
             return 0
         if is_ending:
-            return max(0, self._since_ns + self._warning_ns - now_ns) if self._holds else 0
+            return max(0, self._since_ns + self._warning_ns - now_ns) if self._hold_until_warned else 0
         return max(0, self._planned_ns - now_ns)
 
-    def may_let_go(self, now_ns: int) -> bool:
-        """Whether a vehicle that stands may be let go."""
-        return not self._holds or self._since_ns is None or now_ns - self._since_ns >= self._warning_ns
+    def may_release(self, now_ns: int) -> bool:
+        """Whether a vehicle at standstill may be released."""
+        return not self._hold_until_warned or self._since_ns is None or now_ns - self._since_ns >= self._warning_ns

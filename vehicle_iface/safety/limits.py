@@ -7,17 +7,32 @@ hold after it. A value is raw · lsb; raw 0 is 0 in SI units.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import Enum
+from typing import NamedTuple
 
 from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
 
 _BEYOND = 10**15
-"""Counts that no signal has, and that a float still tells apart."""
+"""More counts than any signal has; a float still resolves single counts here."""
+
+
+class LimitViolation(NamedTuple):
+    """A value beyond its limit."""
+
+    kind: Enum
+    name: str
+    """Of the value, with its unit."""
+    value: float
+    limit: float
+
+    def __str__(self) -> str:
+        return f"{self.kind.value}: {self.name} = {self.value:.4g}, limit {self.limit:.4g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
-    """One quantity on its way out: its range, its rate, and what the wire can tell apart.
+    """One commanded quantity: its range, its rate and its resolution on the wire.
 
     Raises `InvalidValueError` when the range does not contain 0 (a stop needs it) or a number is not finite.
     """
@@ -28,7 +43,7 @@ class Channel:
     lowest: float
     highest: float
     rate_per_s: float
-    """Greatest change per second; `math.inf` for a quantity that may jump, like the speed told along."""
+    """Greatest change per second; `math.inf` for a quantity that may jump, like the reported speed."""
     lowest_raw: int = field(init=False)
     """The least wire value whose meaning is not below `lowest`."""
     highest_raw: int = field(init=False)
@@ -56,7 +71,7 @@ class Channel:
         return whole_range if step >= whole_range else _floor(step)
 
 
-def limited_raw(
+def limit_raw(
     channel: Channel,
     wanted: float,
     last_raw: int,
@@ -77,7 +92,7 @@ def limited_raw(
     result: the range always (last is cut to it first), and `within`, and whatever it is made of, once last is in it.
     """
     whole = channel.lowest_raw, channel.highest_raw
-    low, high = brought_into(within, whole)
+    low, high = clamp_interval(within, whole)
     target = wanted / channel.lsb if math.isfinite(wanted) else 0.0
     raw = high if target >= high else low if target <= low else round(target)
     low, high = whole
@@ -86,32 +101,35 @@ def limited_raw(
     return last_raw + step if raw > last_raw + step else last_raw - step if raw < last_raw - step else raw
 
 
-def counts_between(channel: Channel, lowest: float, highest: float) -> tuple[int, int]:
+def raw_range(channel: Channel, lowest: float, highest: float) -> tuple[int, int]:
     """The first and the last wire value from `lowest` to `highest` (SI); where none is, the nearest one, twice."""
     lsb = channel.lsb
-    low = _ceil(min(max(lowest / lsb, -_BEYOND), _BEYOND))
-    high = _floor(min(max(highest / lsb, -_BEYOND), _BEYOND))
+    first, last = lowest / lsb, highest / lsb
+    low = _ceil(-_BEYOND if first < -_BEYOND else _BEYOND if first > _BEYOND else first)
+    high = _floor(-_BEYOND if last < -_BEYOND else _BEYOND if last > _BEYOND else last)
     if low > high:
         low = high = round((lowest + highest) / (2.0 * lsb))
     return low, high
 
 
-def brought_into(inner: tuple[int, int], outer: tuple[int, int]) -> tuple[int, int]:
+def clamp_interval(inner: tuple[int, int], outer: tuple[int, int]) -> tuple[int, int]:
     """Where two intervals overlap; where they do not, the end of the outer one that is nearer to the inner one, twice.
 
-    So of limits that contradict each other the one that is brought in last has its way, and leaves the others what it
-    can.
+    So of contradicting limits the outer one of the last call wins; the others hold as far as it allows.
     """
-    low, high = outer
-    return min(max(inner[0], low), high), min(max(inner[1], low), high)
+    (first, last), (low, high) = inner, outer
+    return (
+        low if first < low else high if first > high else first,
+        low if last < low else high if last > high else last,
+    )
 
 
-def at_most_raw(channel: Channel, value: float) -> int:
-    """The greatest wire value in range that says no more than `value` (SI, not below 0); what is no number is much."""
+def floor_raw(channel: Channel, value: float) -> int:
+    """The greatest wire value in range that does not exceed `value` (SI, not below 0). NaN is treated as +inf."""
     return _floor(min(float(channel.highest_raw), value / channel.lsb))
 
 
-def by_speed(table: Sequence[tuple[float, float]], speed_mps: float) -> float:
+def interpolate_by_speed(table: Sequence[tuple[float, float]], speed_mps: float) -> float:
     """A limit from a table of speed (m/s, rising) and value: linear between rows, constant beyond them."""
     speed_mps = abs(speed_mps)
     slower_mps, before = table[0]

@@ -7,7 +7,7 @@ how hard it brakes; from the command that stops, the gate takes the steering and
 from dataclasses import dataclass, fields
 
 from vehicle_iface import checks
-from vehicle_iface.safety.limits import Channel, at_most_raw
+from vehicle_iface.safety.limits import Channel, floor_raw
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,7 +20,7 @@ class StopShape:
     """Until the next command, at most: the brake would not bring the vehicle to rest in less."""
     jerk_mps3: float
     """The brake comes on, and is eased, at this rate."""
-    ease_s: float
+    release_time_constant_s: float
     """Speed over brake, in the end: the brake is let up with the speed, so that no jolt is felt at standstill."""
     hold_mps2: float
     """The brake at standstill; 0 where SAFE_STOP alone holds the vehicle."""
@@ -31,7 +31,7 @@ class StopShape:
             object.__setattr__(self, field.name, check(field.name, getattr(self, field.name)))
 
 
-def braked_raw(
+def stop_accel_raw(
     shape: StopShape, brake: Channel, last_raw: int, speed_mps: float, dt_s: float, *, reversing: bool
 ) -> int:
     """The wire value of a stop's acceleration, `dt_s` after `last_raw` was sent. Total: an answer to every number.
@@ -51,8 +51,8 @@ def braked_raw(
         most_mps2 = wanted_mps2 = min(shape.deceleration_mps2, shape.hold_mps2)
     else:
         most_mps2 = min(shape.deceleration_mps2, fast_mps / shape.time_step_s)
-        wanted_mps2 = min(most_mps2, fast_mps / shape.ease_s)
-    last = min(at_most_raw(brake, most_mps2), max(0, sign * last_raw))
+        wanted_mps2 = min(most_mps2, fast_mps / shape.release_time_constant_s)
+    last = min(floor_raw(brake, most_mps2), max(0, sign * last_raw))
     # A signal whose counts are coarse against the jerk comes on all the same.
     step = max(1, brake.step_raw(dt_s, shape.jerk_mps3)) if dt_s > 0.0 else 0
-    return sign * min(last + step, max(last - step, at_most_raw(brake, wanted_mps2)))
+    return sign * min(last + step, max(last - step, floor_raw(brake, wanted_mps2)))

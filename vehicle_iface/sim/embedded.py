@@ -1,4 +1,4 @@
-"""A vehicle inside the loop's own process: the bus of a machine that has none."""
+"""A simulated vehicle in the loop's own process, for machines without a CAN bus."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ from vehicle_iface.sim.vehicle import SimulatedVehicle
 
 
 class EmbeddedBus:
-    """A `Bus` whose other end is a simulated vehicle; waiting is what makes the vehicle move on.
+    """A `Bus` whose other end is a simulated vehicle; the vehicle moves while the loop waits.
 
     `now_ns` and `sleep_until` are the machine's clock in the demo and a virtual one in tests.
     """
@@ -23,11 +23,11 @@ class EmbeddedBus:
         self._counters = {"received": 0, "sent": 0}
 
     def wait(self, until_ns: int) -> bool:
-        """Let the vehicle drive until it sends something or `until_ns` has come."""
+        """Advance the vehicle until it sends a frame or `until_ns` is reached."""
         while not self._inbox:
             due_ns = min(until_ns, self.vehicle.next_due_ns)
             self._sleep_until(due_ns)
-            self._let_drive()
+            self._advance()
             if due_ns >= until_ns:
                 break
         return bool(self._inbox)
@@ -39,11 +39,11 @@ class EmbeddedBus:
         return frames
 
     def has_room(self) -> bool:
-        """Always: the vehicle hears at once."""
+        """Always true: the vehicle receives at once."""
         return True
 
     def send(self, *frames: CanFrame) -> int:
-        """The vehicle hears them at once."""
+        """The vehicle receives the frames at once; all are taken."""
         now_ns = self._now_ns()
         for frame in frames:
             self.vehicle.receive(frame, now_ns)
@@ -57,7 +57,7 @@ class EmbeddedBus:
     def close(self) -> None:
         """Nothing to give back."""
 
-    def _let_drive(self) -> None:
+    def _advance(self) -> None:
         now_ns = self._now_ns()
         for frame in self.vehicle.advance(now_ns):
             stamped = CanFrame(frame.can_id, frame.data, now_ns, frame.is_extended, frame.is_remote, frame.is_fd)

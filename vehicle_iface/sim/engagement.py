@@ -7,7 +7,7 @@ from vehicle_iface.status import VehicleMode
 from vehicle_iface.units import NS_PER_MS
 
 WATCHDOG_NS = 100 * NS_PER_MS
-"""So long without an intact command of a kind is too long."""
+"""Commands are lost after this long without an intact one of a kind."""
 PAIRS_TO_ENGAGE = 3
 """Consecutive intact pairs with ENABLE = 1 that a commander needs."""
 
@@ -17,14 +17,14 @@ class Event(Enum):
 
     PAIRS_RECEIVED = auto()
     """The commander has shown `PAIRS_TO_ENGAGE` good pairs, and the driver does nothing."""
-    LET_GO = auto()
+    RELEASED = auto()
     """An intact command with ENABLE = 0."""
     OVERRIDE = auto()
     """The driver brakes, accelerates or steers."""
     COMMANDS_LOST = auto()
     """The watchdog."""
     FAULT = auto()
-    """Something of the vehicle's own broke."""
+    """A fault of the vehicle itself."""
     EMERGENCY_STOP = auto()
     """The red button."""
     MADE_READY = auto()
@@ -48,7 +48,7 @@ TRANSITIONS = {
     (_READY, Event.PAIRS_RECEIVED): _AUTONOMOUS,
     (_READY, Event.FAULT): _FAULT,
     (_READY, Event.EMERGENCY_STOP): _EMERGENCY_STOP,
-    (_AUTONOMOUS, Event.LET_GO): _READY,
+    (_AUTONOMOUS, Event.RELEASED): _READY,
     (_AUTONOMOUS, Event.OVERRIDE): _MANUAL,
     (_AUTONOMOUS, Event.COMMANDS_LOST): _FAULT,
     (_AUTONOMOUS, Event.FAULT): _FAULT,
@@ -57,14 +57,14 @@ TRANSITIONS = {
     (_FAULT, Event.EMERGENCY_STOP): _EMERGENCY_STOP,
     (_EMERGENCY_STOP, Event.RESET): _MANUAL,
 }
-"""A missing pair means: stay."""
+"""Without an entry the mode stays."""
 
 
 class CommandWatch:
-    """Counts consecutive intact pairs and sees when commands stop coming.
+    """Counts consecutive intact pairs and notices when commands stop.
 
-    A pair is one command of each kind, in any order; two of one kind without the other between them break the
-    row, and so do a damaged one, one with ENABLE = 0 and a gap as long as the watchdog's. "No intact command
+    A pair is one command of each kind, in any order; two of one kind without the other between them end the
+    streak, and so do a damaged one, one with ENABLE = 0 and a gap as long as the watchdog's. "No intact command
     of either kind for 100 ms" is read strictly: each kind by itself must stay fresh, since a vehicle that is
     still steered but no longer braked, or the other way round, is not being driven.
     """
@@ -75,29 +75,29 @@ class CommandWatch:
         self._last_ns: dict[str, int] = {}
         self._half: set[str] = set()
         self.pairs = 0
-        """Whole pairs in an unbroken row."""
+        """Whole pairs in the current streak."""
 
     def note(self, kind: str, *, enabled: bool, seen_ns: int) -> None:
         """An intact command of `kind` was on the bus at `seen_ns`."""
         last_ns = self._last_ns.get(kind)
         if last_ns is not None and seen_ns - last_ns >= WATCHDOG_NS:
-            self.break_row()
-            self._last_ns.clear()  # one gap breaks one row, though the other kind will show it too
+            self.reset_streak()
+            self._last_ns.clear()  # one gap ends one streak, though the other kind shows it too
         self._last_ns[kind] = seen_ns
         if not enabled or kind in self._half:
-            self.break_row()
+            self.reset_streak()
         if enabled:
             self._half.add(kind)
         if self._half == self._kinds:
             self._half.clear()
             self.pairs += 1
 
-    def excuse(self, pause_ns: int) -> None:
-        """For so long nobody could have been heard, and nobody is to blame for it."""
+    def extend_watchdog(self, pause_ns: int) -> None:
+        """Move the deadline: no command could be received for `pause_ns`."""
         self._last_ns = {kind: last_ns + pause_ns for kind, last_ns in self._last_ns.items()}
 
-    def break_row(self) -> None:
-        """What came before does not count towards engaging any more."""
+    def reset_streak(self) -> None:
+        """Start counting pairs again."""
         self._half.clear()
         self.pairs = 0
 

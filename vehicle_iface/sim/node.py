@@ -7,15 +7,15 @@ from typing import Protocol
 from vehicle_iface import clock as machine
 from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.sim.orders import obey
-from vehicle_iface.sim.pedals import PedalSocket
+from vehicle_iface.sim.driver_commands import execute
+from vehicle_iface.sim.driver_socket import DriverSocket
 from vehicle_iface.sim.vehicle import SimulatedVehicle
 from vehicle_iface.units import NS_PER_MS
 
 log = logging.getLogger(__name__)
 
 PAUSE_NS = 20 * NS_PER_MS
-"""Later than this after the due instant, the process got no time, and with it the whole machine perhaps."""
+"""Later than this after the due instant, the process was not scheduled, and perhaps the whole machine was not."""
 REOPEN_EVERY_NS = 100 * NS_PER_MS
 """How often a lost bus is tried again."""
 
@@ -43,39 +43,39 @@ class VehicleBus(Protocol):
 def run_vehicle(
     vehicle: SimulatedVehicle,
     bus: VehicleBus,
-    pedals: PedalSocket | None,
+    driver: DriverSocket | None,
     clock: Callable[[], int],
     stop: Callable[[], bool],
     *,
     reopen: Callable[[], VehicleBus] | None = None,
     sleep_until: Callable[[int], None] = machine.sleep_until,
 ) -> None:
-    """Drive the vehicle until `stop()` says so; at the end the bus is closed, the pedals are not.
+    """Drive the vehicle until `stop()` says so; at the end the bus is closed, the driver socket is not.
 
     A lost bus ends this with `BusError`, unless `reopen` is given: then the vehicle goes on by itself, as a
-    vehicle with a cut cable does, and the bus is tried again every 100 ms. The pedals are polled each pass.
+    vehicle with a cut cable does, and the bus is tried again every 100 ms. The driver socket is polled each pass.
     """
     line = _Line(bus, reopen, clock, sleep_until)
     try:
         while not stop():
-            _one_pass(vehicle, line, pedals, clock)
+            _run_pass(vehicle, line, driver, clock)
     finally:
         line.close()
 
 
-def _one_pass(vehicle: SimulatedVehicle, line: "_Line", pedals: PedalSocket | None, clock: Callable[[], int]) -> None:
-    """Wait, hear, feel, speak: commands that came in time count before the watchdog looks."""
+def _run_pass(vehicle: SimulatedVehicle, line: "_Line", driver: DriverSocket | None, clock: Callable[[], int]) -> None:
+    """Receive, execute the driver's commands, send: commands that came in time count before the watchdog checks."""
     due_ns = vehicle.next_due_ns
-    frames = line.hear(due_ns)
+    frames = line.receive(due_ns)
     now_ns = clock()
     if now_ns - due_ns > PAUSE_NS:
-        vehicle.excuse(now_ns - due_ns)
+        vehicle.extend_watchdog(now_ns - due_ns)
     for frame in frames:
         vehicle.receive(frame, now_ns)
-    if pedals is not None:
-        pedals.poll(lambda text: obey(vehicle, text))
+    if driver is not None:
+        driver.poll(lambda text: execute(vehicle, text))
     for frame in vehicle.advance(now_ns):
-        vehicle.counters["unsent"] += not line.say(frame)
+        vehicle.counters["unsent"] += not line.send(frame)
 
 
 class _Line:
@@ -92,7 +92,7 @@ class _Line:
         self._reopen, self._clock, self._sleep_until = reopen, clock, sleep_until
         self._retry_ns = 0
 
-    def hear(self, until_ns: int) -> list[CanFrame]:
+    def receive(self, until_ns: int) -> list[CanFrame]:
         if self._bus is None:
             self._sleep_until(until_ns)
             self._try_again()
@@ -104,7 +104,7 @@ class _Line:
             self._lose(error)
             return []
 
-    def say(self, frame: CanFrame) -> bool:
+    def send(self, frame: CanFrame) -> bool:
         if self._bus is None:
             return False
         try:
@@ -133,5 +133,5 @@ class _Line:
         try:
             self._bus = self._reopen()
         except BusError:
-            return  # said when it was lost
+            return  # reported when it was lost
         log.warning("the vehicle's link is back")

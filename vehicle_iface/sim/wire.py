@@ -12,7 +12,9 @@ from vehicle_iface.errors import SignalError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import Profile
 from vehicle_iface.sim.model import BicycleParameters, BicycleState
-from vehicle_iface.sim.vehicle import Heard, SimulatedVehicle, SimulationParameters, VehicleReport
+from vehicle_iface.sim.parameters import SimulationParameters
+from vehicle_iface.sim.report import ReceivedCommand, VehicleReport
+from vehicle_iface.sim.vehicle import SimulatedVehicle
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.units import ns_from_s
 
@@ -23,7 +25,7 @@ class ProfileWire:
     def __init__(self, database: VehicleDatabase) -> None:
         self.commands = tuple(message.name for message in database.commands)
         self.sample = tuple(message.name for message in database.sample)
-        self.status = tuple(message.name for message in (database.status, *database.extra))
+        self.status = tuple(message.name for message in (database.status, *database.auxiliary))
         names = {name: number for number, name in database.frames.items()}
         self.frame_ids: Mapping[str, int] = names or {database.profile.state.frame_id: 0}
         self.requests_gear = any("gear_request" in message.fields for message in database.commands)
@@ -42,13 +44,13 @@ class ProfileWire:
         """Whether the frame has an identifier of the profile."""
         return (frame.can_id, frame.is_extended) in self._ids
 
-    def read(self, frame: CanFrame) -> Heard | None:
+    def read(self, frame: CanFrame) -> ReceivedCommand | None:
         """The command in the frame; None when it is damaged, out of sequence or impossible."""
         received = self._decoder.decode(frame)
         if received is None:
             return None
         pairs = zip(self._fields[received.name], received.values, strict=True)
-        return Heard(received.name, {field: value for field, value in pairs if field and value is not None})
+        return ReceivedCommand(received.name, {field: value for field, value in pairs if field and value is not None})
 
     def write(self, message: str, report: VehicleReport) -> CanFrame:
         """The next frame of `message`.
@@ -58,11 +60,12 @@ class ProfileWire:
         """
         try:
             frame = self._encoder.encode(message, report)
+            self._expressible[message] = report
         except SignalError:
             if message not in self._expressible:
                 raise
-            return self._encoder.encode(message, self._expressible[message])
-        self._expressible[message] = report
+            frame = self._encoder.encode(message, self._expressible[message])
+        self._encoder.commit((frame,))
         return frame
 
 

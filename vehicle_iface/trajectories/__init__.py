@@ -1,10 +1,11 @@
 """Where trajectories come from: CSV files, routes, and a route's next seconds again and again.
 
-load_csv ─▶ Trajectory ─▶ FixedTrajectory ─┐
-                                           ├─▶ TrajectorySource ─▶ the loop
-make_route ─▶ Route ─▶ RecedingRoute ──────┘
+load_csv ─▶ drop_backward_steps ─▶ FixedTrajectory ─┐
+                                                    ├─▶ TrajectorySource ─▶ the loop
+make_route ─▶ Route ─▶ RecedingRoute ───────────────┘
 """
 
+from vehicle_iface.trajectories.cleaning import CleanedTrajectory, drop_backward_steps
 from vehicle_iface.trajectories.csv_file import load_csv, save_csv
 from vehicle_iface.trajectories.receding import RecedingRoute
 from vehicle_iface.trajectories.route import Route, RouteConfig
@@ -13,11 +14,13 @@ from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
 
 __all__ = [
     "ROUTES",
+    "CleanedTrajectory",
     "FixedTrajectory",
     "RecedingRoute",
     "Route",
     "RouteConfig",
     "TrajectorySource",
+    "drop_backward_steps",
     "load_csv",
     "make_route",
     "save_csv",

@@ -70,6 +70,14 @@ def load_csv(path: str | os.PathLike[str], stamp_ns: int = 0) -> Trajectory:
     return Trajectory(stamp_ns=stamp_ns, frame_id=text.frame_id, time_from_start_ns=times_ns, **values)
 
 
+def line_of_point(path: str | os.PathLike[str], point: int) -> int:
+    """Number of the line, counted from 1, in which the file `path` has trajectory point `point`, counted from 0.
+
+    Raises `TrajectoryFileError` when the file cannot be read, `IndexError` when it has no such point.
+    """
+    return _sorted_lines(os.fspath(path)).row_indices[point] + 1
+
+
 def save_csv(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
     """Write `trajectory` so that `load_csv` gives back the very same numbers; the stamp is not kept.
 

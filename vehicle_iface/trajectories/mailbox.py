@@ -49,7 +49,7 @@ class Mailbox:
         self._newest: deque[Trajectory] = deque(maxlen=1)  # its operations are atomic
 
     def put(self, trajectory: Trajectory) -> None:
-        """Leave a trajectory, stamped by whoever made it, for the loop's next pass."""
+        """Leave a trajectory, stamped by its planner, for the loop's next pass."""
         self._newest.append(trajectory)
 
     def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:  # noqa: ARG002
@@ -57,11 +57,11 @@ class Mailbox:
         return self._newest.popleft() if self._newest else None
 
     def restart(self) -> None:
-        """Nothing to begin anew: whoever puts trajectories stamps them."""
+        """Nothing to do: trajectories are stamped by their planner."""
 
 
 class PostedTrajectories(Mailbox):
-    """Trajectories that another process posts to a file (`post`). A thread reads and checks them.
+    """Trajectories that another process posts to a file (`publish_trajectory`). A thread reads and checks them.
 
     A file that is no trajectory is reported once and leaves the last one in force, and so does a path that
     cannot be looked at.
@@ -71,8 +71,6 @@ class PostedTrajectories(Mailbox):
         super().__init__()
         self._path = Path(path)
         self.refused = 0
-        self.unreachable = 0
-        """Looks at the path that failed; that nobody has posted yet is no failure."""
         self._unreachable_causes: set[int | None] = set()
         self._seen: tuple[int, int] | None = None
         self._stop = threading.Event()
@@ -94,7 +92,7 @@ class PostedTrajectories(Mailbox):
         except FileNotFoundError:
             return
         except OSError as error:
-            self._note_unreachable(error)
+            self._log_unreachable(error)
             return
         version = (found.st_ino, found.st_mtime_ns)
         if version == self._seen:
@@ -111,16 +109,15 @@ class PostedTrajectories(Mailbox):
         self.refused += 1
         log.error("posted trajectory refused: %s", why)
 
-    def _note_unreachable(self, error: OSError) -> None:
-        """Count it, and say each cause once: the thread looks fifty times a second."""
-        self.unreachable += 1
+    def _log_unreachable(self, error: OSError) -> None:
+        """Log each cause once: the thread looks fifty times a second."""
         if error.errno not in self._unreachable_causes:
             self._unreachable_causes.add(error.errno)
             log.error("posted trajectories: %s cannot be looked at: %s", self._path, error.strerror)
 
 
-def post(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
-    """Give `trajectory` to the loop that was started with `--trajectory-post PATH`; whole or not at all.
+def publish_trajectory(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
+    """Give `trajectory` to the loop that was started with `--trajectory-mailbox PATH`; whole or not at all.
 
     `TrajectoryFileError` when it has more than `MAX_POINTS`.
     """

@@ -1,0 +1,62 @@
+"""Arming on a real bus requires a reviewed profile and --speed-cap."""
+
+import ctypes
+import fcntl
+import socket
+import struct
+from pathlib import Path
+
+import msgspec
+
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.profile import Profile
+
+VIRTUAL_KINDS = ("vcan", "vxcan")
+VIRTUAL_INTERFACES = ("embedded", "virtual", "udp_multicast")
+"""Values of `--interface` that no wire leads out of."""
+
+# From <linux/sockios.h> and <linux/ethtool.h>
+SIOCETHTOOL, ETHTOOL_GDRVINFO = 0x8946, 3
+_DRIVER_INFO = struct.Struct("=I32s160x")
+_REQUEST = struct.Struct("@16sP16x")
+
+
+def require_reviewed_profile(profile: Profile, *, interface: str, channel: str, speed_cap_mps: float | None) -> Profile:
+    """The profile with its maximum speed capped; raises `ConfigError` for a real bus without review or cap."""
+    if not is_virtual(interface, channel):
+        if not profile.reviewed:
+            raise ConfigError(
+                f"{channel} is a real bus and {profile.name} is not reviewed: check limits and signs against the "
+                "vehicle, then set reviewed = true in the profile"
+            )
+        if speed_cap_mps is None:
+            raise ConfigError(
+                f"{channel} is a real bus: limit the speed, for a first run with --speed-cap 1.0 "
+                f"(m/s; the profile allows {profile.limits.speed_max_mps})"
+            )
+    if speed_cap_mps is None or speed_cap_mps >= profile.limits.speed_max_mps:
+        return profile
+    limits = msgspec.structs.replace(profile.limits, speed_max_mps=speed_cap_mps)
+    return msgspec.structs.replace(profile, limits=limits)
+
+
+def is_virtual(interface: str, channel: str) -> bool:
+    """Whether no wire can lead out of this bus; False where that is unknown."""
+    if interface != "socketcan":
+        return interface in VIRTUAL_INTERFACES
+    if Path(f"/sys/class/net/{channel}/device").exists():
+        return False
+    return _driver_name(channel).startswith(VIRTUAL_KINDS)
+
+
+def _driver_name(channel: str) -> str:
+    """The kernel's name of the interface's driver; the interface's name where an older kernel has none."""
+    info = ctypes.create_string_buffer(_DRIVER_INFO.pack(ETHTOOL_GDRVINFO, b""), _DRIVER_INFO.size)
+    request = _REQUEST.pack(channel.encode()[:15], ctypes.addressof(info))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        try:
+            fcntl.ioctl(any_socket, SIOCETHTOOL, request)
+        except OSError:
+            return channel
+    driver: bytes = _DRIVER_INFO.unpack(info.raw)[1]
+    return driver.split(b"\0")[0].decode(errors="replace") or channel

@@ -1,0 +1,69 @@
+"""The `vehicle-iface` command.
+
+A command's module is imported when the command is called: the control process carries nothing that it does not use.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from vehicle_iface.cli.exit_status import BAD_USAGE, NO_BUS
+from vehicle_iface.cli.logging import log_to_terminal
+from vehicle_iface.cli.old_words import replace_old_words
+from vehicle_iface.cli.parser import build_parser
+from vehicle_iface.command_line import make_output_safe
+from vehicle_iface.errors import BusError, ConfigError, TrajectoryFileError, VehicleIfaceError
+from vehicle_iface.process import module_command
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; 0 done, 2 bad usage, configuration or file, 3 no bus, 4 ended in a latched fault."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given[:1] == ["view"]:  # the viewer is another process and knows its own options
+        command_line, environment = module_command("vehicle_iface_viewer")
+        os.execve(sys.executable, [*command_line, *given[1:]], environment)
+    make_output_safe()
+    options = build_parser().parse_args(replace_old_words(given))
+    try:
+        with log_to_terminal(options.verbose):
+            return _run_command(options)
+    except BusError as error:
+        print(f"vehicle-iface: {error}", file=sys.stderr)
+        return NO_BUS
+    except (ConfigError, TrajectoryFileError) as error:
+        print(f"vehicle-iface: {error}", file=sys.stderr)
+        return BAD_USAGE
+    except VehicleIfaceError as error:
+        print(f"vehicle-iface: {type(error).__name__}: {error}", file=sys.stderr)
+        return BAD_USAGE
+
+
+def _run_command(options: argparse.Namespace) -> int:
+    if options.command == "run":
+        from vehicle_iface.cli.run import run
+
+        return run(options)
+    if options.command == "sim":
+        from vehicle_iface.cli.sim import run_simulator
+
+        return run_simulator(options)
+    if options.command == "driver":
+        from vehicle_iface.cli.sim import send_driver_command
+
+        return send_driver_command(options)
+    if options.command == "demo":
+        from vehicle_iface.cli.demo import run_demo
+
+        return run_demo(options)
+    if options.command == "doctor":
+        from vehicle_iface.cli.doctor import examine_machine
+
+        return examine_machine(options)
+    if options.command == "check-dbc":
+        from vehicle_iface.cli.check_dbc import check_dbc
+
+        return check_dbc(options)
+    from vehicle_iface.cli.decode import decode
+
+    return decode(options)

@@ -1,0 +1,46 @@
+"""`vehicle-iface decode`: a candump log as arrays."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from vehicle_iface.cli.exit_status import DONE
+from vehicle_iface.cli.terminal import print_safely
+from vehicle_iface.codec.dbc_file import read_dbc
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.logs.columns import decode_log, save, summarize
+from vehicle_iface.profile import load_profile
+
+MAX_REFUSED_SHOWN = 20
+"""Lines of a log that are named one by one."""
+
+
+def decode(options: argparse.Namespace) -> int:
+    """Write the arrays and print a summary; rejected lines of the log are named on standard error."""
+    dbc = Path(options.dbc or load_profile(options.profile).dbc)
+    messages = {message.name: message for message in read_dbc(dbc).database.messages}
+    for name in options.message:
+        if name not in messages:
+            raise ConfigError(f"--message {name}: must be one of: {', '.join(messages)}")
+    selected = [messages[name] for name in dict.fromkeys(options.message) or messages]
+    log = decode_log(Path(options.log), selected, checked=True, progress=_show_progress)
+    for refused in log.refused[:MAX_REFUSED_SHOWN]:
+        print(f"{options.log}:{refused.line}: {refused.why}", file=sys.stderr)
+    if len(log.refused) > MAX_REFUSED_SHOWN:
+        print(f"… and {len(log.refused) - MAX_REFUSED_SHOWN} more lines", file=sys.stderr)
+    try:
+        with open(options.out, "wb") as out:
+            save(log, out)
+    except OSError as error:
+        raise ConfigError(f"--out {options.out}: cannot be written: {error.strerror}") from None
+    for line in summarize(log):
+        print_safely(line)
+    return DONE
+
+
+def _show_progress(done_bytes: int, total_bytes: int) -> None:
+    """In place on a terminal, elsewhere only when all is done."""
+    is_over = done_bytes == total_bytes
+    if is_over or sys.stderr.isatty():
+        text = f"\r{100 * done_bytes // total_bytes:3d} % of {total_bytes / 1e6:.1f} MB"
+        print(text, end="\n" if is_over else "", file=sys.stderr, flush=True)

@@ -1,0 +1,58 @@
+"""`vehicle-iface doctor`: what this machine lacks for driving a vehicle, each with a command that fixes it.
+
+Reads and tries, and changes nothing. Needs no rights, and reports what it could not see.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from vehicle_iface.cli.doctor.can import check_interface, check_receive_buffer, check_socketcan, granted_bytes
+from vehicle_iface.cli.doctor.findings import Diagnostic, as_json, as_text, is_ready, read_text
+from vehicle_iface.cli.doctor.system import (
+    check_clock,
+    check_governor,
+    check_memory_files,
+    check_realtime,
+    check_software,
+    check_throttling,
+    describe_other_system,
+    read_number,
+)
+from vehicle_iface.cli.exit_status import BAD_USAGE, DONE
+from vehicle_iface.cli.terminal import print_safely
+from vehicle_iface.profile import Bus, load_profile
+from vehicle_iface.telemetry import telemetry_path
+
+
+def examine_machine(options: argparse.Namespace) -> int:
+    """Print all diagnostics; 2 when something needed is missing."""
+    diagnostics = examine(options.channel, load_profile(options.profile).bus)
+    print_safely(as_json(diagnostics) if options.json else as_text(diagnostics))
+    return DONE if is_ready(diagnostics) else BAD_USAGE
+
+
+def examine(channel: str, bus: Bus, *, system: str = sys.platform) -> list[Diagnostic]:
+    """Look at everything that a vehicle on `bus` behind the interface `channel` needs."""
+    if system != "linux":
+        return [*describe_other_system(system), *check_software()]
+    return [
+        *check_socketcan(channel),
+        *check_interface(channel, bus),
+        *check_receive_buffer(granted_bytes()),
+        *check_realtime(),
+        *check_throttling(
+            read_number("/proc/sys/kernel/sched_rt_runtime_us"), read_number("/proc/sys/kernel/sched_rt_period_us")
+        ),
+        *check_governor(
+            read_text(path) for path in Path("/sys/devices/system/cpu").glob("cpu*/cpufreq/scaling_governor")
+        ),
+        *check_clock(
+            *(
+                read_text(f"/sys/devices/system/clocksource/clocksource0/{which}_clocksource").split()
+                for which in ("current", "available")
+            )
+        ),
+        *check_memory_files(telemetry_path("default").parent),
+        *check_software(),
+    ]

@@ -1,0 +1,24 @@
+"""Words of version 0.1's command line: accepted in this version with a warning, not in the next one."""
+
+import sys
+from collections.abc import Sequence
+
+_COMMANDS = {"pedals": "driver"}
+_OPTIONS = {("run", "--trajectory-post"): "--trajectory-mailbox", ("sim", "--pedals"): "--driver-socket"}
+
+
+def replace_old_words(arguments: Sequence[str]) -> list[str]:
+    """The arguments with today's words; each old one is reported on standard error."""
+    command, *rest = arguments or [""]
+    words = [_replace(command, _COMMANDS.get(command))] if arguments else []
+    for word in rest:
+        option, equals, value = word.partition("=")
+        words.append(_replace(option, _OPTIONS.get((command, option))) + equals + value)
+    return words
+
+
+def _replace(old: str, new: str | None) -> str:
+    if new is None:
+        return old
+    print(f"vehicle-iface: {old} is called {new} now; the next version accepts {new} only", file=sys.stderr)
+    return new

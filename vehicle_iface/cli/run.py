@@ -1,0 +1,221 @@
+"""`vehicle-iface run`: the loop with its bus, trajectory source, telemetry and recorder."""
+
+import argparse
+import logging
+import os
+import shlex
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from vehicle_iface import clock, compose, drivable
+from vehicle_iface.arming import require_reviewed_profile
+from vehicle_iface.bus.base import Bus
+from vehicle_iface.cli.exit_status import BAD_USAGE, DONE, LATCHED_FAULT
+from vehicle_iface.cli.frames import check_frame
+from vehicle_iface.cli.parser import DEFAULT_TELEMETRY, EMBEDDED
+from vehicle_iface.cli.signals import Flag, on_end_signals
+from vehicle_iface.cli.terminal import print_safely
+from vehicle_iface.codec.database import VehicleDatabase, load_database
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.motion_sources import cap_unconfirmed_speed
+from vehicle_iface.profile import load_profile
+from vehicle_iface.runtime import realtime
+from vehicle_iface.runtime.loop import Loop
+from vehicle_iface.runtime.open_wait import wait_until_open
+from vehicle_iface.runtime.summary import as_json, check_writable, save_summary, table
+from vehicle_iface.runtime.watchdog import Watchdog
+from vehicle_iface.telemetry import SessionInfo, TelemetryWriter
+from vehicle_iface.telemetry.details import RunSummary
+from vehicle_iface.trajectories.mailbox import PostedTrajectories
+from vehicle_iface.trajectories.receding import RecedingRoute
+from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
+from vehicle_iface.units import ns_from_s
+
+if TYPE_CHECKING:
+    from vehicle_iface.recorder.child import RecorderProcess
+
+log = logging.getLogger("vehicle_iface")
+
+EMBEDDED_HINT = "for a real bus: vehicle-iface run --channel can0, or tools/vcan for a virtual one"
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the loop until it is interrupted or `--duration` is over."""
+    end = _EarlyEnd()
+    on_end_signals(end.set)
+    signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # there is nothing to arm yet
+    if options.summary:
+        check_writable(options.summary)
+    profile = load_profile(options.profile)
+    if options.arm:
+        profile = require_reviewed_profile(
+            profile, interface=options.interface, channel=options.channel, speed_cap_mps=options.speed_cap
+        )
+    database = load_database(cap_unconfirmed_speed(profile))
+    source = _build_source(options, database)
+    controller = compose.build_controller(options.controller, database.profile)
+    open_bus = _bus_opener(options, database)
+    if options.wait is not None and not _wait_for_bus(open_bus, options.wait, end):
+        return _report_early_end()
+    with _telemetry(options, database) as telemetry, _recording(options, database) as recording:
+        with Watchdog() as watchdog:
+            loop = compose.build_loop(
+                database=database,
+                open_bus=open_bus,
+                controller=controller,
+                source=source,
+                telemetry=telemetry,
+                armed=options.arm,
+                feed_watchdog=watchdog.feed,
+            )
+            signal.signal(signal.SIGUSR1, lambda *_: loop.arming.request())
+            on_end_signals(loop.shutdown.request)
+            if end.is_set:  # before the loop's own handlers were installed
+                loop.link.close()
+                return _report_early_end()
+            log.info("%s, %s: %s", loop.link.description, _arming(options), _describe_route(options))
+            connect = "" if options.telemetry == DEFAULT_TELEMETRY else f" --connect {shlex.quote(options.telemetry)}"
+            log.info("process %d; the page: vehicle-iface view%s", os.getpid(), connect)
+            for lack in realtime.apply_settings(cpu=options.cpu):
+                log.warning("%s", lack)
+            run_for(loop, options.duration)
+            loop.link.close()
+        on_end_signals(None)  # the vehicle is released: a terminal or disk that hangs must not keep the program
+        summary = loop.summary()
+        if recording is not None:
+            summary = msgspec.structs.replace(summary, recorder=recording.end())
+            recording.save_summary(as_json(summary))
+    is_saved = not options.summary or _try_to_save(options.summary, summary)
+    print_safely(table(summary))
+    return LATCHED_FAULT if loop.shutdown.ended_in_fault else DONE if is_saved else BAD_USAGE
+
+
+class _EarlyEnd(Flag):
+    """A request to end before the loop exists; a second one ends the program at once, even if user code hangs."""
+
+    def set(self) -> None:
+        super().set()
+        on_end_signals(None)
+
+
+def _wait_for_bus(open_bus: Callable[[], Bus], limit_s: float, end: _EarlyEnd) -> bool:
+    """Wait until the bus can be opened; False when `end` was set first."""
+    return wait_until_open(
+        open_bus,
+        limit_s=limit_s,
+        is_over=lambda: end.is_set,
+        now_ns=clock.monotonic_ns,
+        sleep_until=clock.sleep_until,
+    )
+
+
+def _report_early_end() -> int:
+    log.info("interrupted before the loop started")
+    return DONE
+
+
+def _try_to_save(path: str, summary: RunSummary) -> bool:
+    """Save the summary; False, with the reason logged, when that fails."""
+    try:
+        save_summary(path, summary)
+    except ConfigError as error:
+        log.error("%s", error)
+        return False
+    return True
+
+
+def run_for(loop: Loop, duration_s: float | None) -> None:
+    """Run the loop to its end, which is planned where there is a duration."""
+    if duration_s is None:
+        loop.run()
+        return
+    deadline_ns = clock.monotonic_ns() + ns_from_s(duration_s)
+    loop.shutdown.schedule(deadline_ns)
+    while not loop.shutdown.is_done and clock.monotonic_ns() < deadline_ns:
+        loop.step()
+    loop.shutdown.begin_on_schedule()
+    loop.run()
+
+
+def _build_source(options: argparse.Namespace, database: VehicleDatabase) -> TrajectorySource:
+    if options.trajectory:
+        return FixedTrajectory(drivable.load_trajectory(options.trajectory, database.profile))
+    if options.trajectory_mailbox:
+        if Path(options.trajectory_mailbox).is_dir():
+            raise ConfigError(f"--trajectory-mailbox {options.trajectory_mailbox}: is a folder, must be a file in one")
+        return PostedTrajectories(options.trajectory_mailbox)
+    return RecedingRoute(
+        drivable.build_route(options.route, database.profile), frame_id=check_frame(options.frame, database)
+    )
+
+
+def _bus_opener(options: argparse.Namespace, database: VehicleDatabase) -> Callable[[], Bus]:
+    if options.interface != EMBEDDED:
+        return lambda: compose.open_bus(
+            options.interface,
+            options.channel,
+            database.profile,
+            received=(*database.received, *database.sent),  # those sent, too, to notice another commander
+            sent=database.sent,
+            receive_timeout_ns=ns_from_s(database.profile.timing.command_period_s),
+        )
+    from vehicle_iface.sim.embedded import EmbeddedBus
+    from vehicle_iface.sim.wire import simulated_vehicle
+
+    vehicle = simulated_vehicle(database, start_ns=clock.monotonic_ns(), frame_id=check_frame(options.frame, database))
+    return lambda: EmbeddedBus(vehicle, clock.monotonic_ns, clock.sleep_until)
+
+
+@contextmanager
+def _telemetry(options: argparse.Namespace, database: VehicleDatabase) -> Iterator[TelemetryWriter]:
+    embedded = options.interface == EMBEDDED
+    bus = f"{options.interface} {options.channel}"
+    info = SessionInfo(
+        channel=options.channel,
+        bus="embedded bus (no SocketCAN used)" if embedded else bus.replace("socketcan", "SocketCAN"),
+        bus_hint=EMBEDDED_HINT if embedded else "",
+        profile=database.profile.name,
+        route=_describe_route(options),
+        arming=_arming(options),
+        period_s=database.profile.timing.sample_period_s,
+        recording=str(Path(options.record).absolute()) if options.record else "",
+        shape=compose.vehicle_shape(database.profile),
+    )
+    with TelemetryWriter(options.telemetry, info) as writer:
+        yield writer
+
+
+@contextmanager
+def _recording(options: argparse.Namespace, database: VehicleDatabase) -> "Iterator[RecorderProcess | None]":
+    """The running recorder, or None without `--record`. Started last, when all else has been checked."""
+    if not options.record:
+        yield None
+        return
+    from vehicle_iface.recorder.child import RecorderProcess
+    from vehicle_iface.recorder.folder import RecordingRequest
+
+    request = RecordingRequest(
+        folder=options.record,
+        telemetry=options.telemetry,
+        channel=options.channel if options.interface == "socketcan" else None,
+        profile=database.profile.file,
+        dbc=database.profile.dbc,
+        command_line=[argument.encode(errors="replace").decode() for argument in sys.argv],
+    )
+    with RecorderProcess(request) as recording:
+        log.info("recording to %s", options.record)
+        yield recording
+
+
+def _arming(options: argparse.Namespace) -> str:
+    return "armed" if options.arm else "shadow"
+
+
+def _describe_route(options: argparse.Namespace) -> str:
+    return str(options.trajectory or options.trajectory_mailbox or options.route)

@@ -1,0 +1,110 @@
+"""How a payload is taken apart: the words of 8 to 64 bits that one `struct.unpack` gives, and what each signal is of
+them.
+
+A word covers the bytes of the signals that share some; one that covers a single signal exactly is that signal. Both
+byte orders are the same here: bits and bytes count from the least significant one, as `Field.shift` does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vehicle_iface.codec.layout import Field
+
+_SIZES = (8, 4, 2, 1)
+"""Bytes of a word."""
+_INTEGER_CODES = {8: "B", 16: "H", 32: "I", 64: "Q"}
+_FLOAT_CODES = {16: "e", 32: "f", 64: "d"}
+"""Of struct, by width."""
+
+
+@dataclass(frozen=True, slots=True)
+class PackedWord:
+    """Whole bytes that `struct` reads as one number."""
+
+    name: str
+    shift: int
+    """Of its least significant bit in the payload."""
+    width: int
+    code: str
+    """Of struct."""
+
+    @property
+    def end(self) -> int:
+        return self.shift + self.width
+
+    @property
+    def is_signed(self) -> bool:
+        return self.code in "bhiq"
+
+
+def find_words(fields: Sequence[Field], is_big: bool, length: int) -> list[PackedWord]:
+    """The words that the fields of one byte order lie in, as they follow in a payload of `length` bytes."""
+    found = []
+    for first, last in _runs(fields):
+        while first < last:
+            size = next(size for size in _SIZES if size <= last - first)
+            place = length - first - size if is_big else first
+            found.append(_pack_word(fields, 8 * first, 8 * size, f"{'b' if is_big else 'n'}{place}"))
+            first += size
+    return found[::-1] if is_big else found
+
+
+def _runs(fields: Sequence[Field]) -> list[tuple[int, int]]:
+    """First byte and end of the bytes that belong together because signals share some of them."""
+    found: list[tuple[int, int]] = []
+    for first, last in sorted((field.shift // 8, -(-field.end // 8)) for field in fields):
+        if found and first < found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], last))
+        else:
+            found.append((first, last))
+    return found
+
+
+def _pack_word(fields: Sequence[Field], shift: int, width: int, name: str) -> PackedWord:
+    end = shift + width
+    inside = [field for field in fields if field.shift < end and shift < field.end]
+    alone = inside[0] if len(inside) == 1 and (inside[0].shift, inside[0].end) == (shift, end) else None
+    code = _INTEGER_CODES[width]
+    if alone and alone.is_float:
+        code = _FLOAT_CODES[width]
+    elif any(field.is_signed and field.end == end for field in inside):
+        code = code.lower()
+    return PackedWord(f"r{alone.index}" if alone else name, shift, width, code)
+
+
+def struct_format(found: Sequence[PackedWord], is_big: bool, length: int) -> str:
+    """The words as they follow in the payload, and the bytes between that carry nothing."""
+    codes, place = "", 0
+    for word in found:
+        first = length - word.end // 8 if is_big else word.shift // 8
+        codes += _padding(first - place) + word.code
+        place = first + word.width // 8
+    return (">" if is_big else "<") + codes + _padding(length - place)
+
+
+def _padding(count: int) -> str:
+    return f"{count}x" if count > 1 else "x" * count
+
+
+def extract_expression(field: Field, found: Sequence[PackedWord]) -> str:
+    """The expression for the number that a field's bits are, raw."""
+    of_field = [word for word in found if word.shift < field.end and field.shift < word.end]
+    bits = " | ".join(_part(field, word) for word in of_field)
+    if field.is_float:
+        return bits if of_field[0].code in "efd" else f"float{field.width}({bits})"
+    if field.is_signed and all(word.end != field.end for word in of_field):
+        half = hex(1 << field.width - 1)
+        return f"(({bits}) ^ {half}) - {half}"
+    return bits
+
+
+def _part(field: Field, word: PackedWord) -> str:
+    """What a word holds of a field's bits, at their place in it; with the sign where both end together."""
+    low, high = max(field.shift, word.shift), min(field.end, word.end)
+    part = f"{word.name} >> {low - word.shift}" if low > word.shift else word.name
+    has_sign = field.is_signed and field.end == word.end
+    if high < word.end or (word.is_signed and not has_sign):
+        part = f"{part} & {hex((1 << high - low) - 1)}"
+    if low > field.shift:
+        part = f"({part}) << {low - field.shift}" if part != word.name else f"{part} << {low - field.shift}"
+    return part

@@ -1,0 +1,154 @@
+"""Every fault of a profile's document as text, each with its place: `$.limits.speed_max_mps: Expected float`."""
+
+import itertools
+import math
+import re
+import typing
+from collections.abc import Iterator
+
+import msgspec
+
+from vehicle_iface.profile.schema import Profile
+
+_SIGNAL_NAME = re.compile(r"[A-Za-z_]\w*\.[A-Za-z_]\w*")
+
+
+def check_document(document: dict[str, object]) -> Iterator[str]:
+    """What the types cannot express: numbers must be finite, `file` is no key, a path has no NUL."""
+    for place, number in _numbers(document, "$"):
+        if not math.isfinite(number):
+            yield f"{place}: {number}: must be finite"
+    if "file" in document:
+        yield "$.file: unknown key"
+    dbc = document.get("dbc")
+    if isinstance(dbc, str) and "\0" in dbc:
+        yield f"$.dbc: {dbc!r}: must be a file's name"
+
+
+def check_tables(document: object, kind: type[msgspec.Struct], place: str = "$") -> tuple[dict[str, object], list[str]]:
+    """The part of a table that its type allows, and the faults of the rest."""
+    if not isinstance(document, dict):
+        return {}, [f"{place}: Expected a table, got {type(document).__name__}"]
+    fields = {field.name: field for field in msgspec.structs.fields(kind)}
+    missing = [name for name, field in fields.items() if field.required and name not in document]
+    sound: dict[str, object] = {}
+    faults: list[str] = []
+    for key, value in document.items():
+        there = f"{place}.{key}"
+        if key not in fields:
+            nearest = _nearest(key, list(fields))
+            hint = f"did you mean {nearest!r}?" if nearest else f"must be one of: {', '.join(fields)}"
+            faults.append(f"{there}: unknown key; {hint}")
+            missing = [name for name in missing if name != nearest]  # one mistake is one fault
+        elif (table := _table_type(fields[key].type)) is not None:
+            sound[key], inner_faults = check_tables(value, table, there)
+            faults += inner_faults
+        else:
+            try:
+                msgspec.convert(value, fields[key].type)
+                sound[key] = value
+            except msgspec.ValidationError as error:
+                faults.append(_with_place(str(error), there))
+    faults += (f"{place}: {name} is missing" for name in missing)
+    return sound, faults
+
+
+def check_profile(profile: Profile) -> Iterator[str]:
+    """Names of signals, and numbers that depend on one another."""
+    yield from _check_names(profile)
+    yield from _check_timing(profile)
+    yield from _check_geometry(profile)
+    yield from _check_limits(profile)
+    yield from _check_behavior(profile)
+
+
+def _numbers(value: object, place: str) -> Iterator[tuple[str, float]]:
+    """Every float in a TOML document with its place."""
+    if isinstance(value, float):
+        yield place, value
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _numbers(inner, f"{place}.{key}")
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            yield from _numbers(inner, f"{place}[{index}]")
+
+
+def _nearest(key: str, known: list[str]) -> str | None:
+    """The known key that was probably meant."""
+    import difflib  # only where there is a fault: it takes a while
+
+    return next(iter(difflib.get_close_matches(key, known, n=1)), None)
+
+
+def _table_type(kind: object) -> type[msgspec.Struct] | None:
+    """The table that a field is, or may be."""
+    kinds = (kind, *typing.get_args(kind))
+    return next((one for one in kinds if isinstance(one, type) and issubclass(one, msgspec.Struct)), None)
+
+
+def _with_place(message: str, place: str) -> str:
+    """msgspec's message, after the place that it is about."""
+    text, _, inner = message.replace("`", "").replace("-0.0", "0.0").rpartition(" - at ")
+    return f"{place}{inner.removeprefix('$')}: {text}" if text else f"{place}: {inner}"
+
+
+def _check_names(profile: Profile) -> Iterator[str]:
+    """Signals must be written MESSAGE.SIGNAL."""
+    named: dict[str, object] = {"$.ignored": profile.ignored or None, "$.constants": tuple(profile.constants) or None}
+    for section in ("state", "status", "command", "body", "report"):
+        table = getattr(profile, section)
+        for field in table.signals.__struct_fields__ if table is not None else ():
+            named[f"$.{section}.signals.{field}"] = getattr(table.signals, field)
+    for place, names in named.items():
+        if names == ():
+            yield f"{place}: must name at least one signal"
+        for name in (names,) if isinstance(names, str) else names if isinstance(names, tuple) else ():
+            if not _SIGNAL_NAME.fullmatch(name):
+                yield f"{place}: {name!r}: must be MESSAGE.SIGNAL"
+
+
+def _check_timing(profile: Profile) -> Iterator[str]:
+    timing = profile.timing
+    for smaller, greater in (
+        ("sample_period_s", "state_stale_s"),
+        ("state_stale_s", "state_silent_s"),
+        ("status_period_s", "status_stale_s"),
+    ):
+        low, high = getattr(timing, smaller), getattr(timing, greater)
+        if not low < high:
+            yield f"$.timing.{greater}: {high}: must be above {smaller} = {low}"
+    warning_s = profile.handover.warning_s
+    if not warning_s < timing.shutdown_s:
+        yield f"$.handover.warning_s: {warning_s}: must be below $.timing.shutdown_s = {timing.shutdown_s}"
+
+
+def _check_geometry(profile: Profile) -> Iterator[str]:
+    geometry = profile.geometry
+    shortest_m = geometry.wheelbase_m + geometry.rear_overhang_m
+    if geometry.length_m < shortest_m:
+        text = f"{geometry.length_m}: must be at least wheelbase_m + rear_overhang_m = {shortest_m}"
+        yield f"$.geometry.length_m: {text}"
+
+
+def _check_limits(profile: Profile) -> Iterator[str]:
+    warn_m, stop_m = profile.deviation.lateral_warn_m, profile.deviation.lateral_stop_m
+    if not warn_m < stop_m:
+        yield f"$.deviation.lateral_stop_m: {stop_m}: must be above lateral_warn_m = {warn_m}"
+    for key in ("front_wheel_angle_by_speed", "accel_max_by_speed"):
+        speeds = [speed_mps for speed_mps, _ in getattr(profile.limits, key)]
+        for row, (slower, faster) in enumerate(itertools.pairwise(speeds), start=1):
+            if not slower < faster:
+                yield f"$.limits.{key}[{row}][0]: {faster}: must be above the row before it, {slower}"
+
+
+def _check_behavior(profile: Profile) -> Iterator[str]:
+    behavior = profile.behavior
+    safe_mps2, most_mps2 = behavior.safe_deceleration_mps2, -profile.limits.accel_min_mps2
+    if safe_mps2 > most_mps2:
+        text = f"{safe_mps2}: must be at most {most_mps2}, what $.limits.accel_min_mps2 allows"
+        yield f"$.behavior.safe_deceleration_mps2: {text}"
+    least_mps3 = safe_mps2 / behavior.stop_release_time_constant_s
+    if behavior.stop_jerk_mps3 < least_mps3 * (1.0 - 1e-9):
+        text = f"must be at least safe_deceleration_mps2 / stop_release_time_constant_s = {least_mps3}"
+        yield f"$.behavior.stop_jerk_mps3: {behavior.stop_jerk_mps3}: {text}"

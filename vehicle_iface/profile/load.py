@@ -1,0 +1,109 @@
+"""Find, read and convert profiles; every fault is collected with its place."""
+
+import logging
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.profile.check import check_document, check_profile, check_tables
+from vehicle_iface.profile.renamed import rename_old_keys
+from vehicle_iface.profile.schema import Profile
+
+log = logging.getLogger("vehicle_iface")
+
+MAX_DEPTH = 10
+"""Tables and lists inside one another; a profile has four."""
+
+
+class Inspection(NamedTuple):
+    """A profile and what is wrong with it; each text begins with its place."""
+
+    profile: Profile | None
+    """Without its faulty values; None where a key that it needs is missing or faulty."""
+    faults: list[str]
+    warnings: list[str]
+    """Old names of keys."""
+
+
+def load_profile(name_or_path: str | Path) -> Profile:
+    """The profile of that name, or in that file when it ends in `.toml`; its warnings are logged.
+
+    Raises `ConfigError` with every fault, one a line, each with file and place.
+    """
+    path = _find(name_or_path)
+    profile, faults, warnings = inspect_profile(path)
+    for warning in warnings:
+        log.warning("%s: %s", path.name, warning)
+    if faults or profile is None:
+        raise ConfigError("\n".join(f"{path.name}: {fault}" for fault in faults))
+    return profile
+
+
+def inspect_profile(path: Path) -> Inspection:
+    """Everything that is wrong with a profile's file. Raises `ConfigError` when it cannot be read or is not TOML."""
+    document = _read(path)
+    renamed = rename_old_keys(document)
+    faults = [*renamed.faults, *check_document(document)]
+    sound, more = check_tables(document, Profile)
+    known = {fault.partition(": ")[0] for fault in faults}
+    faults += (fault for fault in more if fault.partition(": ")[0] not in known)
+    profile = _convert(sound, path)
+    faults += check_profile(profile) if profile is not None else ()
+    return Inspection(profile, [renamed.place_in_file(fault) for fault in faults], renamed.warnings)
+
+
+def _convert(sound: dict[str, object], path: Path) -> Profile | None:
+    try:
+        profile = msgspec.convert(sound, Profile)
+        dbc = (path.parent / profile.dbc).resolve()
+    except (msgspec.ValidationError, ValueError):  # a key is missing; a NUL in the path
+        return None
+    return msgspec.structs.replace(profile, dbc=str(dbc), file=str(path.resolve()))
+
+
+def profile_names() -> tuple[str, ...]:
+    """The profiles that can be loaded by name, sorted."""
+    return tuple(sorted(path.stem for folder in _folders() for path in folder.glob("*.toml")))
+
+
+def _folders() -> Iterator[Path]:
+    """Where profiles are: inside the installed package, or beside it in a source checkout."""
+    package = Path(__file__).resolve().parents[1]
+    return (folder for folder in (package / "dbc", package.parent / "dbc") if folder.is_dir())
+
+
+def _find(name_or_path: str | Path) -> Path:
+    text = str(name_or_path)
+    if text.endswith(".toml"):
+        return Path(text).resolve()
+    for folder in _folders():
+        path = folder / f"{text}.toml"
+        if text in profile_names() and path.is_file():
+            return path
+    known = ", ".join(profile_names()) or "none"
+    raise ConfigError(f"profile {text!r}: must be a path ending in .toml or one of: {known}")
+
+
+def _read(path: Path) -> dict[str, object]:
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path.name}: byte {error.start}: must be UTF-8 text") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path.name}: not TOML: {error}") from None
+    except (ValueError, RecursionError) as error:  # numbers of thousands of digits, tables in tables in tables
+        raise ConfigError(f"{path.name}: not a profile: {error}") from None
+    if _is_deeper_than(document, MAX_DEPTH):
+        raise ConfigError(f"{path.name}: not a profile: tables more than {MAX_DEPTH} deep")
+    return document
+
+
+def _is_deeper_than(value: object, levels: int) -> bool:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return bool(inner) and (levels == 0 or any(_is_deeper_than(one, levels - 1) for one in inner))

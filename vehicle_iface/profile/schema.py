@@ -1,0 +1,337 @@
+"""The keys of a profile: one frozen type for each table, in SI units."""
+
+from typing import Annotated, Literal
+
+import msgspec
+
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
+Negative = Annotated[float, msgspec.Meta(lt=0.0)]
+SignalName = str
+"""MESSAGE.SIGNAL. Checked in `check`: msgspec 0.22 corrupts memory over a pattern inside a union."""
+SignalNames = str | tuple[str, ...]
+"""One signal, or several that carry the same value."""
+
+
+class Geometry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The vehicle's dimensions; the reference point is the rear axle's centre."""
+
+    wheelbase_m: Positive
+    length_m: Positive
+    width_m: Positive
+    height_m: Positive
+    rear_overhang_m: NonNegative
+    """From the rear axle to the rear end."""
+    track_m: Positive
+    wheel_radius_m: Positive
+
+
+SpeedTable = Annotated[tuple[tuple[NonNegative, Positive], ...], msgspec.Meta(min_length=1)]
+"""Rows of speed in m/s (rising, of either direction) and value; linear between rows, constant beyond them."""
+
+
+class EngagingLimits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Additional limits until the vehicle reports AUTONOMOUS."""
+
+    front_wheel_rate_radps: Positive
+    accel_max_mps2: Positive
+
+
+class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Limits of the commands."""
+
+    front_wheel_angle_rad: Positive
+    """To either side."""
+    front_wheel_angle_by_speed: SpeedTable
+    """Limit of the same angle in rad, by the measured speed."""
+    front_wheel_rate_radps: Positive
+    front_wheel_deviation_rad: Positive
+    """How far the command may be from the measured angle, to either side."""
+    lateral_accel_mps2: Positive
+    """At the measured speed, to either side."""
+    lateral_jerk_mps3: Positive
+    """The change of that per second."""
+    rear_wheel_angle_rad: NonNegative
+    """To either side; 0 where the rear wheels do not steer."""
+    rear_wheel_rate_radps: NonNegative
+    accel_max_mps2: Positive
+    accel_max_by_speed: SpeedTable
+    """Limit of the acceleration in m/s², by the measured speed."""
+    accel_min_mps2: Negative
+    accel_rate_mps3: Positive
+    speed_max_mps: Positive
+    """Forwards and backwards."""
+    unconfirmed_speed_max_mps: Positive = 3.0
+    """Limit where no other signal confirms the speed signal (see `motion_sources`)."""
+    gear_change_speed_mps: Positive
+    """Above it the vehicle refuses another gear."""
+    driver_steer_torque_nm: Positive
+    """From this torque on the driver steers."""
+    while_engaging: EngagingLimits
+
+
+class Deviation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How far the vehicle may be from the trajectory and the speed limit."""
+
+    lateral_warn_m: Positive
+    """Distance to the path (beside it, before its first point, behind its last) that is counted and shown."""
+    lateral_stop_m: Positive
+    """Distance to the path that stops the vehicle."""
+    heading_stop_rad: Positive
+    """Heading error that stops the vehicle."""
+    overspeed_mps: NonNegative
+    """Speed above `limits.speed_max_mps` that stops the vehicle."""
+    rollback_mps: Positive
+    """Speed against the requested direction of travel that stops the vehicle."""
+
+
+class Plausibility(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What this vehicle can do; an implausible sample is dropped, and several in a row stop the vehicle."""
+
+    speed_mps: Positive
+    accel_mps2: Positive
+    """Positive or negative; between two samples the speed changes by at most this times the time between them …"""
+    speed_tolerance_mps: NonNegative
+    """… plus this."""
+    position_tolerance_m: Positive
+    """Between two samples the vehicle moves by at most speed times time plus this."""
+    yaw_rate_radps: Positive
+    heading_tolerance_rad: Positive
+    """Between two samples the vehicle turns by at most yaw rate times time plus this."""
+    yaw_rate_tolerance_radps: Positive
+    """Between the measured yaw rate and the one that follows from speed and front wheel angle."""
+    frozen_distance_m: Positive
+    """A position is frozen that stays the same while the speed adds up to this distance …"""
+    frozen_time_s: Positive
+    """… or for this time …"""
+    frozen_min_speed_mps: Positive
+    """… at more than this speed."""
+
+
+class Timing(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Periods of the messages and what counts as late."""
+
+    sample_period_s: Positive
+    status_period_s: Positive
+    command_period_s: Positive
+    body_period_s: Positive
+    report_period_s: Positive
+    state_stale_s: Positive
+    """Without a complete sample for this long the vehicle is stopped."""
+    state_silent_s: Positive
+    """Without a complete sample for this long nothing is sent."""
+    max_command_age_s: Positive
+    """No command is computed from an older sample, and none sent."""
+    status_stale_s: Positive
+    """Without a message from outside the sample for this long the vehicle is stopped."""
+    engage_settle_s: Positive
+    """Samples must have been fresh for this long before the vehicle is engaged."""
+    engage_timeout_s: Positive
+    """Engaging is given up when the vehicle does not report AUTONOMOUS within this time."""
+    shutdown_s: Positive
+    """Longest time to brake to standstill at the end of a run."""
+    controller_budget_s: Positive
+    """The vehicle is stopped when the controller takes longer for a command."""
+
+
+class Behavior(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the vehicle is stopped."""
+
+    safe_deceleration_mps2: Positive
+    time_step_s: Positive
+    stop_jerk_mps3: Positive
+    """How fast the brake is applied; drive torque and braking beyond a stop's are removed at once."""
+    stop_release_time_constant_s: Positive
+    """Speed over deceleration just before standstill: the brake is released in proportion to the speed."""
+    hold_deceleration_mps2: NonNegative
+    """Requested at standstill, against the gear; 0 where SAFE_STOP alone holds the vehicle."""
+    stop_steering: Literal["straight", "hold", "track"] = "straight"
+    """`control.StopSteering`: where the wheels are steered during a stop."""
+
+
+class Recovery(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """When driving goes on after a stop: once its cause has been away for this long, in seconds."""
+
+    state_invalid_s: NonNegative = 0.5
+    """Pose invalid, samples implausible, sources of motion that disagreed."""
+    state_stale_s: NonNegative = 0.2
+    frame_mismatch_s: NonNegative = 0.5
+    controller_error_s: NonNegative = 0.5
+    deadline_missed_s: NonNegative = 0.2
+    link_down_s: NonNegative = 0.2
+    """The transmit queue had no room."""
+    trajectory_s: NonNegative = 0.2
+    """No trajectory, an empty one, its end, or a deviation from it."""
+    latch_stops: Annotated[int, msgspec.Meta(ge=2)] = 4
+    """This many stops that begin within `latch_window_s` latch: the vehicle is held until it is armed again."""
+    latch_window_s: Positive = 20.0
+
+
+class Handover(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How control is given back at a planned end."""
+
+    warning_s: NonNegative
+    """The driver is warned this long before."""
+    hold_until_warned: bool = False
+    """Whether the vehicle is held at standstill until the warning is over; otherwise it is released at standstill."""
+
+
+class Bus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The bus that the vehicle is on."""
+
+    bitrate: Annotated[int, msgspec.Meta(gt=0)]
+    """Bits per second; of the arbitration phase on CAN FD."""
+    fd: bool = False
+    data_bitrate: Annotated[int, msgspec.Meta(gt=0)] | None = None
+    """Bits per second of the data phase on CAN FD; left out, that of the arbitration phase."""
+
+
+class EndToEnd(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """AUTOSAR end-to-end protection of the messages in `data_ids`."""
+
+    profile: Literal[1, 2, 5, 11]
+    data_id_mode: Literal["BOTH", "ALT", "LOW", "NIBBLE"] = "BOTH"
+    """Profiles 1 and 11 (BOTH or NIBBLE); the others have one way only."""
+    crc_signal: str = "CRC"
+    counter_signal: str = "COUNTER"
+    max_counter_step: Annotated[int, msgspec.Meta(ge=1)] = 3
+    """A greater step of the counter is a wrong sequence."""
+    data_ids: dict[
+        str,
+        Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] | tuple[Annotated[int, msgspec.Meta(ge=0, le=255)], ...],
+    ]
+    """The data id of each protected message; 16 bytes each in profile 2."""
+
+
+class StateSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The signals of a `VehicleState`; a field without a signal is 0."""
+
+    x_m: SignalName
+    y_m: SignalName
+    heading_rad: SignalName
+    speed_mps: SignalName
+    accel_mps2: SignalName | None = None
+    yaw_rate_radps: SignalName | None = None
+    lateral_speed_mps: SignalName | None = None
+    front_wheel_angle_rad: SignalName | None = None
+    rear_wheel_angle_rad: SignalName | None = None
+    pose_frame: SignalName | None = None
+    """The enumeration that `frames` translates."""
+    pose_valid: SignalName | None = None
+    """0: the pose must not be used."""
+
+
+class State(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The messages that together are one sample of the vehicle's state."""
+
+    sample: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+    signals: StateSignals
+    frames: dict[str, str] = {}
+    """Name in the VAL_ table of `pose_frame` = frame of reference."""
+    frame_id: str = "map"
+    """The frame of reference where there is no `pose_frame`."""
+
+
+class StatusSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The signals of a `VehicleStatus`."""
+
+    mode: SignalName
+    gear: SignalName | None = None
+    driver_brake: SignalName | None = None
+    driver_throttle: SignalName | None = None
+    driver_steer_torque_nm: SignalName | None = None
+    fault_code: SignalName | None = None
+
+
+class Status(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the vehicle reports about itself other than its motion."""
+
+    signals: StatusSignals
+    modes: dict[str, str] = {}
+    """Name in the DBC = name of `VehicleMode`; names that are left out are the same."""
+    gears: dict[str, str] = {}
+    """Name in the DBC = name of `Gear`; names that are left out are the same."""
+
+
+class CommandSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The signals that carry a `SafeCommand`."""
+
+    enable: SignalNames
+    accel_mps2: SignalNames
+    front_wheel_angle_rad: SignalNames
+    safe_stop: SignalNames | None = None
+    speed_mps: SignalNames | None = None
+    rear_wheel_angle_rad: SignalNames | None = None
+    reason: SignalNames | None = None
+    gear_request: SignalNames | None = None
+
+
+class Command(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Commands to the vehicle."""
+
+    signals: CommandSignals
+
+
+class BodySignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The signals that carry a `BodyRequest`."""
+
+    hazard_lights: SignalNames | None = None
+    headlights: SignalNames | None = None
+    turn_indicator: SignalNames | None = None
+    horn: SignalNames | None = None
+
+
+class Body(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Lights and horn."""
+
+    signals: BodySignals
+
+
+class ReportSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The signals that carry a `ControllerReport`."""
+
+    state: SignalNames | None = None
+    reason: SignalNames | None = None
+    ref_spatial_index: SignalNames | None = None
+    ref_temporal_index: SignalNames | None = None
+    deadline_misses: SignalNames | None = None
+    handover: SignalNames | None = None
+    """1: control is about to be handed over to the driver."""
+
+
+class Report(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the program reports about itself."""
+
+    signals: ReportSignals
+
+
+class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One vehicle: its DBC, what the signals mean, and its limits."""
+
+    name: str
+    description: str = ""
+    dbc: str
+    """The DBC file: relative to the profile in its file, absolute here."""
+    file: str = ""
+    """The file that this profile was read from; not a key in it."""
+    reviewed: bool = False
+    """Whether somebody has checked limits and signs against the real vehicle."""
+    ignored: tuple[SignalName, ...] = ()
+    """Signals of bound messages that the program does not use."""
+    constants: dict[SignalName, float] = {}
+    """Signals of sent messages that always have one value, in the DBC's units."""
+    geometry: Geometry
+    limits: Limits
+    timing: Timing
+    behavior: Behavior
+    recovery: Recovery = Recovery()
+    handover: Handover = Handover(warning_s=0.0)
+    deviation: Deviation
+    plausibility: Plausibility
+    bus: Bus
+    e2e: EndToEnd | None = None
+    state: State
+    status: Status
+    command: Command
+    body: Body | None = None
+    report: Report | None = None

@@ -1,0 +1,106 @@
+"""All frames of a SocketCAN interface as lines of a candump log, from a socket that sends nothing."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from vehicle_iface.bus.raw_socket import (
+    EFF_FLAG,
+    EFF_MASK,
+    ERR_FLAG,
+    ERR_MASK,
+    RTR_FLAG,
+    SFF_MASK,
+    dropped_frames,
+    open_socket,
+)
+from vehicle_iface.bus.receive import BATCH, BatchReceiver, Packet
+from vehicle_iface.errors import BusError
+from vehicle_iface.units import NS_PER_S
+
+if TYPE_CHECKING:
+    import socket
+
+RECEIVE_BUFFER_BYTES = 16 << 20
+"""Room for the frames of a time in which the disk blocks, where the kernel allows it."""
+REOPEN_NS = NS_PER_S // 10
+_MAX_BATCHES = 64
+_NS_PER_US = 1000
+
+
+class FrameTap:
+    """Receives every frame. A lost interface is reopened at 10 Hz; `BusError` only at the start."""
+
+    def __init__(self, channel: str, notify: Callable[[str], None]) -> None:
+        self._channel = channel
+        self._notify = notify
+        self._lost_before = 0
+        self._lost_now = 0
+        self._reopen_due_ns = 0
+        self._socket: socket.socket | None = None
+        self._open()
+
+    @property
+    def lost(self) -> int:
+        """Frames that the kernel dropped because its buffer was full."""
+        return self._lost_before + self._lost_now
+
+    def read(self, now_ns: int) -> list[bytes]:
+        """All frames since the last call, as lines."""
+        lines: list[bytes] = []
+        if self._socket is None and not self._try_reopen(now_ns):
+            return lines
+        try:
+            for _ in range(_MAX_BATCHES):
+                packets = self._receiver.receive(wait=False)
+                lines += [
+                    format_frame(self._channel, packet, self._receiver.flags(place))
+                    for place, packet in enumerate(packets)
+                ]
+                if len(packets) < BATCH:
+                    break
+            assert self._socket is not None
+            self._lost_now = dropped_frames(self._socket)
+        except OSError as error:
+            self._notify(f"{self._channel}: {error.strerror}; no frames are recorded until it is back")
+            self.close()
+            self._reopen_due_ns = now_ns + REOPEN_NS
+        return lines
+
+    def close(self) -> None:
+        """Close the socket. May be called twice."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+        self._lost_before, self._lost_now = self.lost, 0
+
+    def _open(self) -> None:
+        self._socket = open_socket(self._channel, None, receive_bytes=RECEIVE_BUFFER_BYTES, errors=True)
+        self._receiver = BatchReceiver(self._socket.fileno())
+
+    def _try_reopen(self, now_ns: int) -> bool:
+        if now_ns < self._reopen_due_ns:
+            return False
+        self._reopen_due_ns = now_ns + REOPEN_NS
+        try:
+            self._open()
+        except BusError:
+            return False
+        self._notify(f"{self._channel}: is back; frames are recorded again")
+        return True
+
+
+def format_frame(channel: str, packet: Packet, flags: int) -> bytes:
+    """A frame in the format of `candump -L`; `flags` is the flags byte of an FD frame."""
+    word, data, is_fd, wall_ns, _, _ = packet
+    seconds, rest_ns = divmod(wall_ns, NS_PER_S)
+    stamp = f"{seconds:010d}.{rest_ns // _NS_PER_US:06d}"
+    return f"({stamp}) {channel} {_format_data(word, data, is_fd, flags)}\n".encode()
+
+
+def _format_data(word: int, data: bytes, is_fd: bool, flags: int) -> str:
+    if word & ERR_FLAG:
+        return f"{word & (ERR_FLAG | ERR_MASK):08X}#{data.hex().upper()}"
+    name = f"{word & EFF_MASK:08X}" if word & EFF_FLAG else f"{word & SFF_MASK:03X}"
+    if word & RTR_FLAG:
+        return f"{name}#R{len(data) or ''}"
+    return f"{name}##{flags & 0xF:X}{data.hex().upper()}" if is_fd else f"{name}#{data.hex().upper()}"

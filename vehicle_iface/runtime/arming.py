@@ -1,0 +1,48 @@
+"""Requests to arm: engage (again) when everything is well."""
+
+import logging
+
+from vehicle_iface.bus.link_state import OPEN, LinkState
+from vehicle_iface.safety.engagement import Engagement, Event
+from vehicle_iface.status import VehicleStatus
+from vehicle_iface.units import NS_PER_S
+
+log = logging.getLogger(__name__)
+
+REFUSALS_NS = NS_PER_S
+"""Refused requests are logged this often at most."""
+
+
+class ArmingRequests:
+    """Applies one request a tick, and logs why it was refused."""
+
+    def __init__(self, engagement: Engagement) -> None:
+        self._engagement = engagement
+        self._is_requested = False
+        self._refusals, self._refused_ns = 0, 0
+
+    def request(self) -> None:
+        """Arm with the next tick. Safe in a signal handler."""
+        self._is_requested = True
+
+    def apply(self, now_ns: int, link: LinkState, status: VehicleStatus | None) -> bool:
+        """Arm if that was requested; whether a vehicle that was held at standstill drives on now."""
+        if not self._is_requested:
+            return False
+        self._is_requested = False
+        if link not in OPEN:
+            self._refuse(f"the link is {link.name}", now_ns)
+        elif not self._engagement.apply(Event.ARMED, now_ns):
+            self._refuse(self._engagement.refusal_to_arm(status), now_ns)
+        else:
+            return self._engagement.mode.computes
+        return False
+
+    def _refuse(self, why: str, now_ns: int) -> None:
+        """Log it, at most once a second: whoever floods the process with signals must not slow it down."""
+        if self._refusals and now_ns - self._refused_ns < REFUSALS_NS:
+            self._refusals += 1
+            return
+        more = f" ({self._refusals - 1} more refusals since the last)" if self._refusals > 1 else ""
+        log.warning("not armed: %s%s", why, more)
+        self._refusals, self._refused_ns = 1, now_ns

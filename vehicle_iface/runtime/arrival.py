@@ -1,0 +1,51 @@
+"""Which samples are as young as they look.
+
+A sample's stamp is the time of its arrival here. Frames that were held up before they reached this machine, in a
+gateway or an adapter, bear young stamps and old values. They arrive faster than the vehicle measures.
+"""
+
+from enum import Enum, auto
+
+SLACK = 0.8
+"""Of the period: a vehicle's clock may be a little fast, and its frames arrive unevenly."""
+MOST_PERIODS = 2
+"""After a sample that was late, so many may follow at once."""
+
+
+class Arrival(Enum):
+    """What a sample's arrival says about its age."""
+
+    YOUNG = auto()
+    """Drive by it."""
+    DOUBTFUL = auto()
+    """It may be old: answer it with a stop."""
+    BURST = auto()
+    """It comes too soon after others: do not answer it."""
+
+
+class ArrivalFilter:
+    """Takes one sample a period, and a second one at once where the sample before was late.
+
+    After a gap nothing is saved up, and samples are doubtful until one comes half a period or more after its
+    predecessor: what comes first may have been on its way since the gap began.
+    """
+
+    def __init__(self, period_ns: int, gap_ns: int) -> None:
+        self._period_ns, self._gap_ns = period_ns, gap_ns
+        self._cost_ns, self._most_ns = round(period_ns * SLACK), MOST_PERIODS * period_ns
+        self._last_ns: int | None = None
+        self._saved_ns = self._most_ns
+        self._follows_gap: bool  # set by the first sample
+
+    def judge(self, stamp_ns: int) -> Arrival:
+        """What the sample that arrived at `stamp_ns` (monotonic) is good for."""
+        since_ns = stamp_ns - self._last_ns if self._last_ns is not None else self._period_ns
+        self._last_ns = stamp_ns
+        is_gap = since_ns > self._gap_ns
+        if is_gap or 2 * since_ns >= self._period_ns:
+            self._follows_gap = is_gap
+        self._saved_ns = self._cost_ns if is_gap else min(self._saved_ns + since_ns, self._most_ns)
+        if self._saved_ns < self._cost_ns:
+            return Arrival.BURST
+        self._saved_ns -= self._cost_ns
+        return Arrival.DOUBTFUL if self._follows_gap else Arrival.YOUNG

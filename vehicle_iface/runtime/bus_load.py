@@ -1,0 +1,97 @@
+"""The traffic of the whole bus, now and over the run."""
+
+from collections.abc import Mapping
+
+from vehicle_iface.bus.traffic_monitor import TrafficSample
+from vehicle_iface.telemetry.details import LinkChange, LinkDetails, LinkSummary
+from vehicle_iface.units import NS_PER_S
+
+Identifier = tuple[int, bool]
+"""Of a frame, and whether it is extended."""
+
+
+class BusLoad:
+    """Adds up traffic samples of the bus. Loads are in percent of its bit rate, rates in frames per second."""
+
+    def __init__(self) -> None:
+        self._span_ns = self._busy_ns = self._frames = 0
+        self._by_id: dict[Identifier, float] = {}
+        self._counted: dict[Identifier, int] = {}
+        self._counted_ns = 0
+        self._exact: dict[Identifier, float] = {}
+        self._now: TrafficSample | None = None
+        self.highest_load_percent = 0.0
+
+    def add(self, sample: TrafficSample) -> None:
+        """One more stretch of time."""
+        if sample.span_ns <= 0:
+            return
+        self._now = sample
+        self._span_ns += sample.span_ns
+        self._busy_ns += sample.busy_ns
+        self._frames += sample.frames
+        for can_id, count in sample.frames_by_id.items():
+            self._by_id[can_id] = self._by_id.get(can_id, 0.0) + count
+        self.highest_load_percent = max(self.highest_load_percent, _percent(sample.busy_ns, sample.span_ns))
+
+    def now(self, state: str, names: Mapping[Identifier, str], counted: Mapping[Identifier, int]) -> LinkDetails:
+        """The newest stretch, with the frames that were counted since the last call in the place of estimates.
+
+        `state` is the link's alone where the bus cannot be surveyed. `names` are those of known identifiers; `counted`
+        grows.
+        """
+        if self._now is None:
+            return LinkDetails(state=state)
+        since = {can_id: count - self._counted.get(can_id, 0) for can_id, count in counted.items()}
+        seconds = (self._span_ns - self._counted_ns) / NS_PER_S
+        if seconds > 0.0:
+            self._exact = {can_id: count / seconds for can_id, count in since.items()}
+            self._counted, self._counted_ns = dict(counted), self._span_ns
+        load_percent, frames_per_s, rates_hz = _rates(self._now, self._exact, names)
+        return LinkDetails(state=state, load_percent=load_percent, frames_per_s=frames_per_s, rates_hz=rates_hz)
+
+    def whole(
+        self,
+        state: str,
+        transitions: list[LinkChange],
+        names: Mapping[Identifier, str],
+        counted: Mapping[Identifier, int],
+    ) -> LinkSummary:
+        """The same for the whole run."""
+        if self._now is None:
+            return LinkSummary(state=state, transitions=transitions)
+        exact = {can_id: count * NS_PER_S / self._span_ns for can_id, count in counted.items()}
+        run = TrafficSample(self._span_ns, self._frames, self._busy_ns, self._by_id)
+        load_percent, frames_per_s, rates_hz = _rates(run, exact, names)
+        return LinkSummary(
+            state=state,
+            transitions=transitions,
+            load_percent=load_percent,
+            frames_per_s=frames_per_s,
+            rates_hz=rates_hz,
+            highest_load_percent=round(self.highest_load_percent, 1),
+        )
+
+
+def _rates(
+    stretch: TrafficSample, exact: Mapping[Identifier, float], names: Mapping[Identifier, str]
+) -> tuple[float, float, dict[str, float]]:
+    """The load in percent, frames per second, and those of each identifier."""
+    seconds = stretch.span_ns / NS_PER_S
+    rates = {can_id: count / seconds for can_id, count in stretch.frames_by_id.items()} | dict(exact)
+    return (
+        round(_percent(stretch.busy_ns, stretch.span_ns), 1),
+        round(stretch.frames / seconds, 1),
+        {_label(can_id, names): round(rate, 1) for can_id, rate in sorted(rates.items()) if rate},
+    )
+
+
+def _percent(busy_ns: int, span_ns: int) -> float:
+    return 100.0 * busy_ns / span_ns
+
+
+def _label(identifier: Identifier, names: Mapping[Identifier, str]) -> str:
+    """`0x110 POSE`; `0x3A0` for a stranger, `0x0012D687x` for an extended one."""
+    can_id, is_extended = identifier
+    number = f"0x{can_id:08X}x" if is_extended else f"0x{can_id:03X}"
+    return f"{number} {names.get(identifier, '')}".rstrip()

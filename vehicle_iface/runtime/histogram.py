@@ -1,0 +1,61 @@
+"""How a quantity is spread over a whole run, in a fixed amount of memory; latencies first of all."""
+
+import math
+
+from vehicle_iface.telemetry.details import LatencySummary
+
+_PER_OCTAVE = 16
+
+
+class LogHistogram:
+    """Counts sizes in logarithmic bins: each 4.4 % wide, `octaves` of them from `smallest` on; memory never grows."""
+
+    def __init__(self, smallest: float, octaves: int) -> None:
+        self._smallest = smallest
+        self._bins = [0] * (_PER_OCTAVE * octaves + 1)
+        self.count = 0
+        self.total = self.max = 0.0
+
+    def add(self, size: float) -> None:
+        """Count one; what is smaller than the smallest counts as that, negative ones too."""
+        place = math.ceil(math.log2(size / self._smallest) * _PER_OCTAVE) if size > self._smallest else 0
+        bins = self._bins
+        bins[place if place < len(bins) else -1] += 1
+        self.count += 1
+        self.total += size
+        if size > self.max:
+            self.max = size
+
+    def quantile(self, share: float) -> float:
+        """What `share` of all were at or below (upper edge of its bin); 0 without any."""
+        rank, seen = math.ceil(share * self.count), 0
+        for place, count in enumerate(self._bins[:-1]):
+            seen += count
+            if seen >= rank:
+                return float(min(self._smallest * 2.0 ** (place / _PER_OCTAVE), self.max))
+        return self.max
+
+
+class LatencyHistogram:
+    """Latencies from 1 ns to 18 minutes."""
+
+    def __init__(self) -> None:
+        self._sizes_ns = LogHistogram(smallest=1.0, octaves=40)
+
+    def add(self, latency_ns: int) -> None:
+        """Count one latency; negative ones count as 0."""
+        self._sizes_ns.add(latency_ns)
+
+    def quantile_s(self, share: float) -> float | None:
+        """The latency in seconds that `share` of all were at or below (upper edge of its bin); None without any."""
+        return self._sizes_ns.quantile(share) / 1e9 if self._sizes_ns.count else None
+
+    def summary(self) -> LatencySummary:
+        """Count, and p50, p95, p99 and max in seconds."""
+        return LatencySummary(
+            count=self._sizes_ns.count,
+            p50_s=self.quantile_s(0.50),
+            p95_s=self.quantile_s(0.95),
+            p99_s=self.quantile_s(0.99),
+            max_s=self._sizes_ns.max / 1e9 if self._sizes_ns.count else None,
+        )

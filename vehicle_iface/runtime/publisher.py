@@ -1,0 +1,192 @@
+"""What the loop publishes: a snapshot for each sample, the trajectory, the counters."""
+
+import logging
+from collections.abc import Callable
+
+from vehicle_iface import checks
+from vehicle_iface.control.base import ControllerBase
+from vehicle_iface.control.tracking import as_numbers, to_body_axes
+from vehicle_iface.reason import Reason
+from vehicle_iface.runtime.counters import Counters
+from vehicle_iface.runtime.cycle import Decision
+from vehicle_iface.runtime.timer import PeriodicTimer
+from vehicle_iface.state import VehicleState
+from vehicle_iface.status import ControllerState, Gear, VehicleMode, VehicleStatus
+from vehicle_iface.telemetry import Snapshot, TelemetryWriter
+from vehicle_iface.telemetry.details import LiveDetails
+from vehicle_iface.trajectory import Trajectory
+from vehicle_iface.units import NS_PER_MS, wrapped_rad
+
+log = logging.getLogger(__name__)
+
+QUIET_NS = 100 * NS_PER_MS
+"""Without samples a snapshot is published this often, so that a viewer sees the loop alive."""
+DETAILS_NS = 500 * NS_PER_MS
+
+
+# What a snapshot says where nothing is known; its flags say that it is not.
+_NO_STATE = VehicleState(stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0)
+_NO_STATUS = VehicleStatus(stamp_ns=0, mode=VehicleMode.MANUAL, gear=None)
+
+
+class TelemetryPublisher:
+    """Builds and publishes; without a writer it does nothing."""
+
+    def __init__(self, writer: TelemetryWriter | None, controller: ControllerBase, counters: Counters) -> None:
+        self._writer = writer
+        self._controller = controller
+        self._counters = counters
+        self._trajectory_version = 0
+        self._last_ns = 0
+        self._details_timer: PeriodicTimer | None = None
+        self._path: _Path | None = None
+        self._lookahead_failed = False
+
+    def publish_snapshot(
+        self,
+        now_ns: int,
+        *,
+        controller_state: ControllerState,
+        reason: Reason,
+        state: VehicleState | None,
+        status: VehicleStatus | None,
+        decision: Decision | None,
+        sent: bool = False,
+        latency_ns: int = 0,
+        drops: int = 0,
+        handover_pending: bool = False,
+        handover_in_ns: int = 0,
+    ) -> None:
+        """Publish what is known now."""
+        if self._writer is None:
+            return
+        self._last_ns = now_ns
+        counters, shown, report = self._counters, state or _NO_STATE, status or _NO_STATUS
+        path = self._path_in(state.frame_id) if state is not None else None
+        spatial = temporal = 0
+        spatial_x_m = spatial_y_m = temporal_x_m = temporal_y_m = reference_mps = lateral_m = heading_error_rad = 0.0
+        lookahead = None
+        if path is not None:
+            spatial, temporal = self._controller.spatial_index, self._controller.temporal_index
+            spatial_x_m, spatial_y_m = path.xs_m[spatial], path.ys_m[spatial]
+            temporal_x_m, temporal_y_m = path.xs_m[temporal], path.ys_m[temporal]
+            reference_mps, heading_rad = path.speeds_mps[spatial], path.headings_rad[spatial]
+            _, lateral_m = to_body_axes(shown.x_m - spatial_x_m, shown.y_m - spatial_y_m, heading_rad)
+            heading_error_rad = wrapped_rad(shown.heading_rad - heading_rad)
+            lookahead = self._lookahead_m()
+        requested_accel_mps2 = requested_rad = sent_accel_mps2 = sent_rad = 0.0
+        if decision is not None:
+            requested, permitted = decision
+            requested_accel_mps2, requested_rad = requested.accel_mps2, requested.front_wheel_angle_rad
+            sent_accel_mps2, sent_rad = permitted.accel_mps2, permitted.front_wheel_angle_rad
+        self._writer.publish(
+            Snapshot(
+                published_ns=now_ns,
+                controller_state=controller_state,
+                reason=reason,
+                has_state=state is not None,
+                stamp_ns=shown.stamp_ns,
+                x_m=shown.x_m,
+                y_m=shown.y_m,
+                heading_rad=shown.heading_rad,
+                speed_mps=shown.speed_mps,
+                accel_mps2=shown.accel_mps2,
+                yaw_rate_radps=shown.yaw_rate_radps,
+                lateral_speed_mps=shown.lateral_speed_mps,
+                front_wheel_angle_rad=shown.front_wheel_angle_rad,
+                rear_wheel_angle_rad=shown.rear_wheel_angle_rad,
+                has_status=status is not None,
+                vehicle_mode=report.mode,
+                gear=Gear.NO_REQUEST if report.gear is None else report.gear,
+                trajectory_version=self._trajectory_version if path is not None else 0,
+                has_reference=path is not None,
+                spatial_index=spatial,
+                temporal_index=temporal,
+                spatial_reference_x_m=spatial_x_m,
+                spatial_reference_y_m=spatial_y_m,
+                temporal_reference_x_m=temporal_x_m,
+                temporal_reference_y_m=temporal_y_m,
+                reference_speed_mps=reference_mps,
+                lateral_error_m=lateral_m,
+                heading_error_rad=heading_error_rad,
+                has_lookahead=lookahead is not None,
+                lookahead_x_m=lookahead[0] if lookahead is not None else 0.0,
+                lookahead_y_m=lookahead[1] if lookahead is not None else 0.0,
+                has_requested=decision is not None,
+                requested_accel_mps2=requested_accel_mps2,
+                requested_front_wheel_angle_rad=requested_rad,
+                sent=sent,
+                sent_accel_mps2=sent_accel_mps2,
+                sent_front_wheel_angle_rad=sent_rad,
+                latency_ns=latency_ns,
+                samples=counters.samples,
+                commands=counters.commands,
+                drops=drops,
+                deadline_misses=counters.deadline_misses,
+                handover_pending=handover_pending,
+                handover_in_ns=handover_in_ns,
+                frame_id=shown.frame_id,
+            )
+        )
+
+    def is_quiet(self, now_ns: int) -> bool:
+        """Whether nothing was published for a while."""
+        return now_ns - self._last_ns >= QUIET_NS
+
+    @property
+    def indices(self) -> tuple[int, int]:
+        """The spatial and the temporal reference index; 0, 0 without a trajectory."""
+        trajectory = self._controller.trajectory
+        if trajectory is None or not len(trajectory):
+            return 0, 0
+        return self._controller.spatial_index, self._controller.temporal_index
+
+    def publish_trajectory(self) -> None:
+        """Publish the controller's trajectory for drawing."""
+        if self._writer is not None:
+            self._trajectory_version = self._writer.publish_trajectory(self._controller.trajectory)
+
+    def publish_details(self, now_ns: int, details: Callable[[], LiveDetails]) -> None:
+        """Publish all counters, twice a second."""
+        if self._writer is None:
+            return
+        if self._details_timer is None:
+            self._details_timer = PeriodicTimer(DETAILS_NS, now_ns)
+        if self._details_timer.is_due(now_ns):
+            self._writer.publish_details(details())
+
+    def _path_in(self, frame_id: str) -> "_Path | None":
+        """The trajectory's numbers, where it has points in this frame of reference."""
+        trajectory = self._controller.trajectory
+        if trajectory is None or not len(trajectory) or trajectory.frame_id != frame_id:
+            return None
+        if self._path is None or self._path.trajectory is not trajectory:
+            self._path = _Path(trajectory)
+        return self._path
+
+    def _lookahead_m(self) -> tuple[float, float] | None:
+        """Where the controller looks ahead to, x and y; None where it does not."""
+        try:
+            point = getattr(self._controller, "lookahead_point", None)
+            if point is None:
+                return None
+            x_m, y_m = point
+            return checks.finite("x_m", x_m), checks.finite("y_m", y_m)
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # a controller is the user's code: it may raise anything, and say what is no place
+            if not self._lookahead_failed:
+                self._lookahead_failed = True
+                log.exception("lookahead_point is not a pair of finite numbers; not drawn (logged once)")
+            return None
+
+
+class _Path:
+    """A trajectory's numbers, quick to read."""
+
+    __slots__ = ("headings_rad", "speeds_mps", "trajectory", "xs_m", "ys_m")
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory
+        self.xs_m, self.ys_m = as_numbers(trajectory.x_m), as_numbers(trajectory.y_m)
+        self.headings_rad, self.speeds_mps = as_numbers(trajectory.heading_rad), as_numbers(trajectory.speed_mps)

@@ -1,0 +1,87 @@
+"""The end of a run, on schedule or on request: the vehicle is stopped, released, and only then is the run done."""
+
+import logging
+
+from vehicle_iface.reason import Reason
+from vehicle_iface.safety.engagement import Engagement, Event
+from vehicle_iface.safety.handover import Handover
+from vehicle_iface.status import VehicleMode, VehicleStatus
+from vehicle_iface.units import NS_PER_MS
+
+log = logging.getLogger(__name__)
+
+RELEASE_NS = 200 * NS_PER_MS
+"""How long ENABLE = 0 is repeated at the end for a vehicle that does not report that it is released."""
+
+
+class Shutdown:
+    """What was requested, how far the end has come, and how the run ended. Time is given."""
+
+    def __init__(self, engagement: Engagement, handover: Handover) -> None:
+        self._engagement, self._handover = engagement, handover
+        self._requests = 0
+        self._is_due = False
+        self._has_begun = False
+        self._released_ns: int | None = None
+        self.is_done = False
+        self.ended_in_fault = False
+
+    def request(self) -> None:
+        """Stop the vehicle and end; requested a second time, release it at once. Safe in a signal handler."""
+        self._requests += 1
+
+    def schedule(self, at_ns: int) -> None:
+        """`begin_on_schedule` will be called then: the driver is warned before."""
+        self._handover.plan(at_ns)
+
+    def begin_on_schedule(self) -> None:
+        """Begin a scheduled shutdown. It is no user request: one later SIGINT still means a normal stop."""
+        self._is_due = True
+
+    @property
+    def must_release_now(self) -> bool:
+        """Whether it was requested twice."""
+        return self._requests > 1 and not self.is_done
+
+    def may_hold_or_release(self, now_ns: int) -> bool:
+        """Whether a vehicle that stands is to be held, or released at the end."""
+        mode = self._engagement.mode
+        return mode.stops and (not mode.ends or self._handover.may_release(now_ns))
+
+    def begin_if_due(self, now_ns: int) -> None:
+        """Begin the end when it is due or was requested; done at once where nothing may be sent."""
+        if self._has_begun or not (self._is_due or self._requests):
+            return
+        self._has_begun = True
+        self.ended_in_fault = self._engagement.ends_in_fault
+        self._engagement.apply(Event.END, now_ns)
+        self.is_done = not self._engagement.mode.may_send
+
+    def warn_if_near(self, now_ns: int) -> None:
+        """Log once that control is about to be given back."""
+        mode = self._engagement.mode
+        if self._handover.update(now_ns, is_driven=mode.enables, is_ending=mode.ends):
+            log.warning("HANDOVER: control is about to be given back")
+
+    def release_now(self, now_ns: int) -> bool:
+        """End without waiting for standstill; whether the vehicle is to be sent ENABLE = 0 once more."""
+        self.is_done = True
+        self._engagement.apply(Event.STANDSTILL, now_ns)
+        return self._engagement.is_released
+
+    def finish_if_released(self, now_ns: int, status: VehicleStatus | None) -> None:
+        """Done when the vehicle reports that it is released, was sent ENABLE = 0 long enough, or may get nothing."""
+        engagement = self._engagement
+        if not self._has_begun:
+            return
+        if not engagement.mode.may_send:
+            self.ended_in_fault = self.ended_in_fault or engagement.ends_in_fault
+            self.is_done = True
+        elif engagement.is_released:
+            self.ended_in_fault = self.ended_in_fault or engagement.reason is Reason.VEHICLE_FAULT
+            if self._released_ns is None:
+                self._released_ns = now_ns
+            says_so = (
+                status is not None and status.stamp_ns > self._released_ns and status.mode is not VehicleMode.AUTONOMOUS
+            )
+            self.is_done = self.is_done or says_so or now_ns - self._released_ns >= RELEASE_NS

@@ -1,0 +1,132 @@
+"""What happened: every counter by part and cause, while the loop runs and at its end."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from vehicle_iface.codec.decoder import Decoder
+from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.runtime.counters import Counters
+from vehicle_iface.runtime.cycle import ControlCycle
+from vehicle_iface.runtime.link import Link
+from vehicle_iface.runtime.shadow import Shadow
+from vehicle_iface.runtime.timer import PeriodicTimer
+from vehicle_iface.safety.engagement import Engagement
+from vehicle_iface.safety.motion import MotionCheck
+from vehicle_iface.safety.plausibility import PlausibilityCheck
+from vehicle_iface.safety.transmit_filter import TransmitFilter
+from vehicle_iface.state_assembler import StateAssembler
+from vehicle_iface.telemetry.details import (
+    Causes,
+    LinkChange,
+    LinkSummary,
+    LiveDetails,
+    RunSummary,
+    SampleCounts,
+    ShadowSummary,
+    Transition,
+)
+from vehicle_iface.units import s_from_ns
+
+
+class RunStatistics:
+    """Reads what the parts of the loop count."""
+
+    def __init__(
+        self,
+        decoder: Decoder,
+        encoder: Encoder,
+        assembler: StateAssembler,
+        cycle: ControlCycle,
+        engagement: Engagement,
+        transmit_filter: TransmitFilter,
+        plausibility: PlausibilityCheck,
+        motion: MotionCheck,
+        counters: Counters,
+        link: Link,
+        timer: PeriodicTimer,
+        shadow: Shadow | None,
+        names: Mapping[tuple[int, bool], str],
+        started_ns: int,
+    ) -> None:
+        """`names` are those of the identifiers that the profile knows, each with whether it is extended."""
+        self._decoder, self._encoder, self._assembler = decoder, encoder, assembler
+        self._cycle, self._engagement, self._transmit_filter = cycle, engagement, transmit_filter
+        self._plausibility, self._motion, self._counters = plausibility, motion, counters
+        self._link, self._timer, self._shadow, self._names = link, timer, shadow, names
+        self._started_ns = started_ns
+
+    def details(self) -> LiveDetails:
+        """For people who look on: counters by part and cause, and the link as it is now."""
+        return LiveDetails(
+            link=self._link.load.now(self._link.state.name, self._names, self._counted()),
+            shadow=self._shadow_summary(),
+            loop=self._loop_counters(),
+            samples=SampleCounts(
+                complete=self._assembler.completed,
+                incomplete=self._assembler.incomplete,
+                repeated=self._assembler.repeated,
+            ),
+            bus=self._link.counters(),
+            **self._causes(),
+        )
+
+    def summary(self, now_ns: int) -> RunSummary:
+        """For the end of a run; times in seconds since its start."""
+        fault = self._engagement.latched_fault
+        return RunSummary(
+            controller_state=self._cycle.wire_state.name,
+            reason=self._cycle.reason.name,
+            bus=self._link.description,
+            latched_fault=fault.name if fault is not None else None,
+            duration_s=self._since_start_s(now_ns),
+            samples=self._assembler.completed - self._counters.samples_before_engagement,
+            incomplete_samples=self._assembler.incomplete,
+            commands=self._counters.commands,
+            deadline_misses=self._counters.deadline_misses,
+            latency=self._counters.latency.summary(),
+            counts=self._loop_counters(),
+            bus_counters=self._link.counters(),
+            link=self._link_summary(),
+            transitions=[
+                Transition(at_s=self._since_start_s(at_ns), mode=mode.name, reason=reason.name)
+                for at_ns, mode, reason in self._engagement.transitions
+            ],
+            shadow=self._shadow_summary(),
+            **self._causes(),
+        )
+
+    def _loop_counters(self) -> dict[str, int]:
+        return self._counters.as_dict() | {"grid_overruns": self._timer.overruns}
+
+    def _shadow_summary(self) -> ShadowSummary | UnsetType:
+        return UNSET if self._shadow is None else self._shadow.summary()
+
+    def _link_summary(self) -> LinkSummary:
+        changes = [
+            LinkChange(at_s=self._since_start_s(at_ns), state=state.name, why=why)
+            for at_ns, state, why in self._link.transitions
+        ]
+        return self._link.load.whole(self._link.state.name, changes, self._names, self._counted())
+
+    def _counted(self) -> dict[tuple[int, bool], int]:
+        return self._decoder.seen | self._encoder.sent
+
+    def _causes(self) -> dict[str, Any]:
+        """Each part's own counts, as the fields of `Causes`."""
+        causes = Causes(
+            drops={f"{cause.value} {name}".strip(): count for (cause, name), count in self._decoder.drops.items()},
+            lost=dict(self._decoder.lost),
+            limited=dict(self._cycle.gate.limited),
+            implausible=dict(self._plausibility.counts),
+            disagreements=self._motion.counts | {"gear and motion disagree": self._cycle.gear_check.count},
+            deviations=dict(self._cycle.deviation.counts),
+            tx_blocked=dict(self._transmit_filter.refused),
+            link_events=dict(self._link.events),
+        )
+        return msgspec.structs.asdict(causes)
+
+    def _since_start_s(self, when_ns: int) -> float:
+        return s_from_ns(when_ns - self._started_ns)

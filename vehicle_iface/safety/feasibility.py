@@ -1,0 +1,106 @@
+"""Whether a vehicle may follow a trajectory at all.
+
+Speeds and wheel angles are judged point by point. How sharp the path is follows from its geometry: from windows of two
+chords, each at least half a wheelbase or half a second long, so that neither rounding nor points that lie close
+together make a turn out of nothing. A window with both directions of travel in it is none: there the path has a cusp.
+"""
+
+import numpy as np
+
+from vehicle_iface.profile import Limits
+from vehicle_iface.safety.lateral import SLOW_MPS, curvature_per_m
+from vehicle_iface.trajectory import FloatArray, IntArray, Trajectory
+
+CHORD_S = 0.5
+CHORD_WHEELBASES = 0.5
+STEP_WHEELBASES = 0.125
+"""Windows begin this far apart, or at each point where the points are farther apart than that."""
+SLACK = 1.1
+"""What coordinates that are rounded to a centimetre make the sharpest turn look like."""
+
+
+def find_violation(trajectory: Trajectory, limits: Limits, wheelbase_m: float) -> str:
+    """A point that asks for more than the limits allow, with the value and the limit; empty for none.
+
+    Of values the first, of turns the sharpest.
+    """
+    for name, limit in (
+        ("speed_mps", limits.speed_max_mps),
+        ("front_wheel_angle_rad", limits.front_wheel_angle_rad),
+    ):
+        values: FloatArray = getattr(trajectory, name)  # (n,)
+        beyond = np.abs(values) > limit * (1.0 + 1e-9)
+        if beyond.any():
+            point = int(beyond.argmax())
+            return f"{name}[{point}] = {values[point]:.10g}: must be in [{-limit}, {limit}]"
+    with np.errstate(all="ignore"):  # points may lie as far apart as floats reach; what is no number is not too sharp
+        return _excess_curvature(trajectory, limits, wheelbase_m) if len(trajectory) > 2 else ""
+
+
+def _excess_curvature(trajectory: Trajectory, limits: Limits, wheelbase_m: float) -> str:
+    speed_mps = trajectory.speed_mps
+    i, j, k, chord_m = _windows(trajectory, wheelbase_m)
+    slowest_mps = np.minimum(np.abs(speed_mps[i]), np.minimum(np.abs(speed_mps[j]), np.abs(speed_mps[k])))
+    sharpest_per_m = max_curvature(slowest_mps, limits, wheelbase_m)
+    sharpness_per_m = np.maximum(_of_positions(trajectory, i, j, k, chord_m), _of_headings(trajectory, i, j, chord_m))
+    too_sharp = np.nan_to_num(sharpness_per_m / sharpest_per_m, nan=0.0)
+    if not (too_sharp > SLACK).any():
+        return ""
+    w = int(too_sharp.argmax())
+    return (
+        f"the path turns by {sharpness_per_m[w]:.4g} rad/m at point {j[w]}: "
+        f"must be at most {sharpest_per_m[w]:.4g} rad/m at {slowest_mps[w]:.4g} m/s"
+    )
+
+
+def max_curvature(speed_mps: FloatArray, limits: Limits, wheelbase_m: float) -> FloatArray:
+    """(n,) the greatest curvature in 1/m that wheels and lateral acceleration allow at these speeds without sign."""
+    table = np.array(limits.front_wheel_angle_by_speed)  # (rows, 2)
+    front_rad = np.minimum(np.interp(speed_mps, table[:, 0], table[:, 1]), limits.front_wheel_angle_rad)
+    by_wheels = curvature_per_m(0.0, -limits.rear_wheel_angle_rad, wheelbase_m) + np.tan(front_rad) / wheelbase_m
+    by_force: FloatArray = limits.lateral_accel_mps2 / np.maximum(speed_mps, SLOW_MPS) ** 2
+    allowed: FloatArray = np.minimum(by_wheels, by_force)
+    return allowed
+
+
+def _windows(trajectory: Trajectory, wheelbase_m: float) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """First, middle and last point of each window (w,), and its chords' lengths (2, w) in m."""
+    x_m, y_m, speed_mps = trajectory.x_m, trajectory.y_m, trajectory.speed_mps
+    s_m = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x_m), np.diff(y_m)))))  # (n,)
+    step_m, last = STEP_WHEELBASES * wheelbase_m, len(s_m) - 1
+    i = np.arange(last)
+    if s_m[-1] < step_m * last:
+        i = np.searchsorted(s_m, np.arange(0.0, s_m[-1], step_m))
+        i = i[np.diff(i, prepend=-1) > 0]  # each once; np.unique would import numpy.ma while the vehicle drives
+    wanted_m = np.maximum(CHORD_WHEELBASES * wheelbase_m, CHORD_S * np.abs(speed_mps[i]))
+    j = np.minimum(np.searchsorted(s_m, s_m[i] + wanted_m), last)
+    k = np.minimum(np.searchsorted(s_m, s_m[j] + wanted_m), last)
+    chord_m = np.stack([np.hypot(x_m[b] - x_m[a], y_m[b] - y_m[a]) for a, b in ((i, j), (j, k))])
+    # Shorter ones are of the path's end, or of a vehicle that stands while its position is measured again and again.
+    is_long = (chord_m >= 0.5 * wanted_m).all(axis=0)
+    forwards, backwards = (np.concatenate(([0], np.cumsum(way * speed_mps > 0.0))) for way in (1.0, -1.0))
+    is_one_way = (forwards[k + 1] == forwards[i]) | (backwards[k + 1] == backwards[i])
+    kept = np.flatnonzero(is_long & is_one_way)
+    return i[kept], j[kept], k[kept], chord_m[:, kept]
+
+
+def _of_positions(trajectory: Trajectory, i: IntArray, j: IntArray, k: IntArray, chord_m: FloatArray) -> FloatArray:
+    """(w,) curvature of the circle through the three points (Menger); exact however coarsely a circle is drawn.
+
+    Where the second chord leads back, as on a line driven up and down, the circle says nothing and the angle does.
+    """
+    x_m, y_m = trajectory.x_m, trajectory.y_m
+    (ax, bx), (ay, by) = ((values[j] - values[i], values[k] - values[j]) for values in (x_m, y_m))
+    area, along = np.abs(ax * by - ay * bx), ax * bx + ay * by
+    lengths = chord_m[0] * chord_m[1]
+    by_circle = 2.0 * area / (lengths * np.hypot(x_m[k] - x_m[i], y_m[k] - y_m[i]))
+    by_angle = 2.0 * np.sqrt(np.clip(0.5 - 0.5 * along / lengths, 0.0, 1.0)) / chord_m.max(axis=0)
+    curvature: FloatArray = np.where(along < 0.0, by_angle, by_circle)
+    return curvature
+
+
+def _of_headings(trajectory: Trajectory, i: IntArray, j: IntArray, chord_m: FloatArray) -> FloatArray:
+    """(w,) curvature of the arc over the first chord whose ends have these headings."""
+    turned_rad = trajectory.heading_rad[j] - trajectory.heading_rad[i]
+    curvature: FloatArray = 2.0 * np.abs(np.sin(0.5 * turned_rad)) / chord_m[0]
+    return curvature

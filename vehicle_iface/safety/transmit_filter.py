@@ -1,0 +1,54 @@
+"""The last check of a frame before it is sent: an allow-list, and a limit of rate for each entry."""
+
+from collections import deque
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.units import NS_PER_MS
+
+WINDOW_NS = 250 * NS_PER_MS
+EXCESS = 1.2
+"""Each message may be sent at up to this many times its nominal rate, plus one, per window."""
+
+
+class AllowedMessage(NamedTuple):
+    """A message that may be sent."""
+
+    can_id: int
+    is_extended: bool
+    is_fd: bool
+    length: int
+    """Bytes of payload."""
+    period_ns: int
+
+
+class TransmitFilter:
+    """An allow-list with a limit of rate for each entry. A frame that is refused is counted by cause."""
+
+    def __init__(self, messages: Iterable[AllowedMessage]) -> None:
+        self._sent_ns = {message[:4]: _empty_window(message.period_ns) for message in messages}
+        self.refused = {"not on the list": 0, "too often": 0}
+
+    def allows(self, frame: CanFrame, now_ns: int) -> bool:
+        """Whether this frame may be sent now; one that may is counted as sent."""
+        sent_ns = self._sent_ns.get((frame.can_id, frame.is_extended, frame.is_fd, len(frame.data)))
+        if sent_ns is None or frame.is_remote or frame.is_error:
+            self.refused["not on the list"] += 1
+            return False
+        if now_ns - sent_ns[0] < WINDOW_NS:  # that many frames ago
+            self.refused["too often"] += 1
+            return False
+        sent_ns.append(now_ns)
+        return True
+
+
+def most_in_window(period_ns: int) -> int:
+    """Frames of a message with this period that may leave in any window."""
+    return int(EXCESS * WINDOW_NS / period_ns) + 1
+
+
+def _empty_window(period_ns: int) -> deque[int]:
+    """Room for the times of as many frames as may leave in a window."""
+    most = most_in_window(period_ns)
+    return deque([-WINDOW_NS] * most, maxlen=most)

@@ -1,0 +1,44 @@
+"""How the simulated vehicle behaves on its bus, and what its driver does."""
+
+from dataclasses import dataclass
+
+from vehicle_iface import checks
+from vehicle_iface.units import NS_PER_MS
+
+TORQUE_LIMIT_NM = 12.7
+"""What the status message can express, to either side."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulationParameters:
+    """How the vehicle behaves on its bus. Raises `InvalidValueError` for what is not positive."""
+
+    sample_period_ns: int = 10 * NS_PER_MS
+    status_every: int = 2
+    """One status with this many samples."""
+    longest_step_ns: int = 100 * NS_PER_MS
+    """After a longer pause the vehicle has moved for this long only."""
+    gear_change_speed_mps: float = 0.5
+    """Above it another gear is refused."""
+    override_torque_nm: float = 3.0
+    fault_deceleration_mps2: float = 3.0
+    emergency_deceleration_mps2: float = 6.0
+    driver_deceleration_mps2: float = 4.0
+    driver_acceleration_mps2: float = 1.5
+    driver_steering_rad_per_nm: float = 0.02
+    """Road-wheel angle that a driver's torque holds; let go, the wheels straighten."""
+    fault_code_commands_lost: int = 1
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            checks.positive(name, getattr(self, name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Driver:
+    """What the person in the vehicle does."""
+
+    brake: bool = False
+    throttle: bool = False
+    steer_torque_nm: float = 0.0
+    """Positive to the left, in steps of 0.1 N·m as on the bus."""

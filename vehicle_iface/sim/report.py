@@ -1,0 +1,73 @@
+"""The simulated vehicle's bus as fields: commands received, reports sent, and the wire that makes bytes of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.status import Gear, VehicleMode
+
+
+@dataclass(frozen=True, slots=True)
+class ReceivedCommand:
+    """One intact command message."""
+
+    kind: str
+    """The message's name."""
+    values: Mapping[str, float | int]
+    """By the field's name: `enable`, `accel_mps2`, `gear_request`, …"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleReport:
+    """Everything that the vehicle can report at one instant, under the names that profiles use."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_mps: float
+    accel_mps2: float
+    yaw_rate_radps: float
+    lateral_speed_mps: float
+    front_wheel_angle_rad: float
+    rear_wheel_angle_rad: float
+    pose_frame: int
+    """The frame of reference's number on the bus."""
+    pose_valid: bool
+    mode: VehicleMode
+    gear: Gear
+    driver_brake: bool
+    driver_throttle: bool
+    driver_steer_torque_nm: float
+    fault_code: int
+
+
+class Wire(Protocol):
+    """Between the vehicle's fields and the bytes on its bus."""
+
+    commands: tuple[str, ...]
+    """Messages that a commander must keep sending."""
+    sample: tuple[str, ...]
+    """Messages of one state sample, in the order in which they are sent."""
+    status: tuple[str, ...]
+    """Messages that carry the status."""
+    frame_ids: Mapping[str, int]
+    """Frames of reference that it can express, and their numbers."""
+    requests_gear: bool
+    """Whether the commands can say which gear is wanted."""
+
+    def is_command(self, frame: CanFrame) -> bool:
+        """Whether the frame claims to be one of `commands`."""
+        ...
+
+    def is_known(self, frame: CanFrame) -> bool:
+        """Whether the frame has an identifier of this vehicle's profile."""
+        ...
+
+    def read(self, frame: CanFrame) -> ReceivedCommand | None:
+        """The frame's content; None when it is damaged, out of order or impossible."""
+        ...
+
+    def write(self, message: str, report: VehicleReport) -> CanFrame:
+        """The next frame of `message`; its counter steps."""
+        ...

@@ -1,0 +1,149 @@
+"""Counters of a run, by package and cause: live, for viewer and recorder, and at the end, for the summary.
+
+Causes, messages and signals are keys of dictionaries, because the vehicle defines their names. Everything else is a
+field. A field that may be unset is left out of the JSON.
+"""
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+ByCause = dict[str, int]
+"""Counts by the name of the cause."""
+
+
+class LatencySummary(msgspec.Struct, frozen=True, kw_only=True):
+    """Latencies in seconds; None when there are none."""
+
+    count: int
+    p50_s: float | None
+    p95_s: float | None
+    p99_s: float | None
+    max_s: float | None
+
+
+class Spread(msgspec.Struct, frozen=True, kw_only=True):
+    """Absolute differences of a quantity, in its unit; zeros when there are none."""
+
+    mean: float
+    p50: float
+    p95: float
+    max: float
+
+
+class ShadowSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """Differences between this loop's commands and those of another commander."""
+
+    compared: int
+    takeovers: int
+    unmatched_commands: int
+    drops: ByCause
+    mismatches: ByCause
+    """Commands in which a field differs, by the name of the field."""
+    accel_mps2: Spread
+    front_wheel_angle_rad: Spread
+
+
+class LinkDetails(msgspec.Struct, frozen=True, kw_only=True):
+    """The link's state and, where the bus supports it, its traffic."""
+
+    state: str
+    load_percent: float | UnsetType = UNSET
+    frames_per_s: float | UnsetType = UNSET
+    rates_hz: dict[str, float] | UnsetType = UNSET
+    """By identifier and message, like `0x110 POSE`."""
+
+
+class LinkChange(msgspec.Struct, frozen=True, kw_only=True):
+    """A change of the link's state, in seconds since the start of the run."""
+
+    at_s: float
+    state: str
+    why: str
+
+
+class LinkSummary(LinkDetails, frozen=True, kw_only=True):
+    """The link over a whole run."""
+
+    transitions: list[LinkChange]
+    highest_load_percent: float | UnsetType = UNSET
+
+
+class SampleCounts(msgspec.Struct, frozen=True, kw_only=True):
+    """Samples by completeness."""
+
+    complete: int
+    incomplete: int
+    repeated: int
+
+
+class Causes(msgspec.Struct, frozen=True, kw_only=True):
+    """What was dropped, limited or refused, and what the hardware reported."""
+
+    drops: ByCause = msgspec.field(default_factory=dict)
+    lost: ByCause = msgspec.field(default_factory=dict)
+    limited: ByCause = msgspec.field(default_factory=dict)
+    implausible: ByCause = msgspec.field(default_factory=dict)
+    disagreements: ByCause = msgspec.field(default_factory=dict)
+    deviations: ByCause = msgspec.field(default_factory=dict)
+    tx_blocked: ByCause = msgspec.field(default_factory=dict)
+    link_events: ByCause = msgspec.field(default_factory=dict)
+
+
+class LiveDetails(Causes, frozen=True, kw_only=True):
+    """All counters at one time."""
+
+    link: LinkDetails
+    shadow: ShadowSummary | UnsetType = UNSET
+    loop: ByCause = msgspec.field(default_factory=dict)
+    """The counters of the loop, by name."""
+    samples: SampleCounts = SampleCounts(complete=0, incomplete=0, repeated=0)
+    bus: ByCause = msgspec.field(default_factory=dict)
+
+    def shortened(self) -> "LiveDetails":
+        """A shorter copy, where the whole is too long: without rates, and with one total for each group of causes."""
+        groups = {
+            name: {"all": sum(value.values())}
+            for name in self.__struct_fields__
+            if isinstance(value := getattr(self, name), dict)
+        }
+        return msgspec.structs.replace(self, link=LinkDetails(state=self.link.state), **groups)
+
+
+class Transition(msgspec.Struct, frozen=True, kw_only=True):
+    """A change of mode, in seconds since the start of the run."""
+
+    at_s: float
+    mode: str
+    reason: str
+
+
+class RecorderSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """The recorder's final status."""
+
+    folder: str
+    text: str
+    """What was written and lost, in one line."""
+    written: ByCause | UnsetType = UNSET
+    lost: ByCause | UnsetType = UNSET
+    trouble: str | UnsetType = UNSET
+
+
+class RunSummary(Causes, frozen=True, kw_only=True):
+    """Summary of a run."""
+
+    controller_state: str
+    reason: str
+    bus: str
+    latched_fault: str | None
+    duration_s: float
+    samples: int
+    incomplete_samples: int
+    commands: int
+    deadline_misses: int
+    latency: LatencySummary
+    counts: ByCause
+    bus_counters: ByCause
+    link: LinkSummary
+    transitions: list[Transition]
+    shadow: ShadowSummary | UnsetType = UNSET
+    recorder: RecorderSummary | UnsetType = UNSET
