@@ -1,4 +1,4 @@
-"""Pure geometry and colours of what is drawn; nothing here knows viser."""
+"""Geometry and colours of the scene, independent of viser."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle_iface.runtime.telemetry import VehicleShape
+from vehicle_iface.telemetry import VehicleShape
 from vehicle_iface.trajectory import FloatArray
 
 Colors = npt.NDArray[np.uint8]
@@ -17,10 +17,10 @@ Mesh = tuple[FloatArray, Faces]
 """Vertices (v, 3) and triangles (f, 3)."""
 
 SPEED_COLORS = ((66, 99, 235), (34, 184, 207), (81, 207, 102), (252, 196, 25), (250, 82, 82))
-"""Slow to fast, evenly spaced; told apart on dark ground, and by brightness as well as by hue."""
+"""Slow to fast, evenly spaced; distinct on a dark background, by brightness as well as by hue."""
 WHEEL_WIDTH_M = 0.24
 
-# The side of a car, rear to front and ground to roof, as shares of its length and height: a convex outline.
+# Side view of a car, rear to front and ground to roof, as fractions of its length and height: a convex outline.
 _BODY = ((0.0, 0.20), (0.0, 0.55), (0.05, 0.63), (0.68, 0.62), (0.96, 0.48), (1.0, 0.40), (1.0, 0.20))
 _CABIN_BASE = (0.08, 0.72)
 _CABIN_ROOF = (0.20, 0.52)
@@ -28,21 +28,21 @@ _BOX_FACES = ((0, 1, 2, 3), (7, 6, 5, 4), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 
 
 
 def speed_color(share: npt.NDArray[Any]) -> Colors:
-    """(…,) shares in 0 … 1 of the fastest as (…, 3) colours."""
+    """Colours (…, 3) of speeds (…,), given as fractions 0 … 1 of the fastest."""
     table = np.asarray(SPEED_COLORS, dtype=np.float64)
     steps = np.linspace(0.0, 1.0, len(table))
     channels = [np.interp(share, steps, table[:, k]) for k in range(3)]
     return np.stack(channels, axis=-1).astype(np.uint8)
 
 
-def linear(colors: Colors) -> Colors:
-    """Colours of the screen as amounts of light, which is what viser takes the colours of line ends for."""
+def to_linear(colors: Colors) -> Colors:
+    """sRGB colours as linear light: viser expects the colours of line ends in it."""
     amount: Colors = np.round((colors / 255.0) ** 2.2 * 255.0).astype(np.uint8)
     return amount
 
 
 def segments(points: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """(n, 3) points or colours as the (n − 1, 2, 3) lines between neighbours."""
+    """Lines (n − 1, 2, 3) between neighbours of (n, 3) points or colours."""
     return np.stack((points[:-1], points[1:]), axis=1)
 
 
@@ -60,19 +60,19 @@ def chevrons(x_m: FloatArray, y_m: FloatArray, course_rad: FloatArray, *, size_m
 
 def body(shape: VehicleShape) -> Mesh:
     """The painted lower part of a car."""
-    side = _profile(shape, _BODY)
-    return _extruded(side, shape.width_m)
+    side = _side_outline(shape, _BODY)
+    return _extrude(side, shape.width_m)
 
 
 def cabin(shape: VehicleShape) -> Mesh:
     """The glass part of a car, narrower towards the roof."""
-    return _tapered(shape, _CABIN_BASE, 0.60, 0.90, _CABIN_ROOF, 0.97, 0.72)
+    return _taper(shape, _CABIN_BASE, 0.60, 0.90, _CABIN_ROOF, 0.97, 0.72)
 
 
 def roof(shape: VehicleShape) -> Mesh:
     """The painted plate on top of the cabin."""
     low, high = (_CABIN_ROOF[0] - 0.01, _CABIN_ROOF[1] + 0.015), _CABIN_ROOF
-    return _tapered(shape, low, 0.96, 0.75, high, 1.0, 0.70)
+    return _taper(shape, low, 0.96, 0.75, high, 1.0, 0.70)
 
 
 def lamps(shape: VehicleShape, *, front: bool) -> Mesh:
@@ -80,18 +80,18 @@ def lamps(shape: VehicleShape, *, front: bool) -> Mesh:
     rear_m, front_m = -shape.rear_overhang_m, shape.length_m - shape.rear_overhang_m
     x_m, height = (front_m - 0.03, 0.40) if front else (rear_m + 0.03, 0.50)
     y_m, z_m = 0.36 * shape.width_m, height * shape.height_m
-    return joined([_box((x_m, sign * y_m, z_m), (0.14, 0.36, 0.14)) for sign in (1, -1)])
+    return join([_box((x_m, sign * y_m, z_m), (0.14, 0.36, 0.14)) for sign in (1, -1)])
 
 
 def wheel(radius_m: float, segments_count: int = 20) -> Mesh:
     """A wheel that rolls along x."""
     angles = np.arange(segments_count) * math.tau / segments_count
     side = np.column_stack((np.cos(angles), np.sin(angles))) * radius_m
-    return _extruded(side, WHEEL_WIDTH_M)
+    return _extrude(side, WHEEL_WIDTH_M)
 
 
-def joined(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one."""
+def join(meshes: list[Mesh]) -> Mesh:
+    """Join meshes into one."""
     offsets = np.cumsum([0] + [len(vertices) for vertices, _ in meshes[:-1]])
     faces = [mesh[1] + offset for mesh, offset in zip(meshes, offsets, strict=True)]
     return np.concatenate([mesh[0] for mesh in meshes]), np.concatenate(faces).astype(np.uint32)
@@ -116,17 +116,17 @@ def pin(size_m: float) -> Mesh:
 
 
 def quaternion_z(angle_rad: float) -> tuple[float, float, float, float]:
-    """A turn about the vertical axis, as (w, x, y, z)."""
+    """A rotation about the vertical axis, as (w, x, y, z)."""
     return math.cos(angle_rad / 2), 0.0, 0.0, math.sin(angle_rad / 2)
 
 
-def _profile(shape: VehicleShape, outline: tuple[tuple[float, float], ...]) -> FloatArray:
-    """Shares of length and height as (n, 2) metres from the rear axle's centre on the ground."""
+def _side_outline(shape: VehicleShape, outline: tuple[tuple[float, float], ...]) -> FloatArray:
+    """Fractions of length and height as (n, 2) metres from the rear axle's centre on the ground."""
     return np.array([(u * shape.length_m - shape.rear_overhang_m, v * shape.height_m) for u, v in outline])
 
 
-def _extruded(side: FloatArray, width_m: float) -> Mesh:
-    """A convex (n, 2) outline in x and z, made `width_m` wide along y."""
+def _extrude(side: FloatArray, width_m: float) -> Mesh:
+    """Extrude a convex (n, 2) outline in x and z to `width_m` along y."""
     n = len(side)
     left = np.column_stack((side[:, 0], np.full(n, width_m / 2), side[:, 1]))
     right = left * (1.0, -1.0, 1.0)
@@ -138,7 +138,7 @@ def _extruded(side: FloatArray, width_m: float) -> Mesh:
     return np.concatenate((left, right)), np.array(faces, dtype=np.uint32)
 
 
-def _tapered(
+def _taper(
     shape: VehicleShape,
     base: tuple[float, float],
     base_height: float,
@@ -147,7 +147,7 @@ def _tapered(
     top_height: float,
     top_width: float,
 ) -> Mesh:
-    """A block whose top may be shorter and narrower; all in shares of the vehicle's size."""
+    """A block whose top may be shorter and narrower; all in fractions of the vehicle's size."""
     corners = [
         (u * shape.length_m - shape.rear_overhang_m, sign * width * shape.width_m / 2, height * shape.height_m)
         for (rear, front), height, width in ((base, base_height, base_width), (top, top_height, top_width))

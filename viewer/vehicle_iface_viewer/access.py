@@ -1,11 +1,11 @@
-"""Who may connect to the viewer, and what they may say to it.
+"""Access control of the viewer: who may connect, and which messages are handled.
 
-viser itself listens to everybody, checks no Origin, takes messages of 50 MB, and lets any client upload files, press
-any button and ask for a public tunnel. Here the socket is bound by this module, each request is judged before viser
-sees it, and of all messages of a browser only two are heard: where its camera is, and the one switch of the page. The
-page of a recording has three more controls; behind it there is no loop.
+viser itself accepts every client, checks no Origin, takes messages of 50 MB, and lets any client upload files, press
+any button and request a public tunnel. This module binds the socket and checks each request before viser handles it.
+Of a browser's messages only two are handled: its camera and the Follow switch. The page of a recording has three more
+controls; no loop is behind it.
 
-This leans on private names of exactly viser 1.1.1; `tests/viewer/test_access.py` says so when they change.
+This relies on private names of exactly viser 1.1.1; `tests/viewer/test_access.py` fails when they change.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from vehicle_iface.errors import ConfigError
 MAX_MESSAGE_BYTES = 16384
 """A camera message has about 300 bytes."""
 MAX_CLIENTS = 64
-"""Browsers at a time; each costs memory and a share of every update."""
+"""Concurrent browsers; each costs memory and time in every update."""
 MIN_TOKEN_LENGTH = 16
 
-_PATIENCE_S = 2.0
+_TIMEOUT_S = 2.0
 _COOKIE = "vehicle_iface_token"
-# Nothing from elsewhere is loaded, sent to, or allowed to frame the page. viser compiles its own WebAssembly and
-# builds its scripts and workers on the fly, hence the exceptions.
+# The page loads nothing from, and sends nothing to, other origins, and no other page may frame it. viser compiles
+# WebAssembly and creates scripts and workers at run time, hence the exceptions.
 _POLICY = (
     "default-src 'self' blob: data:; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
     "style-src 'self' 'unsafe-inline'; connect-src 'self' blob: data:; worker-src blob:; frame-ancestors 'none'"
@@ -51,16 +51,16 @@ _OUR_TITLE = b"<title>vehicle-iface</title>"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Access:
-    """Where the viewer listens and whom it lets in.
+    """Where the viewer listens and which clients it accepts.
 
-    Raises `ConfigError` for an address that is not of this machine alone, unless `allow_remote` and a token are given.
+    Raises `ConfigError` for an address that other machines can reach, unless `allow_remote` and a token are given.
     """
 
     host: str = "127.0.0.1"
     port: int = 8080
-    """0 takes any free one."""
+    """0: any free port."""
     token: str | None = None
-    """What a browser has to show once, as `?token=…`; it keeps it as a cookie."""
+    """A browser sends it once, as `?token=…`, and then as a cookie."""
     allow_remote: bool = False
 
     def __post_init__(self) -> None:
@@ -79,7 +79,7 @@ class Access:
 
     @property
     def is_local(self) -> bool:
-        """Whether nobody but this machine can connect."""
+        """Whether only this machine can connect."""
         if self.host == "localhost":
             return True
         try:
@@ -87,22 +87,22 @@ class Access:
         except ValueError:
             return False
 
-    def refusal(self, request: Request) -> http.HTTPStatus | None:
-        """Why this request is turned away; None lets it in."""
+    def rejection(self, request: Request) -> http.HTTPStatus | None:
+        """The HTTP status with which this request is rejected; None accepts it."""
         host = request.headers.get_all("Host")
         origin = request.headers.get_all("Origin")
-        if len(host) != 1 or not self._knows(host[0]):
+        if len(host) != 1 or not self._is_own_host(host[0]):
             return http.HTTPStatus.FORBIDDEN
-        # Only browsers send an Origin, and every browser does when it opens a websocket; a page from elsewhere
-        # cannot leave it out or forge it.
+        # Only browsers send an Origin, and every browser does when it opens a websocket; a page of another origin
+        # cannot omit or forge it.
         if origin and origin != [f"http://{host[0]}"]:
             return http.HTTPStatus.FORBIDDEN
-        if self.token is not None and not self._shown(request):
+        if self.token is not None and not self._has_token(request):
             return http.HTTPStatus.UNAUTHORIZED
         return None
 
-    def _knows(self, host: str) -> bool:
-        """Whether `host` is a name that we are meant by: a foreign name resolved to us is an attack on the browser."""
+    def _is_own_host(self, host: str) -> bool:
+        """Whether `host` names this server. Any other name that resolves to it is DNS rebinding."""
         try:
             parts = urlsplit(f"//{host}")
             name, port = parts.hostname or "", parts.port or 80
@@ -118,90 +118,93 @@ class Access:
             return not self.is_local and name in {socket.gethostname(), socket.getfqdn()}
         return address.is_loopback or not self.is_local
 
-    def _shown(self, request: Request) -> bool:
+    def _has_token(self, request: Request) -> bool:
         offered = [*parse_qs(urlsplit(request.path).query).get("token", ())]
         with contextlib.suppress(CookieError):
             cookies = SimpleCookie("; ".join(request.headers.get_all("Cookie")))
             offered += [cookies[_COOKIE].value] if _COOKIE in cookies else []
-        wanted = (self.token or "").encode()
-        return any(hmac.compare_digest(each.encode(errors="replace"), wanted) for each in offered)
+        expected = (self.token or "").encode()
+        return any(hmac.compare_digest(each.encode(errors="replace"), expected) for each in offered)
 
 
 def open_server(access: Access) -> viser.ViserServer:
-    """A viser server that listens where `access` says, to whom it says. Raises `ConfigError` when it cannot."""
-    listener = _listener(access)
+    """Start a viser server with this access control. Raises `ConfigError` when it cannot listen."""
+    listener = _open_listener(access)
     access = Access(
         host=access.host,
         port=listener.getsockname()[1],
         token=access.token,
         allow_remote=access.allow_remote,
     )
-    # Its log is one traceback for each client that talks nonsense: a way to fill a disk from outside.
+    # It logs a traceback for each client that sends garbage, with which others could fill a disk.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-    gate = _Gate(access)
-    with _guarded_serve(listener, gate), contextlib.redirect_stdout(io.StringIO()):
+    request_filter = _RequestFilter(access)
+    with _patched_serve(listener, request_filter), contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=access.host, port=access.port, verbose=False)
-    _silence(server)
-    gate.open_for(server)
+    _drop_messages(server)
+    request_filter.attach(server)
     return server
 
 
-def allow_switch(client: viser.ClientHandle, uuid: str, changed: Callable[[bool], None]) -> None:
-    """Hear one checkbox of this client: `changed` is called with its new value, all else is still ignored."""
+def handle_checkbox(client: viser.ClientHandle, uuid: str, on_change: Callable[[bool], None]) -> None:
+    """Call `on_change` with the new value of one checkbox of this client; all else is still ignored."""
 
-    def judged(_: int, message: Any) -> None:
+    def on_update(_: int, message: Any) -> None:
         value = message.updates.get("value") if isinstance(message.updates, dict) else None
         if message.uuid == uuid and isinstance(value, bool):
-            changed(value)
+            on_change(value)
 
-    client._websock_connection.register_handler(messages.GuiUpdateMessage, judged)
+    client._websock_connection.register_handler(messages.GuiUpdateMessage, on_update)
 
 
-def allow_number(
-    client: viser.ClientHandle, uuid: str, lowest: float, highest: float, changed: Callable[[float], None]
+def handle_slider(
+    client: viser.ClientHandle, uuid: str, lowest: float, highest: float, on_change: Callable[[float], None]
 ) -> None:
-    """Hear one slider of this client in the same way, within its range."""
+    """Call `on_change` with the new value of one slider of this client, within its range."""
 
-    def judged(_: int, message: Any) -> None:
+    def on_update(_: int, message: Any) -> None:
         value = message.updates.get("value") if isinstance(message.updates, dict) else None
         if message.uuid != uuid or isinstance(value, bool) or not isinstance(value, int | float):
             return
-        if lowest <= value <= highest:  # NaN is not
-            changed(float(value))
+        if lowest <= value <= highest:  # false for NaN
+            on_change(float(value))
 
-    client._websock_connection.register_handler(messages.GuiUpdateMessage, judged)
+    client._websock_connection.register_handler(messages.GuiUpdateMessage, on_update)
 
 
-class _Gate:
-    """Judges each request before viser sees it."""
+class _RequestFilter:
+    """Checks each request before viser handles it."""
 
     def __init__(self, access: Access) -> None:
         self._access = access
         self._server: viser.ViserServer | None = None
 
-    def open_for(self, server: viser.ViserServer) -> None:
+    def attach(self, server: viser.ViserServer) -> None:
+        """Accept requests from now on, for this server."""
         self._server = server
 
     def wrap(self, inner: Callable[[Any, Request], Response | None]) -> Callable[[Any, Request], Response | None]:
+        """viser's `process_request`, behind this filter."""
+
         def process_request(connection: Any, request: Request) -> Response | None:
-            refusal = self._access.refusal(request)
-            if refusal is None and self._is_busy(request):
-                refusal = http.HTTPStatus.SERVICE_UNAVAILABLE
-            if refusal is not None:
-                response: Response = connection.respond(refusal, f"{refusal.value} {refusal.phrase}\n")
+            status = self._access.rejection(request)
+            if status is None and self._is_busy(request):
+                status = http.HTTPStatus.SERVICE_UNAVAILABLE
+            if status is not None:
+                response: Response = connection.respond(status, f"{status.value} {status.phrase}\n")
                 return response
-            return self._answered(inner, connection, request)
+            return self._respond(inner, connection, request)
 
         return process_request
 
     def _is_busy(self, request: Request) -> bool:
-        """Whether it is too early, or there are too many browsers for one more."""
+        """Whether the server has not started yet, or has the maximum number of browsers."""
         if self._server is None:
             return True
         clients = self._server._websock_server._client_state_from_id
         return "Upgrade" in request.headers and len(clients) >= MAX_CLIENTS
 
-    def _answered(self, inner: Any, connection: Any, request: Request) -> Response | None:
+    def _respond(self, inner: Any, connection: Any, request: Request) -> Response | None:
         is_page = urlsplit(request.path).path == "/"
         if is_page and "Accept-Encoding" in request.headers:
             del request.headers["Accept-Encoding"]  # the title is changed below, in plain text
@@ -221,8 +224,8 @@ class _Gate:
         return Response(response.status_code, response.reason_phrase, headers, body)
 
 
-def _listener(access: Access) -> socket.socket:
-    """A listening socket at exactly the port asked for: viser alone would silently take the next one."""
+def _open_listener(access: Access) -> socket.socket:
+    """Listen at exactly the requested port: viser alone would silently take the next one."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
             access.host, access.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -243,18 +246,18 @@ def _listener(access: Access) -> socket.socket:
 
 
 @contextlib.contextmanager
-def _guarded_serve(listener: socket.socket, gate: _Gate) -> Iterator[None]:
-    """While viser starts, its call of websockets' `serve` gets our socket, our limits and our gate."""
+def _patched_serve(listener: socket.socket, request_filter: _RequestFilter) -> Iterator[None]:
+    """While viser starts, its call of websockets' `serve` gets this module's socket, limits and request filter."""
     module = websockets.asyncio.server
     original = module.serve
 
     def serve(handler: Any, *_: Any, **options: Any) -> Any:
         options["max_size"] = MAX_MESSAGE_BYTES
         options["max_queue"] = 4
-        # Browsers connect in advance and then say nothing; neither that nor a page that hangs may hold up the end.
-        options["open_timeout"] = options["close_timeout"] = _PATIENCE_S
+        # Browsers connect in advance without sending anything; neither that nor a hung page may delay the end.
+        options["open_timeout"] = options["close_timeout"] = _TIMEOUT_S
         options["server_header"] = None
-        options["process_request"] = gate.wrap(options["process_request"])
+        options["process_request"] = request_filter.wrap(options["process_request"])
         return original(handler, sock=listener, **options)
 
     module.serve = serve  # type: ignore[assignment,misc]
@@ -264,15 +267,15 @@ def _guarded_serve(listener: socket.socket, gate: _Gate) -> Iterator[None]:
         module.serve = original  # type: ignore[misc]
 
 
-def _silence(server: viser.ViserServer) -> None:
-    """Unregister all that viser would do on behalf of a client, but for learning where its camera is."""
+def _drop_messages(server: viser.ViserServer) -> None:
+    """Unregister all of viser's message handlers except the one for a client's camera."""
     inner = server._websock_server
     inner._incoming_handlers.clear()
 
-    def silence_client(connection: Any) -> None:
+    def drop_client_messages(connection: Any) -> None:
         handlers = connection._incoming_handlers
         for kind in [kind for kind in handlers if kind is not messages.ViewerCameraMessage]:
             del handlers[kind]
 
     # Runs after viser's own callback, which registers the client's handlers, and before its first message is read.
-    inner.on_client_connect(silence_client)
+    inner.on_client_connect(drop_client_messages)

@@ -1,29 +1,30 @@
-"""From the telemetry file to what the page shows: the newest of everything, with its age."""
+"""Reads the newest telemetry for the page, with its age."""
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from dataclasses import dataclass, replace
+from typing import Protocol
 
-from vehicle_iface.runtime.telemetry import (
+from vehicle_iface.telemetry import (
     DrawnTrajectory,
     SessionInfo,
     Snapshot,
     WriterState,
 )
+from vehicle_iface.telemetry.details import LiveDetails
 from vehicle_iface.units import NS_PER_S, s_from_ns
-from viewer.recorder import RecorderState, RecorderWatch
+from vehicle_iface_viewer.recorder_monitor import RecorderHealth, RecorderMonitor
 
 STALE_AFTER_S = 0.5
-"""Data older than this is shown as old."""
+"""Older data is shown as stale."""
 _DETAILS_PERIOD_NS = NS_PER_S // 2
 _RATE_STEP_NS = NS_PER_S // 20
 _RATE_POINTS = 32
 
 
 class Source(Protocol):
-    """A `TelemetryReader`, or what answers as one does."""
+    """A `TelemetryReader`, or a `Playback`."""
 
     @property
     def address(self) -> str: ...
@@ -36,64 +37,64 @@ class Source(Protocol):
     def poll(self) -> WriterState: ...
     def newest(self) -> Snapshot | None: ...
     def trajectory(self, version: int) -> DrawnTrajectory | None: ...
-    def details(self) -> dict[str, Any]: ...
+    def details(self) -> LiveDetails | None: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class View:
-    """All that the page is drawn from, at one instant."""
+    """All data of the page at one time."""
 
     now_ns: int
     address: str
-    link: WriterState
+    writer_state: WriterState
     problem: str = ""
-    """Why the link is not live, in words."""
+    """Why the writer is not live, for the user."""
     session: int = 0
     info: SessionInfo | None = None
     snapshot: Snapshot | None = None
-    """The newest, also when it is old."""
+    """The newest one, even when it is stale."""
     trajectory: DrawnTrajectory | None = None
-    """The one that the snapshot's indices belong to."""
-    details: dict[str, Any] = field(default_factory=dict)
+    """The one that the snapshot's indices refer to."""
+    details: LiveDetails | None = None
     sample_rate_hz: float = 0.0
     command_rate_hz: float = 0.0
-    recorder: RecorderState | None = None
-    """Of the process that writes this drive down; None: nobody does."""
+    recorder: RecorderHealth | None = None
+    """None: the drive is not recorded."""
     recording: str = ""
-    """Of a recording: which part of it this is, in words. Empty: this is the present."""
+    """Of a playback: its description. Empty: this is a live drive."""
 
     @property
     def data_age_s(self) -> float:
-        """Since the loop last said anything."""
+        """Time since the loop last published."""
         return s_from_ns(self.now_ns - self.snapshot.published_ns) if self.snapshot else 0.0
 
     @property
     def state_age_s(self) -> float:
-        """Of the vehicle's state, as old as it is now."""
+        """Age of the vehicle's state."""
         return s_from_ns(self.now_ns - self.snapshot.stamp_ns) if self.snapshot else 0.0
 
     @property
     def is_stale(self) -> bool:
-        """Whether what is shown is not what is."""
-        return self.snapshot is None or self.link is not WriterState.LIVE or self.data_age_s > STALE_AFTER_S
+        """Whether the page does not show the present."""
+        return self.snapshot is None or self.writer_state is not WriterState.LIVE or self.data_age_s > STALE_AFTER_S
 
 
 class Feed:
-    """Reads the newest and forgets the rest; a new session starts it afresh."""
+    """Reads only the newest data; a new session resets it."""
 
     def __init__(self, reader: Source) -> None:
         self._reader = reader
         self._session = 0
         self._snapshot: Snapshot | None = None
         self._trajectory: DrawnTrajectory | None = None
-        self._details: dict[str, Any] = {}
+        self._details: LiveDetails | None = None
         self._details_due_ns = 0
-        self._recorder = RecorderWatch()
+        self._recorder = RecorderMonitor()
         self._counts: deque[tuple[int, int, int]] = deque(maxlen=_RATE_POINTS)
 
-    def view(self, now_ns: int) -> View:
-        """What is known at `now_ns`."""
-        link = self._reader.poll()
+    def read(self, now_ns: int) -> View:
+        """Read the telemetry; the data of the page at `now_ns`."""
+        writer_state = self._reader.poll()
         if self._reader.session != self._session:
             self._session = self._reader.session
             self._snapshot, self._trajectory, self._details_due_ns = None, None, 0
@@ -105,13 +106,13 @@ class Feed:
             self._details_due_ns = now_ns + _DETAILS_PERIOD_NS
         snapshot = self._snapshot
         view = View(
-            now_ns=max(now_ns, snapshot.published_ns) if snapshot else now_ns,  # it may have come since
+            now_ns=max(now_ns, snapshot.published_ns) if snapshot else now_ns,  # published since now_ns
             address=self._reader.address,
-            link=link,
+            writer_state=writer_state,
             problem=self._reader.problem,
             session=self._session,
             info=self._reader.info,
-            recorder=self._recorder.state(self._reader.info.recording, now_ns) if self._reader.info else None,
+            recorder=self._recorder.check(self._reader.info.recording, now_ns) if self._reader.info else None,
             snapshot=snapshot,
             trajectory=self._trajectory,
             details=self._details,
@@ -119,14 +120,14 @@ class Feed:
         return view if view.is_stale else self._with_rates(view)
 
     def _follow_trajectory(self) -> None:
-        """Take up the trajectory that the snapshot speaks of, as soon as it can be read whole."""
+        """Read the trajectory that the snapshot refers to, as soon as it is intact."""
         if self._snapshot is None:
             return
-        wanted = self._snapshot.trajectory_version
-        if wanted == 0:
+        version = self._snapshot.trajectory_version
+        if version == 0:
             self._trajectory = None
-        elif self._trajectory is None or self._trajectory.version != wanted:
-            self._trajectory = self._reader.trajectory(wanted) or self._trajectory
+        elif self._trajectory is None or self._trajectory.version != version:
+            self._trajectory = self._reader.trajectory(version) or self._trajectory
 
     def _with_rates(self, view: View) -> View:
         snapshot = self._snapshot

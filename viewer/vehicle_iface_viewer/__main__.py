@@ -1,0 +1,115 @@
+"""`python -m vehicle_iface_viewer`: serves the page until it is interrupted."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import signal
+import sys
+import warnings
+import webbrowser
+from collections.abc import Sequence
+from types import FrameType
+
+from vehicle_iface.command_line import ArgumentParser, HelpFormatter, make_output_safe
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.telemetry import telemetry_path
+from vehicle_iface_viewer.access import Access
+from vehicle_iface_viewer.app import App
+from vehicle_iface_viewer.playback import SPEEDS, Playback
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Serve the page until SIGINT or SIGTERM. Exit status 0, or 2 for an invalid option."""
+    make_output_safe()
+    options = _build_parser().parse_args(arguments)
+    try:
+        access = Access(host=options.host, port=options.port, token=options.token, allow_remote=options.allow_remote)
+        source, shown = _open_source(options)
+        app = App(access, source)
+    except ConfigError as error:
+        print(f"viewer: {error}", file=sys.stderr)
+        return 2
+    # A browser may disconnect between being listed and being sent to; that is no reason for a warning.
+    warnings.filterwarnings("ignore", message=r"Queued a \w+ on a closed connection")
+    stop = _StopFlag()
+    url = _format_url(options.host, app.port, options.token)
+    print(f"viewer: {url}  ({shown})", flush=True)
+    if options.open:
+        webbrowser.open(url)
+    try:
+        app.run(lambda: not stop.is_set)
+    finally:
+        # viser prints a line of its own.
+        with contextlib.redirect_stdout(io.StringIO()):
+            app.close()
+    print("viewer: ended", flush=True)
+    return 0
+
+
+def _open_source(options: argparse.Namespace) -> tuple[str | Playback, str]:
+    """The source of the page, and its description."""
+    if options.recording is None:
+        address = options.connect if options.connect is not None else "default"
+        return address, f"telemetry {address!r}: {telemetry_path(address)}"
+    if options.connect is not None:
+        raise ConfigError("--connect is for a running loop: leave it out, or the recording")
+    if not SPEEDS[0] <= options.speed <= SPEEDS[1]:
+        raise ConfigError(f"--speed {options.speed:g}: must be within {SPEEDS[0]:g} … {SPEEDS[1]:g}")
+    begin_s: float = getattr(options, "from")
+    playback = Playback(options.recording, speed=options.speed, begin_s=begin_s)
+    if not 0.0 <= begin_s <= playback.length_s:
+        raise ConfigError(f"--from {begin_s:g}: must be within 0 … {playback.length_s:.1f}, what was recorded")
+    return playback, f"recording {options.recording}, {playback.length_s:.1f} s"
+
+
+class _StopFlag:
+    """Set by the first SIGINT or SIGTERM; a second SIGINT ends the program immediately."""
+
+    def __init__(self) -> None:
+        self.is_set = False
+        signal.signal(signal.SIGINT, self._set)
+        signal.signal(signal.SIGTERM, self._set)
+
+    def _set(self, _number: int, _frame: FrameType | None) -> None:
+        self.is_set = True
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _format_url(host: str, port: int, token: str | None) -> str:
+    name = f"[{host}]" if ":" in host else host
+    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")
+
+
+def _build_parser() -> argparse.ArgumentParser:
+    parser = ArgumentParser(
+        prog="vehicle-iface view",
+        description="Show a running loop in the browser, or play back a drive that was recorded with `run --record`. "
+        "The viewer only reads telemetry: it cannot influence the loop.",
+        formatter_class=HelpFormatter,
+    )
+    parser.add_argument("recording", nargs="?", metavar="RECORDING", help="folder of a recorded drive to play back")
+    parser.add_argument(
+        "--connect", metavar="ADDRESS", help="telemetry to show: a name ('default'), or a path with a '/'"
+    )
+    parser.add_argument(
+        "--speed", type=float, default=1.0, help="playback speed of a recording, 0.1 … 10; 1 is real time"
+    )
+    parser.add_argument(
+        "--from", type=float, default=0.0, metavar="S", help="start the playback S seconds after its beginning"
+    )
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on")
+    parser.add_argument("--port", type=int, default=8080, help="TCP port to listen on; 0: any free port")
+    parser.add_argument("--open", action="store_true", help="open the page in this machine's browser")
+    parser.add_argument(
+        "--allow-remote",
+        action="store_true",
+        help="accept other machines; requires --token, and the connection is not encrypted",
+    )
+    parser.add_argument("--token", default=None, help="secret of at least 16 characters that a browser must send")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

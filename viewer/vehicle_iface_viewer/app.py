@@ -1,0 +1,119 @@
+"""The viewer's loop: updates the page from the telemetry thirty times a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import viser
+
+from vehicle_iface import clock
+from vehicle_iface.telemetry import TelemetryReader
+from vehicle_iface.units import NS_PER_S
+from vehicle_iface_viewer.access import Access, handle_checkbox, open_server
+from vehicle_iface_viewer.feed import Feed, View
+from vehicle_iface_viewer.panels.side_panel import SidePanel
+from vehicle_iface_viewer.playback import Playback
+from vehicle_iface_viewer.playback_controls import PlaybackControls
+from vehicle_iface_viewer.scene.nodes import ROOT
+from vehicle_iface_viewer.scene.scene import Scene
+
+_PERIOD_NS = NS_PER_S // 30
+_PANELS_EVERY = 3
+_PANEL_WIDTH_PX = 430
+
+
+class App:
+    """A server with its page, fed from one telemetry address, or from a recording."""
+
+    def __init__(self, access: Access, source: str | Playback) -> None:
+        self._playback = source if isinstance(source, Playback) else None
+        self._reader = source if isinstance(source, Playback) else TelemetryReader(source)
+        self._feed = Feed(self._reader)
+        self.server = open_server(access)
+        self.server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+        self.server.gui.set_panel_label("vehicle-iface" if self._playback is None else "vehicle-iface: RECORDING")
+        self.server.gui.main_panel.dock_right()
+        self.server.gui.main_panel.set_width(_PANEL_WIDTH_PX)
+        self._scene = Scene(self.server, is_recording=self._playback is not None)
+        self._side_panel = SidePanel(self.server.gui)
+        self._controls = PlaybackControls(self.server.gui, self._playback) if self._playback is not None else None
+        self._clients: dict[int, _Client] = {}
+
+    @property
+    def port(self) -> int:
+        """TCP port of the page."""
+        return self.server.get_port()
+
+    def run(self, keep_running: Callable[[], bool]) -> None:
+        """Update the page while `keep_running` returns True."""
+        tick = 0
+        due_ns = clock.monotonic_ns()
+        while keep_running():
+            self.update(tick)
+            tick += 1
+            # A late update is not caught up: that would only delay the next ones.
+            due_ns = max(due_ns + _PERIOD_NS, clock.monotonic_ns())
+            clock.sleep_until(due_ns)
+
+    def update(self, tick: int) -> None:
+        """One step: the scene each time, texts and plots every third time."""
+        now_ns = clock.monotonic_ns()
+        view = self._view(now_ns)
+        with self.server.atomic():
+            if self._controls is not None:
+                self._controls.update(now_ns)
+            position = self._scene.draw(view)
+            if tick % _PANELS_EVERY == 0:
+                self._side_panel.show(view, tick // _PANELS_EVERY)
+        present = self._update_clients()
+        if position is not None:
+            for client in present:
+                client.follow(position)
+        # Both at once: the vehicle's position and the world's shift belong in the same frame.
+        self.server.flush()
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._reader.close()
+        self.server.stop()
+
+    def _view(self, now_ns: int) -> View:
+        if self._playback is None:
+            return self._feed.read(now_ns)
+        view = self._feed.read(self._playback.advance(now_ns, is_watched=bool(self._clients)))
+        return replace(view, recording=self._playback.description)
+
+    def _update_clients(self) -> list[_Client]:
+        """One for each connected browser. Polled, because viser's callbacks for connect and disconnect may arrive in
+        the wrong order, and a browser that stayed in the list would stay for ever."""
+        clients = self.server.get_clients()
+        self._clients = {
+            number: self._clients.get(number) or self._on_connect(client) for number, client in clients.items()
+        }
+        return list(self._clients.values())
+
+    def _on_connect(self, client: viser.ClientHandle) -> _Client:
+        if self._controls is not None:
+            self._controls.connect(client)
+        return _Client(client)
+
+
+class _Client:
+    """One browser, with its own choice to follow the vehicle."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        self._client = client
+        self._is_following = True
+        self._frame = client.scene.add_frame(ROOT, show_axes=False)
+        box = client.gui.add_checkbox("Follow", initial_value=True, order=SidePanel.FOLLOW_ORDER)
+        handle_checkbox(client, box._impl.uuid, self._set_following)
+
+    def _set_following(self, is_following: bool) -> None:
+        self._is_following = is_following
+
+    def follow(self, position: tuple[float, float]) -> None:
+        """Shift this browser's world so that `position` stays in the middle of the picture, if it follows."""
+        if self._is_following:
+            self._frame.position = (-position[0], -position[1], 0.0)
+            self._client.flush()

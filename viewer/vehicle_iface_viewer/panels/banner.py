@@ -1,0 +1,161 @@
+"""The banner: state, reason, session and rates, legible from across the room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import UNSET
+
+from vehicle_iface.reason import Reason
+from vehicle_iface.status import ControllerState
+from vehicle_iface.telemetry import WriterState
+from vehicle_iface.units import NS_PER_S
+from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.panels.text import enum_name, plain
+
+OLD_STATE_S = 0.1
+"""An older state is marked. The loop stops at half of this; the rest allows for the delay of the page."""
+_GREEN, _AMBER, _RED, _BLUE, _TEAL, _GREY = "#2b8a3e", "#e67700", "#c92a2a", "#1864ab", "#0b7285", "#495057"
+_PURPLE, _LILAC = "#43305c", "#d0b8f5"
+_STATE_COLORS = {
+    ControllerState.ENGAGED: _GREEN,
+    ControllerState.ENGAGING: _TEAL,
+    ControllerState.STOPPING: _AMBER,
+    ControllerState.FAULT: _RED,
+    ControllerState.SHADOW: _BLUE,
+    ControllerState.STARTING: _TEAL,
+    ControllerState.STANDBY: _TEAL,
+}
+_GONE = {
+    WriterState.ABSENT: "NO LOOP",
+    WriterState.ENDED: "LOOP ENDED",
+    WriterState.DEAD: "LOOP GONE",
+    WriterState.OTHER_VERSION: "OTHER VERSION",
+    WriterState.UNREADABLE: "UNREADABLE",
+}
+
+
+def banner_html(view: View | None) -> str:
+    """The banner; grey where the data is stale."""
+    if view is None or view.snapshot is None:
+        title = _GONE.get(view.writer_state, "WAITING") if view else "WAITING"
+        lines = [f"<div>{plain(view.problem or 'no snapshot yet')}</div>"] if view else []
+        if view and view.writer_state is WriterState.ABSENT:
+            lines.append(f"<div>waiting for a loop at {plain(view.address)}</div>")
+        return _recording_box(view) + _banner(_GREY, title, "", lines, state="", reason="", stale=True)
+    snapshot = view.snapshot
+    state, reason = enum_name(ControllerState, snapshot.controller_state), enum_name(Reason, snapshot.reason)
+    color = _GREY if view.is_stale else _STATE_COLORS.get(snapshot.controller_state, _RED)  # type: ignore[call-overload]
+    if view.recording:
+        color = f"repeating-linear-gradient(135deg,{color} 0 16px,{_PURPLE} 16px 32px)"
+    lines = [*_staleness(view), *_handover(view), *_session_lines(view), _rates(view)]
+    banner = _banner(color, state, reason, lines, state=state, reason=reason, stale=view.is_stale)
+    return _recording_box(view) + banner
+
+
+def _recording_box(view: View | None) -> str:
+    """A box above the banner that marks a recording."""
+    if view is None or not view.recording:
+        return ""
+    return (
+        f'<div id="recording" style="border:3px solid {_LILAC};background:{_PURPLE};color:#fff;border-radius:8px;'
+        'padding:8px 14px;margin:4px 14px 4px 8px;line-height:1.45;font-size:13px;font-variant-numeric:tabular-nums">'
+        f'<div style="font-size:25px;font-weight:750;letter-spacing:2px;color:{_LILAC}">RECORDING, NOT LIVE</div>'
+        f"<div>{plain(view.recording)}</div></div>"
+    )
+
+
+def _banner(color: str, title: str, subtitle: str, lines: list[str], *, state: str, reason: str, stale: bool) -> str:
+    return (
+        f'<div id="banner" data-state="{plain(state)}" data-reason="{plain(reason)}" data-stale="{str(stale).lower()}"'
+        f' style="background:{color};color:#fff;border-radius:8px;padding:10px 14px;margin:4px 14px 4px 8px;'
+        'line-height:1.45;font-size:13px;font-variant-numeric:tabular-nums">'
+        f'<div style="display:flex;justify-content:space-between;align-items:baseline;gap:12px;flex-wrap:wrap">'
+        f'<span id="state" style="font-size:25px;font-weight:750;letter-spacing:.5px">{plain(title)}</span>'
+        f'<span id="reason" style="font-size:15px;font-weight:600">{plain(subtitle)}</span></div>'
+        f"{''.join(lines)}</div>"
+    )
+
+
+def _handover(view: View) -> Iterator[str]:
+    """A call to the driver to take over."""
+    assert view.snapshot is not None
+    if view.snapshot.handover_pending and not view.is_stale:
+        left_s = view.snapshot.handover_in_ns / NS_PER_S
+        when = f"in {left_s:.1f} s at the earliest" if left_s > 0.0 else "at standstill"
+        yield f'<div id="handover" style="font-weight:700;font-size:15px">TAKE OVER: control is returned {when}</div>'
+
+
+def _staleness(view: View) -> Iterator[str]:
+    assert view.snapshot is not None
+    if view.is_stale:
+        gone = f"{_GONE[view.writer_state]}: " if view.writer_state in _GONE else ""
+        yield (
+            f'<div id="stale" style="font-weight:700;font-size:15px">{gone}no data for {view.data_age_s:.1f} s</div>'
+        )
+        if view.problem:
+            yield f"<div>{plain(view.problem)}</div>"
+    path = view.trajectory
+    if path is not None and len(path.x_m) and path.frame_id != view.snapshot.frame_id:
+        frames = f"trajectory in frame {plain(path.frame_id)}, vehicle in {plain(view.snapshot.frame_id)}"
+        yield f"<div><b>{frames}: not drawn together</b></div>"
+
+
+def _session_lines(view: View) -> Iterator[str]:
+    info = view.info
+    if info is None:
+        return
+    yield f'<div id="bus"><b>{plain(info.arming)}</b> · {plain(info.bus)} · channel {plain(info.channel)}</div>'
+    yield from _link_lines(view)
+    yield from _shadow_lines(view)
+    if info.bus_hint:
+        yield f'<div style="opacity:.85;font-size:12px">{plain(info.bus_hint)}</div>'
+    if view.recorder is not None and view.recorder.fault:
+        yield f'<div id="recorder" style="font-weight:700">RECORDER: {plain(view.recorder.fault)}</div>'
+    elif view.recorder is not None:
+        yield f'<div id="recorder">recording to {plain(view.recorder.folder)}</div>'
+    yield f"<div>profile {plain(info.profile or '–')} · route {plain(info.route or '–')}</div>"
+
+
+def _link_lines(view: View) -> Iterator[str]:
+    """The link's state when it is not UP, and the bus load when it is known."""
+    if view.details is None:
+        return
+    link = view.details.link
+    if link.state != "UP":
+        yield f'<div id="link" style="font-weight:700">link {plain(link.state)}</div>'
+    if link.load_percent is not UNSET and link.frames_per_s is not UNSET:
+        yield f'<div id="load">bus load {link.load_percent:.1f} % · {link.frames_per_s:.0f} frames/s</div>'
+
+
+def _shadow_lines(view: View) -> Iterator[str]:
+    """How far the commands of another commander are from those of a loop in shadow mode."""
+    shadow = view.details.shadow if view.details is not None else UNSET
+    if shadow is UNSET or not shadow.compared:
+        return
+    accel_mps2, angle_rad = shadow.accel_mps2.p95, shadow.front_wheel_angle_rad.p95
+    difference = f"95 % differ by at most {accel_mps2:.3f} m/s², {angle_rad:.4f} rad"
+    yield f'<div id="shadow">other commander: {shadow.compared} commands, {difference}</div>'
+
+
+def _rates(view: View) -> str:
+    snapshot = view.snapshot
+    assert snapshot is not None
+    state_age = f"{min(view.state_age_s, 9999.0) * 1e3:.0f} ms" if snapshot.has_state else "none"
+    latency = f"{snapshot.latency_ns / 1e6:.2f} ms" if snapshot.sent else "–"
+    tiles = (
+        _tile("samples/s", f"{view.sample_rate_hz:.0f}"),
+        _tile("commands/s", f"{view.command_rate_hz:.0f}"),
+        _tile("state age", state_age, is_bad=view.state_age_s > OLD_STATE_S),
+        _tile("latency", latency),
+    )
+    return f'<div style="display:flex;gap:6px;margin-top:6px">{"".join(tiles)}</div>'
+
+
+def _tile(name: str, value: str, *, is_bad: bool = False) -> str:
+    back = _RED if is_bad else "rgba(0,0,0,.22)"
+    return (
+        f'<div style="flex:1;background:{back};border-radius:5px;padding:3px 7px;white-space:nowrap">'
+        f'<div style="font-size:11px;opacity:.85">{name}</div>'
+        f'<div style="font-size:15px;font-weight:650">{value}</div></div>'
+    )

@@ -1,0 +1,43 @@
+"""The panel beside the scene: banner, numbers, legend, plots, counters."""
+
+from __future__ import annotations
+
+import viser
+
+from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.panels.banner import banner_html
+from vehicle_iface_viewer.panels.counters import counters_html
+from vehicle_iface_viewer.panels.legend import legend_html
+from vehicle_iface_viewer.panels.numbers import numbers_html
+from vehicle_iface_viewer.panels.plots import Plots
+
+
+class SidePanel:
+    """The control panel, except for each browser's own Follow switch."""
+
+    FOLLOW_ORDER = 2.0
+    """Position of the Follow switch: under the banner."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._banner = gui.add_html(banner_html(None), order=1.0)
+        self._numbers = gui.add_html("", order=3.0)
+        self._legend = gui.add_html(legend_html(None), order=4.0)
+        self._plots = Plots(gui)
+        with gui.add_folder("Counters", expand_by_default=False, order=20.0):
+            self._counters = gui.add_html("")
+
+    def show(self, view: View, turn: int) -> None:
+        """Update texts and plots to `view`: the banner each time, the rest in turns to save the browser work."""
+        _update(self._banner, banner_html(view))
+        if turn % 2 == 0:
+            _update(self._numbers, numbers_html(view))
+        else:
+            _update(self._legend, legend_html(view))
+            _update(self._counters, counters_html(view))
+        self._plots.extend(view)
+        self._plots.send(turn)
+
+
+def _update(handle: viser.GuiHtmlHandle, content: str) -> None:
+    if handle.content != content:
+        handle.content = content

@@ -1,0 +1,62 @@
+"""Pause, time and speed of a recording, on its page.
+
+The page of a running loop has none of these controls: of its browsers only the camera and the Follow switch
+are handled.
+"""
+
+from __future__ import annotations
+
+import math
+
+import viser
+
+from vehicle_iface.units import NS_PER_S
+from vehicle_iface_viewer.access import handle_checkbox, handle_slider
+from vehicle_iface_viewer.playback import SPEEDS, Playback
+
+ORDER = 1.5
+"""Between the banner and the Follow switch."""
+_HOLD_NS = 2 * NS_PER_S
+"""For this time after the user moved the slider, it is not updated."""
+_PERIOD_NS = NS_PER_S // 3
+
+
+class PlaybackControls:
+    """Shared by all browsers, which all show the same time."""
+
+    def __init__(self, gui: viser.GuiApi, playback: Playback) -> None:
+        self._playback = playback
+        self._length_s = math.ceil(max(playback.length_s, 0.1) * 10.0) / 10.0
+        self._due_ns = 0
+        self._is_moved = False
+        self._pause = gui.add_checkbox("Pause", initial_value=False, order=ORDER)
+        self._time = gui.add_slider("Time, s", 0.0, self._length_s, 0.1, round(playback.at_s, 1), order=ORDER + 0.1)
+        self._speed = gui.add_slider("Speed, ×", *SPEEDS, 0.1, playback.speed, order=ORDER + 0.2)
+
+    def connect(self, client: viser.ClientHandle) -> None:
+        """Handle the controls of this browser."""
+        handle_checkbox(client, self._pause._impl.uuid, self._set_pause)
+        handle_slider(client, self._time._impl.uuid, 0.0, self._length_s, self._seek)
+        handle_slider(client, self._speed._impl.uuid, *SPEEDS, self._set_speed)
+
+    def update(self, now_ns: int) -> None:
+        """Show the time of the playback, unless the user is moving the slider."""
+        if self._is_moved:
+            self._is_moved, self._due_ns = False, now_ns + _HOLD_NS
+        if self._pause.value != self._playback.is_paused:
+            self._pause.value = self._playback.is_paused  # type: ignore[misc]  # viser declares no setter
+        if now_ns >= self._due_ns:
+            self._due_ns = now_ns + _PERIOD_NS
+            at_s = round(self._playback.at_s, 1)
+            if self._time.value != at_s:
+                self._time.value = at_s  # type: ignore[misc]
+
+    def _set_pause(self, is_paused: bool) -> None:
+        self._playback.is_paused = is_paused
+
+    def _seek(self, at_s: float) -> None:
+        self._playback.seek(at_s)
+        self._is_moved = True
+
+    def _set_speed(self, speed: float) -> None:
+        self._playback.speed = speed

@@ -1,0 +1,21 @@
+"""Root, drawing range and update of the scene's nodes."""
+
+from __future__ import annotations
+
+import viser
+
+ROOT = "/world"
+FAR_M = 1e5
+"""Nothing farther from the local origin is drawn."""
+
+
+def is_near(x_m: float, y_m: float, limit_m: float = FAR_M) -> bool:
+    """Whether both coordinates are numbers within the range."""
+    return abs(x_m) < limit_m and abs(y_m) < limit_m  # false for NaN as well
+
+
+def assign_changed(node: viser.SceneNodeHandle, **values: object) -> None:
+    """Assign the values that differ: viser sends a message for each assignment of some properties, changed or not."""
+    for name, value in values.items():
+        if getattr(node, name) != value:
+            setattr(node, name, value)

@@ -1,0 +1,72 @@
+"""The scene as a whole, drawn around a local origin near the vehicle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import viser
+
+from vehicle_iface.telemetry import Snapshot
+from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.scene.ground import SECTION_M, Ground
+from vehicle_iface_viewer.scene.markers import Markers
+from vehicle_iface_viewer.scene.nodes import is_near
+from vehicle_iface_viewer.scene.trail import Trail
+from vehicle_iface_viewer.scene.trajectory_path import TrajectoryPath
+from vehicle_iface_viewer.scene.vehicle import PAINT_COLOR, RECORDED_COLOR, STALE_COLOR, Vehicle
+
+_BACKGROUND = (23, 27, 33)
+_RECORDED_BACKGROUND = (44, 26, 58)
+_REANCHOR_M = 400.0
+
+
+class Scene:
+    """All nodes of the scene."""
+
+    def __init__(self, server: viser.ViserServer, *, is_recording: bool = False) -> None:
+        self._origin: tuple[float, float] | None = None
+        self._session = 0
+        self._ground = Ground(server.scene)
+        self._path = TrajectoryPath(server.scene)
+        self._trail = Trail(server.scene)
+        self._markers = Markers(server.scene)
+        self._vehicle = Vehicle(server.scene)
+        server.scene.set_up_direction("+z")
+        server.scene.configure_default_lights(True, cast_shadow=False)
+        background = _RECORDED_BACKGROUND if is_recording else _BACKGROUND
+        server.scene.set_background_image(np.full((2, 2, 3), background, dtype=np.uint8), format="png")
+        server.initial_camera.position = (-11.0, -11.0, 12.0)
+        server.initial_camera.look_at = (0.0, 0.0, 0.0)
+
+    def draw(self, view: View) -> tuple[float, float] | None:
+        """Update all nodes to `view`; the vehicle's position relative to the local origin, m, or None."""
+        snapshot = view.snapshot
+        if view.session != self._session:
+            self._session = view.session
+            self._trail.clear()
+            if view.info is not None:
+                self._vehicle.reshape(view.info.shape)
+        if snapshot is None or not snapshot.has_state or not is_near(snapshot.x_m, snapshot.y_m, 1e9):
+            self._vehicle.show(None)
+            self._markers.show(None, (0.0, 0.0))
+            return None
+        origin = self._update_origin(snapshot)
+        self._path.show(view.trajectory, origin, snapshot.frame_id)
+        self._markers.show(snapshot, origin)
+        paint = STALE_COLOR if view.is_stale else RECORDED_COLOR if view.recording else PAINT_COLOR
+        self._vehicle.show(snapshot, paint=paint, origin=origin)
+        self._trail.extend(snapshot, origin, view.now_ns)
+        return snapshot.x_m - origin[0], snapshot.y_m - origin[1]
+
+    def _update_origin(self, snapshot: Snapshot) -> tuple[float, float]:
+        """The local origin, moved when the vehicle is far from it; always on a corner of the grid."""
+        old = self._origin
+        if old is None or math.dist(old, (snapshot.x_m, snapshot.y_m)) > _REANCHOR_M:
+            step = 2 * SECTION_M
+            self._origin = (round(snapshot.x_m / step) * step, round(snapshot.y_m / step) * step)
+            self._ground.label(self._origin)
+            self._trail.clear()
+            self._path.invalidate()
+        assert self._origin is not None
+        return self._origin
