@@ -1,4 +1,4 @@
-# Sourced by tools/demo and tools/test: makes .venv from the lock, and installs the system programs that are missing.
+# Sourced by the programs of this folder: makes .venv from the lock, and installs the system programs that are missing.
 # Everything it says goes to the error output; a second run finds its stamps and is silent.
 
 set -euo pipefail
@@ -93,6 +93,7 @@ install_lock() { # PYTHON
     local stamp
     stamp="$(version_of "$1") $root $(sha256sum <"$root/requirements.txt")"
     is_stamped lock "$stamp" && "$venv/bin/python" -c '' 2>/dev/null && return
+    [ ! -L "$venv" ] || die "$venv is a link to another folder's, which would be emptied; remove the link: rm '$venv'"
     need_venv "$1"
     say "Making .venv with Python $(version_of "$1") (the system's packages stay untouched)"
     quietly "$1" -m venv --clear "$venv" || die "cannot make $venv; remove it and run this again: rm -rf '$venv'"
@@ -118,3 +119,10 @@ set_up() {
     install_lock "$python"
     install_project
 } 9<"$root/pyproject.toml"
+
+# Sets up what is missing, then becomes a module of tools/ or of the project.
+run_module() { # MODULE ARGUMENTS…
+    set_up
+    export PYTHONPATH=$root:$root/viewer:$root/tools${PYTHONPATH:+:$PYTHONPATH}
+    exec "$venv/bin/python" -P -m "$@"
+}

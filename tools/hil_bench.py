@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Is a controller on a CAN bus fit to drive? Plays the vehicle, breaks things on purpose, and judges from outside."""
+"""Test a controller on a CAN bus: play the vehicle, inject faults, and judge from outside (package `hil_bench`)."""
 
 import os
 import subprocess
@@ -9,24 +9,24 @@ from pathlib import Path
 
 TOOLS = Path(__file__).resolve().parent
 PYTHON = TOOLS.parent / ".venv" / "bin" / "python"
-NEEDS = ("cantools", "jinja2", "msgspec", "rich")
 
 
-def use_own_python() -> None:
-    """Go on with the project's own Python, made if it is missing, unless this one has everything."""
-    missing = [name for name in NEEDS if find_spec(name) is None]
+def use_own_python(needs: tuple[str, ...]) -> None:
+    """Continue in the project's own Python, created if it is missing, unless this one has every package."""
+    missing = [name for name in needs if find_spec(name) is None]
     if not missing:
         return
     if Path(sys.prefix) == PYTHON.parents[1]:
-        sys.exit(f"hil_bench: {PYTHON} lacks {', '.join(missing)}; run: tools/test tests/hil")
+        sys.exit(f"hil-bench: {PYTHON} lacks {', '.join(missing)}; run: tools/test tests/hil")
     if subprocess.run(["bash", "-c", f"source '{TOOLS}/_setup.sh' && set_up", "hil_bench.py"], check=False).returncode:
-        sys.exit("hil_bench: its Python could not be set up, see above")
+        sys.exit("hil-bench: its Python could not be set up, see above")
     os.execv(PYTHON, [str(PYTHON), *sys.argv])
 
 
 if __name__ == "__main__":
-    use_own_python()
+    # Its folder comes first on the path, with `python -P`, too: there the package hides this file of the same name.
     sys.path.insert(0, str(TOOLS))
-    from hil.cli import main
+    from hil_bench.__main__ import NEEDS, main
 
+    use_own_python(NEEDS)
     sys.exit(main())

@@ -1,7 +1,7 @@
 """Benchmarks: how this program compares with the usual way to do the same, in ratios on one machine.
 
-`tools/bench NAME` imports `benchmarks.NAME` and nothing of the others; each module here whose name has no underscore
-in front is a benchmark, and has
+`tools/benchmark NAME` imports `benchmarks.NAME` and nothing of the others; each module of this folder is a benchmark,
+and has
 
     __doc__                      a line that says what is compared; then more of it; the last two paragraphs are
                                  `Takes …` (its time) and `Target: …`
@@ -9,6 +9,6 @@ in front is a benchmark, and has
     add_options(parser)          only where it has options of its own
 
 Every benchmark has `options.quick` (fewer rounds: right in form, rough in numbers). Seconds are never asserted: a
-target that is missed is said in the table. Contestants take turns in one process (`_timing.interleaved`), so that a
-loaded machine shifts both sides of a ratio.
+target that is missed is said in the table. Contestants take turns in one process (`parts.timing.interleaved`), so that
+a loaded machine shifts both sides of a ratio.
 """

@@ -1,4 +1,4 @@
-"""The entry of `tools/bench`."""
+"""The entry of `tools/benchmark`."""
 
 import argparse
 import ast
@@ -6,7 +6,7 @@ import importlib
 import sys
 from pathlib import Path
 
-from benchmarks import _report
+from benchmarks.parts.report import BenchmarkError, as_json, as_text
 
 
 def main() -> int:
@@ -23,7 +23,7 @@ def main() -> int:
     given.remove(name)
     benchmark = importlib.import_module(f"benchmarks.{name}")
     parser = argparse.ArgumentParser(
-        prog=f"tools/bench {name}", description=texts[name], formatter_class=argparse.RawDescriptionHelpFormatter
+        prog=f"tools/benchmark {name}", description=texts[name], formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--json", action="store_true", help="the same as JSON, with the machine")
     parser.add_argument("--quick", action="store_true", help="fewer rounds: right in form, rough in numbers")
@@ -32,16 +32,16 @@ def main() -> int:
     options = parser.parse_args(given)
     try:
         report = benchmark.run(options)
-    except _report.BenchmarkError as error:
-        print(f"tools/bench {name}: {error}", file=sys.stderr)
+    except BenchmarkError as error:
+        print(f"tools/benchmark {name}: {error}", file=sys.stderr)
         return 1
-    print(_report.as_json(name, report) if options.json else _report.as_text(name, report))
+    print(as_json(name, report) if options.json else as_text(name, report))
     return 0
 
 
 def _overall(texts: dict[str, str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="tools/bench",
+        prog="tools/benchmark",
         description="Measure how this program compares; prints a table of ratios with the machine above it.",
         epilog="\n\n".join(_in_short(name, text) for name, text in texts.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,

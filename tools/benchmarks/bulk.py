@@ -1,4 +1,4 @@
-"""A recording to columns: `vehicle_iface.codec.bulk` beside a loop of cantools over its frames.
+"""A recording to columns: `vehicle_iface.logs` beside a loop of cantools over its frames.
 
 A candump log of a million frames (every message of reference.dbc in turn, random values in range) is made in a
 temporary folder; a second one has 20 000. Decoding alone: payloads that are in memory already, ours as a matrix for
@@ -28,12 +28,13 @@ from cantools import logreader
 from cantools.database import Message
 from cantools.database.can import Database
 
-from benchmarks._inputs import DBC_FOLDER, is_same, random_values
-from benchmarks._report import BenchmarkError, Cell, Report, Table, Target, progress
-from benchmarks._timing import Spread, interleaved, ratios
-from vehicle_iface.codec.bulk import BulkCodec, Recording, decode_log
-from vehicle_iface.codec.candump import Bytes
+from benchmarks.parts.inputs import DBC_FOLDER, is_same, random_values
+from benchmarks.parts.report import BenchmarkError, Cell, Report, Table, Target, progress
+from benchmarks.parts.timing import Spread, interleaved, ratios
 from vehicle_iface.codec.dbc_file import read_dbc
+from vehicle_iface.logs.bulk_codec import BulkCodec
+from vehicle_iface.logs.columns import DecodedLog, decode_log
+from vehicle_iface.logs.frames import Bytes
 
 NS_PER_S = 1_000_000_000
 FEW, MANY = 20_000, 1_000_000
@@ -107,7 +108,7 @@ def _measured(log: Log, rounds: int) -> dict[str, dict[str, list[float]]]:
     }
 
 
-def _decoded(log: Log) -> Recording:
+def _decoded(log: Log) -> DecodedLog:
     return decode_log(log.path, log.database.messages, checked=True)
 
 

@@ -19,10 +19,10 @@ from functools import partial
 
 from cantools.database import Message
 
-from benchmarks._inputs import DBC_FOLDER, is_same, random_values
-from benchmarks._per_signal import PerSignalCodec
-from benchmarks._report import BenchmarkError, Cell, Report, Table, Target, progress
-from benchmarks._timing import NS_PER_US, Spread, geometric_mean, interleaved, ratios
+from benchmarks.parts.inputs import DBC_FOLDER, is_same, random_values
+from benchmarks.parts.per_signal import PerSignalCodec
+from benchmarks.parts.report import BenchmarkError, Cell, Report, Table, Target, progress
+from benchmarks.parts.timing import NS_PER_US, Spread, geometric_mean, interleaved, ratios
 from vehicle_iface.codec import MessageCodec
 from vehicle_iface.codec.dbc_file import read_dbc
 

@@ -21,9 +21,9 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from benchmarks._pursuits import NearestPursuit, WalkingPursuit
-from benchmarks._report import BenchmarkError, Cell, Report, Table, Target, progress
-from benchmarks._timing import NS_PER_US, Spread, interleaved, ratios
+from benchmarks.parts.pursuits import NearestPursuit, WalkingPursuit
+from benchmarks.parts.report import BenchmarkError, Cell, Report, Table, Target, progress
+from benchmarks.parts.timing import NS_PER_US, Spread, interleaved, ratios
 from vehicle_iface import PurePursuit, PurePursuitConfig, Reason, Trajectory, VehicleState
 
 NS_PER_MS = 1_000_000

@@ -27,8 +27,8 @@ from typing import Any
 
 from playwright.sync_api import sync_playwright
 
-from benchmarks._pacing_page import Onlookers
-from benchmarks._report import BenchmarkError, Cell, Report, Table, Target, progress
+from benchmarks.parts.pacing_page import Onlookers
+from benchmarks.parts.report import BenchmarkError, Cell, Report, Table, Target, progress
 
 ROOT = Path(__file__).resolve().parents[2]
 ALONE, WATCHED, HUNG, RELOADING = "alone", "viewer and browser", "hung browser", "page reloading"
@@ -124,7 +124,7 @@ class Control:
 
     def __init__(self, profile: str, address: str, seconds: float, policy: str) -> None:
         environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tools'}:{ROOT}"}
-        command = [sys.executable, "-P", "-m", "benchmarks._pacing_loop", profile, address, str(seconds), policy]
+        command = [sys.executable, "-P", "-m", "benchmarks.parts.pacing_loop", profile, address, str(seconds), policy]
         self._open: Callable[[], subprocess.Popen[str]] = lambda: subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,

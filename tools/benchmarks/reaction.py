@@ -25,8 +25,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from benchmarks._reaction_pass import HOT, IDLE
-from benchmarks._report import BenchmarkError, Cell, Report, Table, Target, progress
+from benchmarks.parts.reaction_pass import HOT, IDLE
+from benchmarks.parts.report import BenchmarkError, Cell, Report, Table, Target, progress
 
 OURS, BARE, ECHO, PYTHON_CAN = "ours", "bare", "echo", "python-can"
 PERIOD_US = 10_000.0
@@ -40,12 +40,12 @@ QUANTILES = (("p50", 0.5), ("p95", 0.95), ("p99", 0.99), ("max", 1.0))
 
 def run(options: argparse.Namespace) -> Report:
     """All three parts."""
-    hot, idle, rounds, samples = (20, 40, 2, 50) if options.quick else (300, 600, 8, 200)
+    hot, idle, rounds, samples = (40, 40, 2, 50) if options.quick else (600, 600, 8, 200)
     progress("one whole pass, in one process …")
-    passes = _child("_reaction_pass", hot, idle)
+    passes = _child("reaction_pass", hot, idle)
     _require_answers(passes)
     progress("whole processes on vcan …")
-    on_vcan = _child("_reaction_vcan", rounds, samples, prefix=_vcan())
+    on_vcan = _child("reaction_vcan", rounds, samples, prefix=_vcan())
     progress("")
     tables = [_pass_table(passes), _wire_table(on_vcan["latencies"]), *_call_tables(on_vcan["calls"])]
     targets = [*_pass_targets(passes), *_wire_targets(on_vcan["latencies"]), *_call_targets(on_vcan["calls"])]
@@ -70,7 +70,7 @@ def _vcan() -> list[str]:
 def _child(module: str, *arguments: int, prefix: Sequence[str] = ()) -> Any:
     """A part in a process of its own, from which it gets real-time rights that nobody else shall have."""
     environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tools'}:{ROOT}"}
-    command = [*prefix, sys.executable, "-P", "-m", f"benchmarks.{module}", *map(str, arguments)]
+    command = [*prefix, sys.executable, "-P", "-m", f"benchmarks.parts.{module}", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT, stdin=subprocess.DEVNULL)
     if done.returncode != 0:
         raise BenchmarkError(f"{module} ended with {done.returncode}:\n{done.stdout}{done.stderr}")

@@ -26,9 +26,9 @@ from subprocess import DEVNULL
 from time import perf_counter_ns
 from typing import Any
 
-from benchmarks._inputs import DBC_FOLDER
-from benchmarks._report import BenchmarkError, Cell, Report, Table, Target, progress
-from benchmarks._timing import Spread, in_turns, ratios
+from benchmarks.parts.inputs import DBC_FOLDER
+from benchmarks.parts.report import BenchmarkError, Cell, Report, Table, Target, progress
+from benchmarks.parts.timing import Spread, in_turns, ratios
 
 HOUR = 360_000
 """Samples at 100 Hz; one pass takes one."""
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> Report:
     rounds = 3 if options.quick else 31
     passes = options.passes or (3_000 if options.quick else HOUR)
     with tempfile.TemporaryDirectory(prefix="vehicle-iface-bench-", dir=MEMORY) as folder:
-        control_process = ("-m", "benchmarks._control_process", "{passes}", f"{folder}/telemetry", "{fd}")
+        control_process = ("-m", "benchmarks.parts.control_process", "{passes}", f"{folder}/telemetry", "{fd}")
         progress(f"start: {rounds} processes of each kind")
         jobs = {
             OURS: partial(_time_to_word, control_process),

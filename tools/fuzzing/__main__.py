@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from fuzzing import _judge
+from fuzzing.engine import judge
 
 _PROGRESS = re.compile(r"#(\d+)\s.*?cov: (\d+)")
 
@@ -25,17 +25,17 @@ def main() -> int:
         print("tools/fuzz: there is no atheris for this machine (Linux on x86-64 only)", file=sys.stderr)
         return 2
     findings = 0
-    for name in options.target or _judge.target_names():
+    for name in options.target or judge.target_names():
         findings += _hunted(name, options)
     return 1 if findings else 0
 
 
 def _options() -> argparse.Namespace:
-    names = _judge.target_names()
+    names = judge.target_names()
     parser = argparse.ArgumentParser(
         prog="tools/fuzz",
         description="Hunt for inputs that crash, hang or deceive what reads foreign bytes; new ones are kept in "
-        "tests/corpus. `python -m fuzzing._judge TARGET FILE` shows the traceback of one.",
+        "tests/corpus. `python -m fuzzing.engine.judge TARGET FILE` shows the traceback of one.",
         epilog="\n".join(["targets:", *(f"  {name:12} {_in_short(name)}" for name in names)]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -84,7 +84,7 @@ def _started(name: str, folder: Path, limits: list[str]) -> "subprocess.Popen[st
     # A hang or a greed that Python cannot interrupt is libFuzzer's to end: then the input is in its last words.
     backstop = ["-timeout=60", "-rss_limit_mb=4096", "-print_pcs=0", f"-artifact_prefix={folder.parent}/died-"]
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "fuzzing._hunt", name, str(folder), *limits, *backstop],
+        [sys.executable, "-P", "-m", "fuzzing.engine.hunt", name, str(folder), *limits, *backstop],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -100,10 +100,10 @@ def _lines(child: "subprocess.Popen[str]") -> Iterator[str]:
 
 def _keep(name: str, finding: dict[str, str]) -> None:
     data = bytes.fromhex(finding["input"])
-    path = _judge.CORPUS / name / f"open-{hashlib.sha256(data).hexdigest()[:12]}"
+    path = judge.CORPUS / name / f"open-{hashlib.sha256(data).hexdigest()[:12]}"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
-    _say(f"{name}: {finding['fault']}, {len(data)} bytes in {path.relative_to(_judge.ROOT)}")
+    _say(f"{name}: {finding['fault']}, {len(data)} bytes in {path.relative_to(judge.ROOT)}")
 
 
 def _say(text: str, end: str = "\n") -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fuzzing._bytes import written
-from vehicle_iface.codec import bulk, candump
+from fuzzing.engine.input_bytes import written
 from vehicle_iface.codec.dbc_file import read_dbc
+from vehicle_iface.logs import candump, columns
 from vehicle_iface.profile import load_profile
 
 LENGTH = 1024
@@ -29,18 +29,18 @@ def run(data: bytes) -> None:
     whole, pieces = (_decoded(path, size) for size in _CHUNKS)
     accounted = whole.decoded + whole.foreign + whole.remote + whole.errors + whole.blank + len(whole.refused)
     assert whole.lines == accounted, "a line was counted twice, or not at all"
-    assert [*bulk.summary(whole)] == [*bulk.summary(pieces)]
+    assert [*columns.summarize(whole)] == [*columns.summarize(pieces)]
     assert whole.refused == pieces.refused
-    ours, theirs = bulk.arrays(whole), bulk.arrays(pieces)
+    ours, theirs = columns.to_arrays(whole), columns.to_arrays(pieces)
     assert ours.keys() == theirs.keys()
     for name, column in ours.items():
         assert column.dtype != object, name
         assert np.array_equal(column, theirs[name], equal_nan=column.dtype == np.float64), name
 
 
-def _decoded(path: Path, chunk_bytes: int) -> bulk.Recording:
+def _decoded(path: Path, chunk_bytes: int) -> columns.DecodedLog:
     candump.CHUNK_BYTES = chunk_bytes
-    return bulk.decode_log(path, _MESSAGES, checked=True)
+    return columns.decode_log(path, _MESSAGES, checked=True)
 
 
 def seeds() -> Iterator[bytes]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fuzzing._bytes import scratch, written
+from fuzzing.engine.input_bytes import scratch, written
 from vehicle_iface.errors import TrajectoryFileError
 from vehicle_iface.trajectories.csv_file import OPTIONAL_COLUMNS, REQUIRED_COLUMNS, load_csv, save_csv
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from cantools.database import Message
 
-from fuzzing._bytes import written
+from fuzzing.engine.input_bytes import written
 from vehicle_iface.codec import MessageCodec
 from vehicle_iface.codec.dbc_file import inspect_dbc, read_dbc
 from vehicle_iface.codec.lint import ERROR, check_file
@@ -22,7 +22,7 @@ _MOST_MESSAGES = 20
 
 def run(data: bytes) -> None:
     path = written("fuzzed.dbc", data)
-    inspect_dbc(path, lambda _: None)
+    inspect_dbc(path)
     findings = check_file(path)
     assert not any("\n" in str(finding) for finding in findings)
     try:

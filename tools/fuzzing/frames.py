@@ -1,6 +1,6 @@
-"""Received frames, through decoder, tracker, plausibility and engagement.
+"""Received frames, through decoder, state assembler, plausibility and engagement.
 
-The first byte chooses the vehicle; then frames as `_traffic` makes them, 0 to 12.75 ms apart.
+The first byte chooses the vehicle; then frames as `engine.traffic` makes them, 0 to 12.75 ms apart.
 Law: each frame is taken or counted as dropped; what comes out is finite, no sample is from the future, and nobody is
 engaged who has not heard an autonomous vehicle.
 """
@@ -9,8 +9,8 @@ import dataclasses
 import math
 from collections.abc import Iterator
 
-from fuzzing._bytes import Bytes
-from fuzzing._traffic import Traffic
+from fuzzing.engine.input_bytes import Bytes
+from fuzzing.engine.traffic import Traffic
 from vehicle_iface import compose
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.decoder import Decoder
@@ -25,10 +25,10 @@ LENGTH = 2048
 _DATABASES = [load_database(load_profile(name)) for name in ("reference", "reference_fd")]
 _STEP_NS = 50_000
 _TIMING = EngagementTiming(
-    fresh_ns=20 * NS_PER_MS,
+    settle_ns=20 * NS_PER_MS,
     stale_ns=50 * NS_PER_MS,
     lost_ns=500 * NS_PER_MS,
-    give_up_ns=3 * NS_PER_S,
+    engage_timeout_ns=3 * NS_PER_S,
     end_ns=10 * NS_PER_S,
     steer_torque_nm=3.0,
 )
@@ -39,26 +39,26 @@ class _Ear:
 
     def __init__(self, database: VehicleDatabase) -> None:
         profile = database.profile
-        self.decoder, self.tracker = Decoder(database.received), compose.build_tracker(database)
+        self.decoder, self.assembler = Decoder(database.received), compose.build_state_assembler(database)
         self.plausibility = PlausibilityCheck(profile.plausibility, wheelbase_m=profile.geometry.wheelbase_m)
         self.engagement = Engagement(_TIMING, armed=True)
 
     def hear(self, traffic: Traffic, now_ns: int) -> None:
-        self.engagement.see_time(now_ns)
+        self.engagement.on_tick(now_ns)
         received = self.decoder.decode(traffic.next_frame(now_ns))
         if received is None:
             return
         assert all(value is None or math.isfinite(value) for value in received.values)
-        sample = self.tracker.take(received)
-        status = self.tracker.status
+        sample = self.assembler.take(received)
+        status = self.assembler.status
         if sample is not None:
             _check(sample.state)
             assert max(sample.state.stamp_ns, sample.completed_ns) <= now_ns
-            if self.plausibility.believes(sample.state, pose_valid=sample.pose_valid):
-                self.engagement.see_sample(sample.state.stamp_ns, now_ns)
+            if self.plausibility.is_plausible(sample.state, pose_valid=sample.pose_valid):
+                self.engagement.on_sample(sample.state.stamp_ns, now_ns)
         elif status is not None and status.stamp_ns == received.stamp_ns:
             before = self.engagement.mode
-            self.engagement.see_status(status, now_ns)
+            self.engagement.on_status(status, now_ns)
             if self.engagement.mode is Mode.ENGAGED and before is not Mode.ENGAGED:
                 assert status.mode.name == "AUTONOMOUS"
 

@@ -8,10 +8,11 @@ Law: the loop raises nothing; what it sends is intact, in order, within the limi
 import json
 from collections.abc import Iterator
 
-from harness import Drive, counters_step_by_one, reference
+import msgspec
 
-from fuzzing._bytes import Bytes
-from fuzzing._traffic import Traffic
+from fuzzing.engine.input_bytes import Bytes
+from fuzzing.engine.traffic import Traffic
+from tests.harness import Drive, counters_step_by_one, reference
 from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.sim.model import BicycleState
@@ -50,9 +51,9 @@ class _Forger:
         elif kind < 0xF0:
             self._drive.stall(source.number() * 1e-3)
         elif kind == 0xF0:
-            self._drive.loop.request_arming()
+            self._drive.loop.arming.request()
         elif kind == 0xF1:
-            self._drive.loop.request_end()
+            self._drive.loop.shutdown.request()
         elif kind == 0xF2:
             line.full = not line.full
         return kind % 8
@@ -87,9 +88,9 @@ def run(data: bytes) -> None:
     drive = Drive(start=start, gear=Gear.DRIVE if is_rolling else None).engage()
     forger = _Forger(drive, source)
     passes = 0
-    while source and passes < _MOST_PASSES and not drive.loop.done:
+    while source and passes < _MOST_PASSES and not drive.loop.shutdown.is_done:
         for _ in range(forger.act()):
-            if not drive.loop.done:
+            if not drive.loop.shutdown.is_done:
                 drive.step()
             passes += 1
     _judge(drive)
@@ -104,7 +105,8 @@ def _judge(drive: Drive) -> None:
     for command in drive.named("STEER_COMMAND"):
         assert abs(command["FRONT_WHEEL_ANGLE_REQUEST"]) <= _LIMITS.front_wheel_angle_rad + 1e-9
         assert abs(command["REAR_WHEEL_ANGLE_REQUEST"]) <= _LIMITS.rear_wheel_angle_rad + 1e-9
-    json.dumps([drive.loop.details(), drive.loop.summary()], allow_nan=False)
+    builtins = msgspec.to_builtins([drive.loop.details(), drive.loop.summary()])
+    json.dumps(builtins, allow_nan=False)
 
 
 def seeds() -> Iterator[bytes]:

@@ -5,13 +5,17 @@ Law: the page is drawn whatever is in the file, and nothing in the file becomes 
 
 from html.parser import HTMLParser
 
-from fuzzing import _tampered
-from vehicle_iface.runtime.telemetry import TelemetryReader
-from viewer import panels, scene
-from viewer.feed import Feed, View
+from fuzzing.engine import tampered
+from vehicle_iface.telemetry import TelemetryReader
+from vehicle_iface_viewer.feed import Feed, View
+from vehicle_iface_viewer.panels.banner import banner_html
+from vehicle_iface_viewer.panels.counters import counters_html
+from vehicle_iface_viewer.panels.legend import legend_html
+from vehicle_iface_viewer.panels.numbers import numbers_html
+from vehicle_iface_viewer.scene.trajectory_path import select_drawable
 
 LENGTH = 1024
-seeds = _tampered.seeds
+seeds = tampered.seeds
 _TAGS = {"div", "span", "table", "tr", "td", "i", "br", "b", "small"}
 _NOW_NS = 10**8
 
@@ -23,18 +27,18 @@ class _Tags(HTMLParser):
 
 
 def run(data: bytes) -> None:
-    with TelemetryReader(str(_tampered.tampered(data))) as reader:
+    with TelemetryReader(str(tampered.tampered(data))) as reader:
         feed = Feed(reader)
         for now_ns in (_NOW_NS, _NOW_NS + 10**9):
-            _draw(feed.view(now_ns))
+            _draw(feed.read(now_ns))
 
 
 def _draw(view: View) -> None:
     tags = _Tags()
-    tags.feed(panels.banner_html(view))
-    tags.feed(panels.numbers_html(view))
-    tags.feed(panels.legend_html(view))
-    tags.feed(panels.details_html(view))
+    tags.feed(banner_html(view))
+    tags.feed(numbers_html(view))
+    tags.feed(legend_html(view))
+    tags.feed(counters_html(view))
     tags.close()
     if view.trajectory is not None:
-        scene.drawable_points(view.trajectory, (0.0, 0.0))
+        select_drawable(view.trajectory, (0.0, 0.0))

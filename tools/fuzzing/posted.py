@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fuzzing._bytes import scratch, written
+from fuzzing.engine.input_bytes import scratch, written
 from vehicle_iface import Trajectory
 from vehicle_iface.errors import TrajectoryFileError
-from vehicle_iface.trajectories.mailbox import MAGIC, fetch, post
+from vehicle_iface.trajectories.mailbox import MAGIC, fetch, publish_trajectory
 
 LENGTH = 1024
 _HEAD = struct.Struct("@8sI4x")
@@ -45,7 +45,7 @@ def seeds() -> Iterator[bytes]:
             speed_mps=number,
         )
         path = scratch() / "seed"
-        post(path, trajectory)
+        publish_trajectory(path, trajectory)
         content = path.read_bytes()
         yield b"\0" + content
         yield b"\x01" + content[_HEAD.size :]

@@ -6,11 +6,16 @@ Law: a profile or `ConfigError`; inspecting gives findings. A profile that fits 
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import cast
+from unittest.mock import create_autospec
 
-from fuzzing._bytes import written
-from vehicle_iface import compose
-from vehicle_iface.bus.memory import MemoryBus
-from vehicle_iface.codec import database, lint
+from fuzzing.engine.input_bytes import written
+from vehicle_iface import compose, drivable
+from vehicle_iface.bus.base import Bus
+from vehicle_iface.codec import lint
+from vehicle_iface.codec.binding import Binding
+from vehicle_iface.codec.consistency import find_faults
+from vehicle_iface.codec.database import build_database
 from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.profile import Profile, inspect_profile, load_profile
@@ -36,21 +41,18 @@ def _drive_with(profile: Profile) -> None:
     file = _DBC.get(Path(profile.dbc).stem)
     if file is None:
         return
-    faults = database.binding_faults(profile, file)
-    try:
-        bound = database._Binder(profile, file).database()
-    except ConfigError:
-        assert faults, "refused, but no fault was found"
+    binding = Binding(profile, file)
+    if find_faults(binding):
         return
-    assert not faults
+    database = build_database(binding)
     try:
         controller = compose.build_controller("pure_pursuit", profile)
-        compose.build_route("oval", profile)
+        drivable.build_route("oval", profile)
     except (ConfigError, InvalidValueError):
         return
     compose.build_loop(
-        database=bound,
-        open_bus=lambda: MemoryBus(lambda: 0, lambda _: None, "none"),
+        database=database,
+        open_bus=lambda: cast(Bus, create_autospec(Bus, instance=True, description="none")),
         controller=controller,
         source=Mailbox(),
         telemetry=None,

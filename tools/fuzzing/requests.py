@@ -12,7 +12,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import WebSocketException
 from websockets.http11 import Request
 
-from viewer.access import Access
+from vehicle_iface_viewer.access import Access
 
 LENGTH = 512
 _TOKEN = "0123456789abcdef"
@@ -35,9 +35,9 @@ def run(data: bytes) -> None:
         except WebSocketException:  # refused before anybody looks at it
             return
     for access in _ACCESSES:
-        refusal = access.refusal(Request(path, headers))
-        assert refusal is None or isinstance(refusal, http.HTTPStatus)
-        if refusal is None:
+        rejection = access.rejection(Request(path, headers))
+        assert rejection is None or isinstance(rejection, http.HTTPStatus)
+        if rejection is None:
             shown = unquote_plus("".join([path, *headers.get_all("Cookie")])).translate(_DROPPED)
             assert access.token is None or _TOKEN in shown or "\\" in shown
             host = headers["Host"].lower().translate(_DROPPED)

@@ -1,0 +1,1 @@
+"""The documentation site: its pages are the Markdown files of the project."""

@@ -1,0 +1,1 @@
+"""Drives on a virtual bus, and judges of what was recorded there."""

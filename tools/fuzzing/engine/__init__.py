@@ -1,0 +1,1 @@
+"""What runs a target: the fuzzer, its verdicts, and makers of inputs."""

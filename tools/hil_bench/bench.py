@@ -1,0 +1,253 @@
+"""A run of the bench: selects cases, executes one after the other, and collects their results."""
+
+import datetime
+import itertools
+import logging
+import os
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+
+from hil_bench import result as results
+from hil_bench import run_case
+from hil_bench.bus import Bus, is_virtual
+from hil_bench.case import Case, Need
+from hil_bench.cases import CATALOGUE
+from hil_bench.device import Commands
+from hil_bench.errors import RigError, UnexpectedNodeError
+from hil_bench.places import CHECKOUT
+from hil_bench.result import CaseResult, Run, Verdict
+from hil_bench.wire import ProfileError, Wire
+
+log = logging.getLogger(__name__)
+LISTEN_S = 1.0
+ATTEMPTS = 3
+"""Attempts at a case during which the bench itself was late."""
+LIBRARIES = ("cantools", "msgspec", "numpy", "rich", "jinja2")
+
+
+class BenchError(Exception):
+    """The bench cannot start, and why."""
+
+
+class ProgressListener(Protocol):
+    """Is informed of the progress of a run."""
+
+    def on_run_start(self, total: int) -> None: ...
+    def on_case_start(self, name: str, proves: str) -> None: ...
+    def on_case_end(self, case: CaseResult) -> None: ...
+    def on_run_end(self, run: Run) -> None: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """The cases of a run."""
+
+    config: run_case.BenchConfig
+    cases: Sequence[Case]
+    repeat: int = 1
+    route: str = ""
+    """The route of a device that is already running."""
+
+
+def select_cases(names: Iterable[str], tags: Iterable[str], *, quick: bool) -> list[Case]:
+    """Cases by name and by tag, in the catalogue's order; all, if none is named. Raises `BenchError`."""
+    names, tags = set(names), set(tags) | ({"quick"} if quick else set())
+    unknown = names - {case.name for case in CATALOGUE} | tags - {tag for case in CATALOGUE for tag in case.tags}
+    if unknown:
+        raise BenchError(f"no such case or tag: {', '.join(sorted(unknown))}; --list names them all")
+    if not names and not tags:
+        return list(CATALOGUE)
+    return [case for case in CATALOGUE if case.name in names or tags & set(case.tags)]
+
+
+def observe_traffic(channel: str, wire: Wire, *, is_device_running: bool = False) -> list[str]:
+    """What is on the bus before the bench sends: a moving vehicle, and identifiers with their rates.
+
+    A device that is already running may send lights and reports, but no commands.
+    Raises `OSError` when the interface cannot be used.
+    """
+    bus = Bus(channel, None)
+    counts: dict[int, int] = {}
+    moving = ""
+    try:
+        end = time.monotonic() + LISTEN_S
+        while time.monotonic() < end:
+            for rx in bus.drain():
+                if is_device_running and wire.names.get(rx.frame.can_id) in wire.reports:
+                    continue
+                counts[rx.frame.can_id] = counts.get(rx.frame.can_id, 0) + 1
+                decoded = wire.intact(rx.frame)
+                if decoded is not None and abs(decoded.signals.get("SPEED", 0.0)) > 0.05:
+                    moving = f"{decoded.name} reports {decoded['SPEED']:.2f} m/s"
+            time.sleep(0.01)
+    finally:
+        bus.close()
+    found = [f"0x{can_id:03X} {count / LISTEN_S:.0f} times a second" for can_id, count in sorted(counts.items())]
+    return ([moving] if moving else []) + found
+
+
+def run(plan: Plan, listener: ProgressListener) -> Run:
+    """Execute every case of the plan. A case that needs something missing is not executed, with that reason.
+
+    `KeyboardInterrupt` in a case ends the run: it keeps its results so far, and never passes.
+    """
+    began, begin_s = datetime.datetime.now().astimezone(), time.monotonic()
+    config = plan.config
+    config.folder.mkdir(parents=True, exist_ok=True)
+    done: list[CaseResult] = []
+    total = len(plan.cases) * plan.repeat
+    listener.on_run_start(total)
+    _use_realtime_priority()
+    unexpected_node = interrupted = ""
+    for case, repetition in itertools.product(plan.cases, range(1, plan.repeat + 1)):
+        listener.on_case_start(case.name, case.proves)
+        at_s = round(time.monotonic() - begin_s, 2)
+        try:
+            found = (
+                run_case.unjudged_result(config, case, repetition, unexpected_node)
+                if unexpected_node
+                else _execute(config, case, repetition, plan.route)
+            )
+        except UnexpectedNodeError as error:
+            unexpected_node = f"the bench stopped sending: {error}"
+            found = run_case.unjudged_result(config, case, repetition, unexpected_node, Verdict.FAIL)
+        except KeyboardInterrupt:
+            interrupted = f"interrupted in case {len(done) + 1} of {total}"
+            found = run_case.unjudged_result(config, case, repetition, interrupted)
+        done.append(_with_paths(found, config.folder.name, at_s))
+        listener.on_case_end(done[-1])
+        if interrupted:
+            break
+    report = Run(
+        verdict=results.verdict_of(done, interrupted=interrupted),
+        interrupted=interrupted,
+        evidence=config.evidence,
+        began=began.isoformat(timespec="seconds"),
+        duration_s=round(time.monotonic() - begin_s, 1),
+        command=" ".join(sys.argv),
+        channel=config.channel,
+        profile=config.wire.name,
+        profile_hash=config.wire.hash,
+        device=config.commands.start or "already running, not started by the bench",
+        seed=config.seed,
+        environment=environment(config.channel),
+        cases=done,
+    )
+    listener.on_run_end(report)
+    return report
+
+
+def environment(channel: str) -> dict[str, str]:
+    """The computer, the interface and the versions of a run."""
+    found = {
+        "host": platform.node(),
+        "kernel": platform.release(),
+        "processors": str(os.cpu_count()),
+        "interface": channel,
+        "adapter": _adapter(channel),
+        "python": platform.python_version(),
+        "revision": _revision(),
+    }
+    for name in LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _execute(config: run_case.BenchConfig, case: Case, repetition: int, route: str) -> CaseResult:
+    why = missing_needs(case, config.commands, config.channel, route)
+    if why:
+        return run_case.unjudged_result(config, case, repetition, why)
+    for attempt in range(ATTEMPTS):
+        try:
+            found = run_case.run(config, case, repetition)
+        except UnexpectedNodeError:
+            raise
+        except (RigError, ProfileError, OSError) as error:
+            return run_case.unjudged_result(config, case, repetition, f"the bench could not continue: {error}")
+        except Exception as error:  # one case's error must not cost the results of all others
+            log.exception("%s: an internal error of the bench", case.name)
+            return run_case.unjudged_result(config, case, repetition, f"an internal error of the bench: {error!r}")
+        if found.verdict is not Verdict.NOT_EXECUTED or attempt == ATTEMPTS - 1:
+            break
+    return msgspec.structs.replace(found, counts=found.counts | {"attempts": attempt + 1})
+
+
+def missing_needs(case: Case, commands: Commands, channel: str, route: str = "") -> str:
+    """Why a case cannot be executed here; empty if it can."""
+    have = {
+        Need.OWN_PROCESS: commands.is_ours,
+        Need.START: bool(commands.start),
+        Need.REARM: bool(commands.rearm) or commands.is_ours,
+        Need.VIRTUAL: is_virtual(channel),
+        Need.ROOT: os.geteuid() == 0,
+        Need.VXCAN: is_virtual(channel) and _has("tc") and _has("ip"),
+    }
+    lacking = [need.value for need in case.needs if not have[need]]
+    lacking += [
+        f"a device that is started with {{{word}}}"
+        for word, is_needed in (("profile", case.profile), ("trajectory", case.breaks), ("channel", case.channel))
+        if is_needed and commands.start and f"{{{word}}}" not in commands.start
+    ]
+    if commands.start and not case.armed and not commands.listen:
+        lacking.append("a way to start the device without arming it (--listen-device)")
+    if commands.start and case.recorded_mib and "{record}" not in commands.record:
+        lacking.append("a way to start the device so that it records its drive in {record} (--recording-device)")
+    if commands.start and case.viewed and "{port}" not in commands.view:
+        lacking.append("a viewer of the device that serves {port} (--viewer)")
+    if not commands.start and (case.breaks or case.profile or case.setup):
+        lacking.append(Need.START.value)
+    if not commands.start and not lacking and case.route().name != route:
+        lacking.append(f"a device that drives the route {case.route().name} (--write-routes, --route)")
+    return f"needs {'; '.join(lacking)}" if lacking else ""
+
+
+def _with_paths(found: CaseResult, folder: str, at_s: float) -> CaseResult:
+    return msgspec.structs.replace(
+        found,
+        began_s=at_s,
+        candump=found.candump and f"{folder}/{found.candump}",
+        device_log=found.device_log and f"{folder}/{found.device_log}",
+    )
+
+
+def _use_realtime_priority() -> None:
+    """Use real-time priority if permitted: the bench must not be late itself."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(40))
+    except PermissionError:
+        return
+
+
+def _has(program: str) -> bool:
+    return shutil.which(program, path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin") is not None
+
+
+def _adapter(channel: str) -> str:
+    try:
+        driver = Path(f"/sys/class/net/{channel}/device/driver").resolve(strict=True)
+    except OSError:
+        return "none: a virtual interface"
+    return driver.name
+
+
+def _revision() -> str:
+    if CHECKOUT is None:
+        return metadata.version("vehicle-iface")
+    git = CHECKOUT / ".git"
+    try:
+        text = (git / "HEAD").read_text().strip()
+        return (git / text[5:]).read_text().strip()[:12] if text.startswith("ref: ") else text[:12]
+    except OSError:
+        return "unknown"

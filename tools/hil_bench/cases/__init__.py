@@ -1,0 +1,34 @@
+"""The catalogue: every case of the bench.
+
+The rows (B1, F2, S3, …) are those of FAILURES.md; a row that can only be injected from inside a controller is not here.
+Times are those of the bus contract.
+"""
+
+from hil_bench.case import Case
+from hil_bench.cases.bus import BUS
+from hil_bench.cases.companions import COMPANIONS
+from hil_bench.cases.deviation import DEVIATION
+from hil_bench.cases.driver import DRIVER
+from hil_bench.cases.files import FILES
+from hil_bench.cases.frames import FRAMES
+from hil_bench.cases.manoeuvres import MANOEUVRES
+from hil_bench.cases.plausibility import PLAUSIBILITY
+from hil_bench.cases.process import PROCESS
+from hil_bench.cases.state import STATE
+from hil_bench.cases.timing import TIMING
+from hil_bench.cases.trajectory import TRAJECTORY
+
+CATALOGUE: tuple[Case, ...] = (
+    *MANOEUVRES,
+    *TRAJECTORY,
+    *STATE,
+    *PLAUSIBILITY,
+    *DEVIATION,
+    *FRAMES,
+    *BUS,
+    *DRIVER,
+    *PROCESS,
+    *COMPANIONS,
+    *FILES,
+    *TIMING,
+)

@@ -1,0 +1,295 @@
+"""The profile's limits at the measured speed, for values and rates of every command."""
+
+import math
+from collections import deque
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+from vehicle_bus_contract.judge import JITTER_NS, SILENCE_NS, Pair, Record
+from vehicle_bus_contract.reference import MS, S
+
+from hil_bench.vehicle import Instant
+from hil_bench.wire import Wire
+
+SLOW_MPS = 1.0
+"""Below this speed the brake may be released."""
+STANDS_MPS = 0.05
+LEAST_MPS = 0.1
+"""Below this speed steering has no noticeable effect."""
+ANSWERED_NS = 100 * MS
+"""Maximum age of the sample that a command answers."""
+BRAKES_WITHIN_NS = 250 * MS
+
+
+def beyond(wire: Wire, record: Record) -> Iterable[str]:
+    """Steering, requested speed and acceleration beyond the profile's limits."""
+    limits, behavior = wire.profile["limits"], wire.profile["behavior"]
+    rear_rad = limits.get("rear_wheel_angle_rad", 0.0)
+    speeds, wheels = _speeds(record), _wheels(wire, record)
+    by_speed = limits.get("accel_max_by_speed") or [[0.0, limits["accel_max_mps2"]]]
+    before: float | None = None
+    braked = 0.0
+    for pair in record.pairs:
+        lately_mps, lately_rad = speeds.until(pair.stamp_ns), wheels.until(pair.stamp_ns)
+        speed, slowest_mps = lately_mps[-1], _slowest_mps(lately_mps)
+        if not pair.is_enabled:
+            before = None
+            continue
+        at = _at(pair, record)
+        angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
+        held_rad = max(map(abs, lately_rad)) if before is None else abs(before)
+        if abs(angle) > max(held_rad, _most_rad(wire, slowest_mps) + wire.wheel_count_rad):
+            yield f"{at} {angle:.4f} rad at {speed:.2f} m/s"
+        before = angle
+        if abs(pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)) > rear_rad + 1e-9:
+            yield f"{at} {pair.steer['REAR_WHEEL_ANGLE_REQUEST']:.4f} rad of the rear wheels"
+        if abs(pair.drive.signals.get("SPEED_REQUEST", 0.0)) > limits["speed_max_mps"] + 1e-9:
+            yield f"{at} {pair.drive['SPEED_REQUEST']:.3f} m/s asked for"
+        strongest = max(behavior["safe_deceleration_mps2"], 0.0)
+        accel = pair.drive["ACCEL_REQUEST"]
+        most_mps2 = _between(by_speed, slowest_mps) + 0.002
+        if accel * speed > 0.0 and most_mps2 < abs(accel) >= abs(braked):
+            yield f"{at} {accel:.3f} m/s² at {speed:.2f} m/s"
+        if pair.is_stop and abs(accel) > max(strongest, abs(braked)) + 0.002:
+            yield f"{at} a stop with {accel:.3f} m/s²"
+        braked = accel
+
+
+def swerving(wire: Wire, record: Record) -> Iterable[str]:
+    """Changes of curvature faster than the lateral jerk allows at the slowest recent speed: κ' ≤ jerk / v².
+
+    After the speed has risen, wheels beyond the new limit may return to it at any rate.
+    """
+    limits, wheelbase_m = wire.profile["limits"], wire.profile["geometry"]["wheelbase_m"]
+    speeds = _speeds(record)
+    for stretch in _stretches(record):
+        granted = before = 0.0
+        before_ns = stretch[0].stamp_ns
+        pace = _Pace()
+        for pair in stretch:
+            lately_mps = speeds.until(pair.stamp_ns)
+            per_s = limits["lateral_jerk_mps3"] / _slowest_mps(lately_mps) ** 2
+            granted += per_s * (pair.stamp_ns - before_ns) / S
+            angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
+            rear = pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)
+            per_m = (math.tan(angle) - math.tan(rear)) / wheelbase_m
+            slack = per_s * JITTER_NS / S + wire.wheel_count_rad / wheelbase_m
+            most = limits["lateral_accel_mps2"] / _fastest_mps(lately_mps) ** 2
+            if abs(before) > most:
+                pace.counts_from(math.copysign(most, before), granted, slack)
+            if pace.is_broken(per_m, granted, slack):
+                yield f"{_at(pair, record)} a swerve at {lately_mps[-1]:.2f} m/s, wheels to {angle:.4f} rad"
+            before, before_ns = per_m, pair.stamp_ns
+
+
+def led_away(wire: Wire, record: Record) -> Iterable[str]:
+    """Wheels commanded further away from where they are measured than the profile has it, and led on from there.
+
+    The first command begins where they are. Wheels that are beyond what the speed allows go back, wherever that leads.
+    """
+    if not wire.measures_wheels:
+        return
+    limits = wire.profile["limits"]
+    begins_rad = limits["while_engaging"]["front_wheel_rate_radps"] * ANSWERED_NS / S + wire.wheel_count_rad
+    apart_rad = limits["front_wheel_deviation_rad"] + wire.wheel_count_rad
+    speeds, wheels = _speeds(record), _wheels(wire, record)
+    before: float | None = None
+    for pair in record.pairs:
+        fastest_mps, lately_rad = _fastest_mps(speeds.until(pair.stamp_ns)), wheels.until(pair.stamp_ns)
+        if not pair.is_enabled:
+            before = None
+            continue
+        angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
+        if before is None:
+            is_away = all(abs(angle - rad) > begins_rad for rad in lately_rad)
+        else:
+            goes_back = abs(angle) < abs(before) and abs(before) > _most_rad(wire, fastest_mps)
+            is_away = not goes_back and all(abs(angle - rad) > max(apart_rad, abs(before - rad)) for rad in lately_rad)
+        if is_away:
+            yield f"{_at(pair, record)} {angle:.4f} rad, where {lately_rad[-1]:.4f} is measured"
+        before = angle
+
+
+def unbraked(wire: Wire, record: Record, history: Sequence[Instant]) -> Iterable[str]:
+    """Lasting stops of a moving vehicle with too little brake."""
+    least_mps2 = wire.profile["behavior"]["safe_deceleration_mps2"] / 2.0
+    place, speed, way, since_ns, before_ns = 0, 0.0, 0.0, 0, 0
+    for pair in record.pairs:
+        while place < len(history) and history[place].at_ns <= pair.stamp_ns:
+            speed, place = history[place].speed_mps, place + 1
+        is_on = pair.is_enabled and pair.is_stop and abs(speed) > SLOW_MPS
+        if not is_on or speed * way <= 0.0 or pair.stamp_ns - before_ns > SILENCE_NS:
+            since_ns, way = pair.stamp_ns, speed if is_on else 0.0
+        before_ns = pair.stamp_ns
+        brake_mps2 = -math.copysign(1.0, speed) * pair.drive["ACCEL_REQUEST"]
+        if is_on and pair.stamp_ns - since_ns > BRAKES_WITHIN_NS and brake_mps2 < least_mps2:
+            yield (
+                f"{_at(pair, record)} a stop with {pair.reason} brakes with {brake_mps2:.2f} m/s² at {speed:.2f} m/s"
+            )
+
+
+def jerky(wire: Wire, record: Record) -> Iterable[str]:
+    """Accelerations that change faster than the profile has it: while it drives both ways, in a stop the brake's rise.
+
+    A stop may drop at once what drives, and what brakes harder than it does.
+    """
+    drives_mps3, brakes_mps3 = wire.profile["limits"]["accel_rate_mps3"], wire.profile["behavior"]["stop_jerk_mps3"]
+    for stretch in _stretches(record):
+        last = stretch[0]
+        for is_stop, part in _parts(stretch):
+            if is_stop:
+                braked = abs(last.drive["ACCEL_REQUEST"]) if _pulls_alike(last, part[-1]) else 0.0
+                values = [braked, *(abs(pair.drive["ACCEL_REQUEST"]) for pair in part)]
+                yield from _faster([last, *part], values, brakes_mps3, "m/s³", record, falls_freely=True)
+            else:
+                values = [pair.drive["ACCEL_REQUEST"] for pair in part]
+                yield from _faster(part, values, drives_mps3, "m/s³", record)
+            last = part[-1]
+
+
+def rash(wire: Wire, record: Record) -> Iterable[str]:
+    """Commands beyond the stricter limits while engaging; harder braking is allowed."""
+    limits = wire.profile["limits"]["while_engaging"]
+    modes, place, mode = record.of("VEHICLE_STATUS"), 0, -1.0
+    speeds = _speeds(record)
+    autonomous = wire.number("MODE", "AUTONOMOUS")
+    for stretch in _stretches(record):
+        engaging: list[Pair] = []
+        for pair in stretch:
+            while place < len(modes) and modes[place].stamp_ns <= pair.stamp_ns:
+                mode, place = modes[place]["MODE"], place + 1
+            if mode == autonomous:
+                break
+            engaging.append(pair)
+        for pair in engaging:
+            accel = pair.drive["ACCEL_REQUEST"]
+            speed = speeds.until(pair.stamp_ns)[-1]
+            way = speed if abs(speed) > STANDS_MPS else pair.drive.signals.get("SPEED_REQUEST", 0.0)
+            if accel * way > 0.0 and not pair.is_stop and abs(accel) > limits["accel_max_mps2"] + 1e-9:
+                yield f"{_at(pair, record)} {accel:.3f} m/s² while it engages"
+        angles = [pair.steer["FRONT_WHEEL_ANGLE_REQUEST"] for pair in engaging]
+        yield from _faster(engaging, angles, limits["front_wheel_rate_radps"], "rad/s while it engages", record)
+
+
+class _Recent:
+    """The recent values of one signal, queried in the order of time."""
+
+    def __init__(self, told: Iterable[tuple[int, float]]) -> None:
+        self._coming = deque(told)
+        self._lately: deque[tuple[int, float]] = deque()
+
+    def until(self, stamp_ns: int) -> list[float]:
+        """The values that a command at this time may answer, oldest first. Never empty."""
+        while self._coming and self._coming[0][0] <= stamp_ns:
+            self._lately.append(self._coming.popleft())
+        while len(self._lately) > 1 and self._lately[1][0] <= stamp_ns - ANSWERED_NS:
+            self._lately.popleft()
+        return [value for _, value in self._lately] or [0.0]
+
+
+def _speeds(record: Record) -> _Recent:
+    return _Recent((sample.stamp_ns, sample.speed_mps) for sample in record.samples)
+
+
+def _wheels(wire: Wire, record: Record) -> _Recent:
+    if not wire.measures_wheels:
+        return _Recent(())
+    return _Recent((told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE")))
+
+
+def _most_rad(wire: Wire, speed_mps: float) -> float:
+    """Maximum angle of the front wheels at a speed."""
+    limits = wire.profile["limits"]
+    table = limits.get("front_wheel_angle_by_speed") or [[0.0, limits["front_wheel_angle_rad"]]]
+    sideways = limits["lateral_accel_mps2"] * wire.profile["geometry"]["wheelbase_m"] / speed_mps**2
+    return min(_between(table, speed_mps), math.atan(sideways))
+
+
+def _slowest_mps(speeds: Iterable[float]) -> float:
+    return max(LEAST_MPS, min(map(abs, speeds)))
+
+
+def _fastest_mps(speeds: Iterable[float]) -> float:
+    return max(LEAST_MPS, *map(abs, speeds))
+
+
+def _stretches(record: Record) -> Iterable[list[Pair]]:
+    """Stretches of enabled commands without a gap."""
+    stretch: list[Pair] = []
+    for pair in record.pairs:
+        if stretch and (not pair.is_enabled or pair.stamp_ns - stretch[-1].stamp_ns > SILENCE_NS):
+            yield stretch
+            stretch = []
+        if pair.is_enabled:
+            stretch.append(pair)
+    if stretch:
+        yield stretch
+
+
+def _parts(stretch: Sequence[Pair]) -> Iterable[tuple[bool, list[Pair]]]:
+    """Split a stretch into drive and stop."""
+    part: list[Pair] = []
+    for pair in stretch:
+        if part and pair.is_stop != part[-1].is_stop:
+            yield part[-1].is_stop, part
+            part = []
+        part.append(pair)
+    yield part[-1].is_stop, part
+
+
+def _pulls_alike(a: Pair, b: Pair) -> bool:
+    return a.drive["ACCEL_REQUEST"] * b.drive["ACCEL_REQUEST"] > 0.0
+
+
+def _faster(
+    pairs: Sequence[Pair],
+    values: Sequence[float],
+    rate: float,
+    unit: str,
+    record: Record,
+    *,
+    falls_freely: bool = False,
+) -> Iterable[str]:
+    """Times at which a value has changed faster than the rate allows, over any interval."""
+    slack, pace = rate * JITTER_NS / S + 0.001, _Pace(falls_freely=falls_freely)
+    for pair, value in zip(pairs, values, strict=True):
+        if pace.is_broken(value, rate * (pair.stamp_ns - record.begin_ns) / S, slack):
+            yield f"{_at(pair, record)} faster than {rate:g} {unit}, to {value:.3f}"
+
+
+class _Pace:
+    """Checks that a value changes by no more than was `granted` over any interval, plus `slack`."""
+
+    def __init__(self, *, falls_freely: bool = False) -> None:
+        self._falls_freely = falls_freely
+        self._lowest, self._highest = math.inf, -math.inf
+
+    def is_broken(self, value: float, granted: float, slack: float) -> bool:
+        """True if this value breaks the rate; the check then restarts from it."""
+        rising, falling, half = value - granted, value + granted, slack / 2.0
+        broken = rising - half > self._lowest or (falling + half < self._highest and not self._falls_freely)
+        if broken:
+            self._lowest, self._highest = math.inf, -math.inf
+        self._lowest, self._highest = min(self._lowest, rising + half), max(self._highest, falling - half)
+        return broken
+
+    def counts_from(self, limit: float, granted: float, slack: float) -> None:
+        """Allow values beyond this limit to return to it at any rate."""
+        if limit > 0.0:
+            self._highest = min(self._highest, limit + granted - slack / 2.0)
+        else:
+            self._lowest = max(self._lowest, limit - granted + slack / 2.0)
+
+
+def _at(pair: Pair, record: Record) -> str:
+    return f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s:"
+
+
+def _between(table: Sequence[Sequence[float]], at: float) -> float:
+    """Interpolate linearly between a table's rows; constant outside."""
+    if at <= table[0][0]:
+        return table[0][1]
+    for (x0, y0), (x1, y1) in pairwise(table):
+        if at <= x1:
+            return y0 + (y1 - y0) * (at - x0) / (x1 - x0)
+    return table[-1][1]

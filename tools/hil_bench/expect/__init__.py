@@ -1,0 +1,40 @@
+"""The vocabulary of expectations: what must be observed of a device in a case."""
+
+from hil_bench.expect.base import Expectation, Observation, check
+from hil_bench.expect.commands import (
+    Answers,
+    DrivesOn,
+    FallsSilent,
+    FollowsGaps,
+    GivesUp,
+    LetsGo,
+    MomentaryAtMost,
+    NeverEnables,
+    StaysOut,
+    Stops,
+)
+from hil_bench.expect.process import Ends, EndsOrderly, Refuses
+from hil_bench.expect.vehicle import HazardLights, ReachesEnd, Standstill, WatchdogActs
+
+__all__ = [
+    "Answers",
+    "DrivesOn",
+    "Ends",
+    "EndsOrderly",
+    "Expectation",
+    "FallsSilent",
+    "FollowsGaps",
+    "GivesUp",
+    "HazardLights",
+    "LetsGo",
+    "MomentaryAtMost",
+    "NeverEnables",
+    "Observation",
+    "ReachesEnd",
+    "Refuses",
+    "Standstill",
+    "StaysOut",
+    "Stops",
+    "WatchdogActs",
+    "check",
+]

@@ -1,0 +1,226 @@
+"""What must be observed of the device's commands."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+from vehicle_bus_contract.reference import S
+
+from hil_bench.expect.base import Observation, check, describe
+from hil_bench.result import Check, Event, EventKind
+from hil_bench.vehicle import WATCHDOG_NS
+
+STOP_S = 0.150
+PERIOD_S = 0.010
+
+
+@dataclass(frozen=True)
+class Stops:
+    """A stop command with one of these reasons within the time, and only stops until the injection is over.
+
+    ENABLE stays 1: a released vehicle rolls.
+    """
+
+    reasons: tuple[str, ...]
+    within_s: float = STOP_S
+    until_end: bool = True
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        text = f"a stop with {' or '.join(self.reasons)} within {self.within_s * 1e3:.0f} ms"
+        begin_ns = observed.inject_ns
+        after = [pair for pair in observed.pairs if pair.stamp_ns >= begin_ns and pair.is_enabled]
+        stops = [pair for pair in after if pair.is_stop and pair.reason in self.reasons]
+        if not stops:
+            others = sorted({pair.reason for pair in after if pair.is_stop})
+            return check(text, [f"no such stop; other stops: {', '.join(others) or 'none'}"]), []
+        first = stops[0]
+        wrong = []
+        if self.until_end:
+            stretch = observed.between(first.stamp_ns, observed.end_ns)
+            wrong = [describe(observed, pair) for pair in stretch if not (pair.is_enabled and pair.is_stop)]
+        at_s = observed.at_s(first.stamp_ns)
+        events = [
+            Event(at_s=at_s, kind=EventKind.DETECTION, text=first.reason),
+            Event(at_s=at_s, kind=EventKind.REACTION, text=f"SAFE_STOP, {first.drive['ACCEL_REQUEST']:.2f} m/s²"),
+        ]
+        return check(text, wrong, observed.since_s(first.stamp_ns), self.within_s), events
+
+
+@dataclass(frozen=True)
+class FallsSilent:
+    """No command after this time, until the operator acts."""
+
+    within_s: float = STOP_S
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        text = f"silence within {self.within_s * 1e3:.0f} ms, until armed again"
+        late_ns = observed.inject_ns + round(self.within_s * S)
+        wrong = [
+            f"{observed.at_s(decoded.stamp_ns):.3f} s: {decoded.name}"
+            for decoded in observed.decoded
+            if decoded.name.endswith("COMMAND")
+            and decoded.name != "BODY_COMMAND"
+            and late_ns <= decoded.stamp_ns < observed.then_ns
+        ]
+        last = observed.between(observed.inject_ns, late_ns)
+        silent_ns = last[-1].stamp_ns if last else observed.inject_ns
+        events = []
+        if not wrong:
+            events.append(
+                Event(at_s=observed.at_s(silent_ns), kind=EventKind.REACTION, text="the last command before silence")
+            )
+        return check(text, wrong, None if wrong else observed.since_s(silent_ns), self.within_s), events
+
+
+@dataclass(frozen=True)
+class LetsGo:
+    """ENABLE = 0 with one of these reasons within the time, and never ENABLE = 1 until the operator acts."""
+
+    reasons: tuple[str, ...]
+    within_s: float = STOP_S
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        text = f"ENABLE = 0 with {' or '.join(self.reasons)} within {self.within_s * 1e3:.0f} ms, until armed again"
+        after = observed.between(observed.inject_ns, observed.then_ns)
+        released = [pair for pair in after if not pair.is_enabled and pair.reason in self.reasons]
+        if not released:
+            found = sorted({pair.reason for pair in after if not pair.is_enabled})
+            return check(text, [f"no such command; other ENABLE = 0: {', '.join(found) or 'none'}"]), []
+        first = released[0]
+        wrong = [describe(observed, p) for p in after if p.is_enabled and p.stamp_ns > first.stamp_ns]
+        event = Event(at_s=observed.at_s(first.stamp_ns), kind=EventKind.REACTION, text=f"ENABLE = 0, {first.reason}")
+        return check(text, wrong, observed.since_s(first.stamp_ns), self.within_s), [event]
+
+
+@dataclass(frozen=True)
+class StaysOut:
+    """No ENABLE = 1 from the end of the injection until the operator acts: no burst of old commands either.
+
+    One command is allowed after silence: the device may have been stopped between reading and sending.
+    """
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        settled_ns = observed.end_ns + round(0.05 * S)
+        wrong = [describe(observed, pair) for pair in observed.between(settled_ns, observed.then_ns) if pair.is_enabled]
+        at_once = [pair for pair in observed.between(observed.end_ns, settled_ns) if pair.is_enabled]
+        if len(at_once) > 1 and not observed.between(observed.end_ns - round(STOP_S * S), observed.end_ns):
+            wrong.append(f"{len(at_once)} commands in a burst, {describe(observed, at_once[0])}")
+        return check("stays released until armed again", wrong), []
+
+
+@dataclass(frozen=True)
+class DrivesOn:
+    """Neither a stop nor ENABLE = 0 from the injection until some time after it."""
+
+    afterwards_s: float = 0.3
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        text = "drives on: no stop, no ENABLE = 0, no gap in the commands"
+        end_ns = min(observed.end_ns + round(self.afterwards_s * S), observed.then_ns)
+        pairs = observed.between(observed.inject_ns, end_ns)
+        wrong = [describe(observed, pair) for pair in pairs if pair.is_stop or not pair.is_enabled]
+        wrong += [
+            f"{observed.at_s(a):.3f} s: no command for {(b - a) / S:.3f} s"
+            for a, b in pairwise((observed.inject_ns, *(pair.stamp_ns for pair in pairs), end_ns))
+            if b - a > WATCHDOG_NS
+        ]
+        return check(text, wrong), []
+
+
+@dataclass(frozen=True)
+class FollowsGaps:
+    """A dropped sample has no answer: between the samples around a gap there is one command, not two.
+
+    Without gaps, a device that answers late by whole periods looks like one that answers at once.
+    """
+
+    gap_s: tuple[float, float] = (1.5 * PERIOD_S, 3.0 * PERIOD_S)
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        shortest_ns, longest_ns = (round(limit * S) for limit in self.gap_s)
+        commands = [
+            len(observed.between(before_ns, after_ns))
+            for before_ns, after_ns in pairwise(observed.samples_ns)
+            if observed.inject_ns < before_ns < observed.end_ns and shortest_ns < after_ns - before_ns < longest_ns
+        ]
+        text = f"a dropped sample drops a command within the period ({len(commands)} gaps)"
+        late = sum(count > 1 for count in commands)
+        wrong = [f"{late} of {len(commands)} gaps hold two commands or more"] if 2 * late >= len(commands) else []
+        return check(text, wrong), []
+
+
+@dataclass(frozen=True)
+class MomentaryAtMost:
+    """Stops for at most this long in total, with these reasons; never ENABLE = 0."""
+
+    reasons: tuple[str, ...]
+    most_s: float
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        text = f"at most {self.most_s * 1e3:.0f} ms of stopping ({', '.join(self.reasons)}), no ENABLE = 0"
+        pairs = observed.between(observed.inject_ns, observed.then_ns)
+        wrong = [
+            describe(observed, pair)
+            for pair in pairs
+            if not pair.is_enabled or (pair.is_stop and pair.reason not in self.reasons)
+        ]
+        stopped_s = sum(pair.is_stop for pair in pairs) * PERIOD_S
+        return check(text, wrong, stopped_s, self.most_s), []
+
+
+@dataclass(frozen=True)
+class Answers:
+    """The share of samples that are answered during the injection is in this range.
+
+    A stop for lack of state is no answer.
+    """
+
+    least: float
+    most: float
+    reasons: tuple[str, ...] = ("STATE_STALE",)
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        text = f"from {self.least:.0%} to {self.most:.0%} of the samples in this time are answered"
+        due = sum(observed.inject_ns <= instant.at_ns < observed.end_ns for instant in observed.history)
+        pairs = [
+            pair for pair in observed.between(observed.inject_ns, observed.end_ns) if pair.reason not in self.reasons
+        ]
+        share = len(pairs) / due if due else 0.0
+        wrong = [] if self.least <= share <= self.most else [f"{len(pairs)} commands for {due} samples ({share:.0%})"]
+        return check(text, wrong), []
+
+
+@dataclass(frozen=True)
+class NeverEnables:
+    """No ENABLE = 1 until the injection is over; with `at_all`, not one frame."""
+
+    at_all: bool = False
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        if self.at_all:
+            wrong = [
+                f"{observed.at_s(frame.stamp_ns):.3f} s: identifier 0x{frame.can_id:03X}" for frame in observed.frames
+            ]
+            return check("the device sends no frame at all", wrong), []
+        pairs = observed.between(observed.begin_ns, observed.end_ns)
+        return check("never ENABLE = 1", [describe(observed, pair) for pair in pairs if pair.is_enabled]), []
+
+
+@dataclass(frozen=True)
+class GivesUp:
+    """Requests engagement for this long, then not again until the operator acts."""
+
+    after_s: float
+    slack_s: float = 0.3
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        text = f"requests engagement for {self.after_s:.0f} s, then not again until armed"
+        asked = [pair for pair in observed.between(observed.begin_ns, observed.then_ns) if pair.is_enabled]
+        if not asked:
+            return check(text, ["it never requested it"]), []
+        first_ns, last_ns = asked[0].stamp_ns, asked[-1].stamp_ns
+        asked_s = (last_ns - first_ns) / S
+        wrong = [f"gave up after {asked_s:.2f} s"] if asked_s < self.after_s - self.slack_s else []
+        if observed.then_ns - last_ns < S:
+            wrong.append("it still requested it at the end")
+        event = Event(at_s=observed.at_s(last_ns), kind=EventKind.REACTION, text="the last ENABLE = 1")
+        return check(text, wrong, asked_s, self.after_s + self.slack_s), [event]

@@ -1,0 +1,48 @@
+"""Faults of the vehicle itself: its driver, its mode, its pose and its mechanics."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from hil_bench.faults.base import Injection
+from hil_bench.rig import Rig
+
+
+def change_vehicle(**changed: object) -> Injection:
+    """Set attributes of the vehicle, or of its plant (`plant_…`), and restore them at the end."""
+
+    @contextmanager
+    def inject(rig: Rig) -> Iterator[None]:
+        before = []
+        for name, value in changed.items():
+            owner, attribute = (rig.vehicle.plant, name[6:]) if name.startswith("plant_") else (rig.vehicle, name)
+            before.append((owner, attribute, getattr(owner, attribute)))
+            setattr(owner, attribute, value)
+        yield
+        for owner, attribute, value in before:
+            setattr(owner, attribute, value)
+
+    return inject
+
+
+def change_until_ready(**changed: object) -> Injection:
+    """Set attributes of the vehicle; they stay so until the driver makes it ready."""
+
+    @contextmanager
+    def inject(rig: Rig) -> Iterator[None]:
+        for name, value in changed.items():
+            setattr(rig.vehicle, name, value)
+        yield
+
+    return inject
+
+
+def change_and_make_ready(**changed: object) -> Injection:
+    """Set attributes of the vehicle; at the end the driver makes it ready, and nobody arms the device."""
+
+    @contextmanager
+    def inject(rig: Rig) -> Iterator[None]:
+        with change_until_ready(**changed)(rig):
+            yield
+        rig.vehicle.make_ready()
+
+    return inject

@@ -1,0 +1,121 @@
+"""What the report draws and counts of a case: plots, distributions, counts and the time line."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+from vehicle_bus_contract.judge import Record
+from vehicle_bus_contract.reference import Frame
+
+from hil_bench.case import Case
+from hil_bench.expect import Observation
+from hil_bench.result import Distribution, Event, EventKind, Path2D, Plot, Series
+from hil_bench.rig import Rig
+from hil_bench.routes import Route
+from hil_bench.vehicle import Instant
+from hil_bench.wire import Wire
+
+PLOT_POINTS = 300
+
+
+def draw_plots(wire: Wire, observed: Observation) -> list[Plot]:
+    """Commands and the vehicle's motion, with the limits."""
+    pairs = [p for p in observed.pairs if p.is_enabled]
+    few = pairs[:: max(1, len(pairs) // PLOT_POINTS)]
+    commanded_s = [round(observed.at_s(p.stamp_ns), 3) for p in few]
+    history = observed.history[:: max(1, len(observed.history) // PLOT_POINTS)]
+    driven_s = [round(observed.at_s(i.at_ns), 3) for i in history]
+    lowest, highest = wire.limits.accel_range_mps2
+    return [
+        Plot(
+            title="Speed",
+            unit="m/s",
+            series=[Series(name="vehicle", at_s=driven_s, values=[round(i.speed_mps, 3) for i in history])],
+        ),
+        Plot(
+            title="Acceleration",
+            unit="m/s²",
+            lowest=lowest,
+            highest=highest,
+            series=[
+                Series(name="commanded", at_s=commanded_s, values=[p.drive["ACCEL_REQUEST"] for p in few]),
+                Series(name="vehicle", at_s=driven_s, values=[round(i.accel_mps2, 3) for i in history]),
+            ],
+        ),
+        Plot(
+            title="Front wheels",
+            unit="rad",
+            lowest=-wire.limits.steer_rad,
+            highest=wire.limits.steer_rad,
+            series=[
+                Series(name="commanded", at_s=commanded_s, values=[p.steer["FRONT_WHEEL_ANGLE_REQUEST"] for p in few]),
+                Series(name="vehicle", at_s=driven_s, values=[round(i.wheel_rad, 4) for i in history]),
+            ],
+        ),
+    ]
+
+
+def draw_path(route: Route, driven: Sequence[Instant]) -> Path2D:
+    """The route and where the vehicle went."""
+    few = driven[:: max(1, len(driven) // PLOT_POINTS)]
+    points = range(0, len(route.x_m), max(1, len(route.x_m) // PLOT_POINTS))
+    return Path2D(
+        wanted_x_m=[route.x_m[i] for i in points],
+        wanted_y_m=[route.y_m[i] for i in points],
+        driven_x_m=[round(i.x_m, 3) for i in few],
+        driven_y_m=[round(i.y_m, 3) for i in few],
+    )
+
+
+def describe_distribution(name: str, values: Sequence[float], limit: float | None = None) -> Distribution:
+    """Quantiles and histogram of measurements in ms."""
+    ordered = sorted(values)
+
+    def at(share: float) -> float:
+        return round(ordered[min(len(ordered) - 1, math.ceil(share * len(ordered)) - 1)], 4)
+
+    top = max(1e-3, ordered[-1])
+    width = next(w for w in (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 1e3, 1e6) if top / w <= 60)
+    bins = math.floor(top / width) + 1
+    numbers = [0] * bins
+    for value in ordered:
+        numbers[min(bins - 1, int(value / width))] += 1
+    edges = [round(width * i, 6) for i in range(bins + 1)]
+    return Distribution(
+        name=name,
+        unit="ms",
+        count=len(ordered),
+        p50=at(0.5),
+        p95=at(0.95),
+        p99=at(0.99),
+        max=round(ordered[-1], 4),
+        edges=edges,
+        counts=numbers,
+        limit=limit,
+    )
+
+
+def count(record: Record, rig: Rig, frames: Sequence[Frame]) -> dict[str, int]:
+    """How many frames, samples, commands and losses there were."""
+    return {
+        "frames on the bus": len(rig.received),
+        "frames of the device": len(frames),
+        "complete samples": len(record.samples),
+        "command pairs": len(record.pairs),
+        "answered samples": len(record.answers),
+        "unanswered samples": len(record.unanswered),
+        "doubled commands": len(record.doubled),
+        "stops for lack of state": record.stale_stops,
+        "counter gaps": sum(text.split()[0] in rig.wire.of_device for text in record.counter_gaps),
+        "late ticks of the bench": len(rig.late),
+        "frames the bench could not send": rig.bus.rejected,
+    }
+
+
+def order_timeline(case: Case, rig: Rig, observed: Observation, events: Iterable[Event]) -> list[Event]:
+    """All events in order, each once."""
+    own = list(rig.events)
+    if observed.inject_ns and case.inject is not None:
+        own.append(Event(at_s=observed.at_s(observed.inject_ns), kind=EventKind.INJECTION, text=case.injected))
+        own.append(Event(at_s=observed.at_s(observed.end_ns), kind=EventKind.END_OF_INJECTION, text="injection over"))
+    unique = {(event.at_s, event.kind, event.text): event for event in (*own, *events)}
+    return sorted(unique.values(), key=lambda event: event.at_s)

@@ -1,0 +1,162 @@
+"""Where the cases drive: trajectories made of straights and arcs, written as the CSV that a device loads.
+
+The times are generous: a controller that tracks well reaches the end in space before it reaches it in time.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+SPACING_M = 0.25
+GENTLE_MPS2 = 1.0
+SLACK = 2.0
+"""Factor on the time that the speeds take; `BEGINNING_S` is added."""
+BEGINNING_S = 6.0
+
+Segment = tuple[float, float]
+"""Length, m, negative in reverse; curvature, 1/m, positive to the left when driving forward."""
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """Points of a trajectory: positions of the rear axle's centre, headings of the body, signed speeds."""
+
+    name: str
+    time_s: Sequence[float]
+    x_m: Sequence[float]
+    y_m: Sequence[float]
+    heading_rad: Sequence[float]
+    speed_mps: Sequence[float]
+
+    def write(self, path: Path, frame_id: str = "map") -> Path:
+        """Write the CSV file; returns its path."""
+        rows = zip(self.time_s, self.x_m, self.y_m, self.heading_rad, self.speed_mps, strict=True)
+        lines = [f"# frame_id: {frame_id}", "time_s,x_m,y_m,heading_rad,speed_mps"]
+        lines += [f"{t:.3f},{x:.4f},{y:.4f},{heading:.5f},{v:.3f}" for t, x, y, heading, v in rows]
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
+
+def route(
+    name: str,
+    segments: Sequence[Segment],
+    speed_mps: float,
+    *,
+    slack: float = SLACK,
+    stops_at_end: bool = True,
+    spacing_m: float = SPACING_M,
+) -> Route:
+    """A route along segments: from standstill, with a gentle stop at every change of direction and at the end."""
+    x, y, heading = 0.0, 0.0, 0.0
+    points: list[tuple[float, float, float, float]] = []
+    runs: list[list[int]] = []
+    for length_m, curvature in segments:
+        way = math.copysign(1.0, length_m)
+        if not runs or points[runs[-1][-1]][3] != way:
+            if points:
+                points[-1] = (x, y, heading, points[-1][3])
+            runs.append([len(points)])
+            points.append((x, y, heading, way))
+        steps = max(1, round(abs(length_m) / spacing_m))
+        step = length_m / steps
+        for _ in range(steps):
+            turn = curvature * step
+            x += step * math.cos(heading + turn / 2.0)
+            y += step * math.sin(heading + turn / 2.0)
+            heading = math.remainder(heading + turn, math.tau)
+            runs[-1].append(len(points))
+            points.append((x, y, heading, way))
+    speeds = [0.0] * len(points)
+    for number, run in enumerate(runs):
+        is_last = number == len(runs) - 1
+        along = [0.0]
+        for before, here in itertools.pairwise(run):
+            along.append(
+                along[-1] + math.hypot(points[here][0] - points[before][0], points[here][1] - points[before][1])
+            )
+        for index, done_m in zip(run, along, strict=True):
+            left_m = along[-1] - done_m if stops_at_end or not is_last else math.inf
+            top = min(speed_mps, math.sqrt(2 * GENTLE_MPS2 * max(done_m, 0.3)), math.sqrt(2 * GENTLE_MPS2 * left_m))
+            speeds[index] = math.copysign(top, points[index][3])
+    times = [0.0]
+    for before, here in itertools.pairwise(range(len(points))):
+        way_m = math.hypot(points[here][0] - points[before][0], points[here][1] - points[before][1])
+        mean = max(0.2, (abs(speeds[before]) + abs(speeds[here])) / 2.0)
+        times.append(times[-1] + max(0.001, slack * way_m / mean))
+    late_s = BEGINNING_S if slack >= 1.0 else 0.0
+    times = [t + late_s * min(1.0, i / 10) for i, t in enumerate(times)]
+    xs, ys, headings, _ = zip(*points, strict=True)
+    return Route(name, times, xs, ys, headings, speeds)
+
+
+def lane_change(offset_m: float, length_m: float) -> list[Segment]:
+    """Two opposite arcs that lead `offset_m` to the left over about `length_m` (small angles)."""
+    curvature = 4.0 * offset_m / length_m**2
+    return [(length_m / 2.0, curvature), (length_m / 2.0, -curvature)]
+
+
+def straight(length_m: float = 400.0, speed_mps: float = 5.0) -> Route:
+    """Along +x."""
+    return route(f"straight-{length_m:.0f}-m-at-{speed_mps:.0f}", [(length_m, 0.0)], speed_mps)
+
+
+def step(speed_mps: float = 5.0) -> Route:
+    """A lane's width to the left within 12 m, then straight on."""
+    return route("step", [(20.0, 0.0), *lane_change(2.5, 16.0), (30.0, 0.0)], speed_mps)
+
+
+def slalom(speed_mps: float = 5.0) -> Route:
+    """Four gates, alternately."""
+    bends = [(18.0, 0.04), (18.0, -0.04)]
+    return route("slalom", [(15.0, 0.0), (9.0, 0.04), *bends[1:], *bends, (9.0, -0.04), (20.0, 0.0)], speed_mps)
+
+
+def double_lane_change(speed_mps: float = 8.0) -> Route:
+    """Around an obstacle in the lane and back, in the manner of ISO 3888-1, at a car park's speed."""
+    swerve, back = lane_change(3.0, 30.0), lane_change(-3.0, 25.0)
+    return route("double-lane-change", [(25.0, 0.0), *swerve, (20.0, 0.0), *back, (30.0, 0.0)], speed_mps)
+
+
+def stop_and_go(speed_mps: float = 4.0) -> Route:
+    """Three stretches, each with a stop at its end."""
+    one = route("one", [(16.0, 0.0)], speed_mps)
+    times, xs, ys, headings, speeds = [], [], [], [], []  # type: ignore[var-annotated]
+    for number in range(3):
+        begin_s, begin_m = (times[-1] + 0.5, xs[-1]) if times else (0.0, 0.0)
+        for i in range(1 if number else 0, len(one.x_m)):
+            times.append(begin_s + one.time_s[i])
+            xs.append(begin_m + one.x_m[i])
+            ys.append(0.0)
+            headings.append(0.0)
+            speeds.append(one.speed_mps[i] if one.speed_mps[i] or i == len(one.x_m) - 1 else 0.3)
+    speeds[-1] = 0.0
+    return Route("stop-and-go", times, xs, ys, headings, speeds)
+
+
+def reverse_bay() -> Route:
+    """Forward past a bay, then in reverse into it."""
+    quarter_m = math.pi / 2.0 * 7.0
+    return route("reverse-bay", [(16.0, 0.0), (-quarter_m, -1.0 / 7.0), (-4.0, 0.0)], 2.0)
+
+
+def u_turn(speed_mps: float = 3.0) -> Route:
+    """A half circle of 7 m radius."""
+    return route("u-turn", [(5.0, 0.0), (math.pi * 7.0, 1.0 / 7.0), (6.0, 0.0)], speed_mps)
+
+
+def bend(speed_mps: float = 7.0) -> Route:
+    """A wide bend of 25 m radius."""
+    return route("bend", [(110.0, 1.0 / 25.0)], speed_mps)
+
+
+def circle(speed_mps: float = 4.0) -> Route:
+    """A full circle of 12 m radius."""
+    return route("circle", [(6.0, 0.0), (math.tau * 12.0, 1.0 / 12.0), (6.0, 0.0)], speed_mps)
+
+
+def figure_eight(speed_mps: float = 4.0) -> Route:
+    """A circle to the left, then one to the right."""
+    round_m = math.tau * 12.0
+    return route("figure-eight", [(5.0, 0.0), (round_m, 1 / 12.0), (round_m, -1 / 12.0), (5.0, 0.0)], speed_mps)

@@ -1,0 +1,290 @@
+"""Runs one case, from its trajectory file to its verdict."""
+
+import gc
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+from vehicle_bus_contract.judge import examine
+from vehicle_bus_contract.reference import S
+
+from hil_bench import figures, host, judge
+from hil_bench.bus import is_virtual
+from hil_bench.case import Case, Then
+from hil_bench.device import Commands
+from hil_bench.expect import Observation
+from hil_bench.faults.base import inject_nothing
+from hil_bench.result import CaseResult, Event, EventKind, Evidence, Verdict
+from hil_bench.rig import Rig
+from hil_bench.routes import Route
+from hil_bench.wire import Wire
+
+ENGAGE_S = 25.0
+REACH_SPEED_S = 12.0
+REARM_S = 8.0
+REARM_AGAIN_S = 2.5
+HEALTHY_S = 0.8
+UNARMED_S = 0.7
+"""Time in READY before the operator arms again; a device that is still armed would engage."""
+SETTLE_S = 1.5
+"""A device that is already running receives the vehicle for this long before it is armed."""
+END_S = 16.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchConfig:
+    """What all cases of a run have in common."""
+
+    wire: Wire
+    channel: str
+    commands: Commands
+    folder: Path
+    """Folder for the files of every case."""
+    profile: str
+    seed: int = 0
+
+    @property
+    def evidence(self) -> Evidence:
+        """The class of evidence of its results."""
+        return Evidence.VIRTUAL_BUS if is_virtual(self.channel) else Evidence.REAL_BUS
+
+
+def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
+    """Raises `RigError` and `OSError` where the bench, not the device, is at fault."""
+    name = case.name if repetition == 1 else f"{case.name}-{repetition}"
+    route = case.route()
+    trajectory = route.write(config.folder / f"{name}.csv", case.frame_id)
+    if case.breaks is not None:
+        trajectory.write_text(case.breaks(trajectory.read_text()))
+    channel, device_channel = (host.BENCH_END, host.DEVICE_END) if case.on_vxcan else (config.channel, config.channel)
+    placeholders = {
+        "channel": case.channel or device_channel,
+        "profile": _profile(config, case, name),
+        "trajectory": str(trajectory.resolve()),
+        "route": route.name,
+        "record": str((config.folder / f"{name}.disk" / "drive").resolve()),
+        "port": str(_free_port()),
+    }
+    began = time.monotonic()
+    gc.collect()
+    gc.disable()  # a collection over all frames of a long case would silence the vehicle for 0.1 s
+    try:
+        if case.on_vxcan:
+            host.make_cable()
+        if case.recorded_mib:
+            host.make_disk(Path(placeholders["record"]).parent, case.recorded_mib)
+        rig = Rig(
+            config.wire, channel, config.commands, config.folder, placeholders, config.seed + repetition - 1, case.name
+        )
+        rig.device.log = config.folder / f"{name}.log"
+        try:
+            _run_phases(rig, case)
+        finally:
+            killed = _clean_up(rig, case)
+        rig.write_candump(config.folder / f"{name}.candump")
+    finally:
+        with _defer_signals():
+            gc.enable()
+            if case.on_vxcan:
+                host.remove_cable()
+            if case.recorded_mib:
+                host.remove_disk(Path(placeholders["record"]).parent)
+    result = _judge(config, case, rig, route, killed, repetition)
+    return msgspec.structs.replace(
+        result,
+        duration_s=round(time.monotonic() - began, 2),
+        candump=f"{name}.candump",
+        device_log=f"{name}.log" if rig.device.log.exists() else "",
+    )
+
+
+def unjudged_result(
+    config: BenchConfig, case: Case, repetition: int, why: str, verdict: Verdict = Verdict.NOT_EXECUTED
+) -> CaseResult:
+    """A result without checks: the case's own data, and the reason."""
+    return CaseResult(
+        name=case.name,
+        proves=case.proves,
+        fault=case.fault,
+        tags=list(case.tags),
+        verdict=verdict,
+        why=why,
+        evidence=config.evidence,
+        repetition=repetition,
+        seed=config.seed + repetition - 1,
+        injected=case.injected,
+    )
+
+
+def _profile(config: BenchConfig, case: Case, name: str) -> str:
+    """The profile that the device loads: the bench's, or the case's changed copy."""
+    if case.profile is None:
+        return str(config.wire.path) if config.profile.endswith(".toml") else config.profile
+    toml, dbc = case.profile(config.wire.path.read_text(), config.wire.dbc.read_text())
+    copy = config.folder / f"{name}.toml"
+    copy.write_text(toml)
+    (config.folder / config.wire.dbc.name).write_text(dbc)
+    return str(copy.resolve())
+
+
+@contextmanager
+def _defer_signals() -> Iterator[None]:
+    """Delay signals until the end of the context."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _free_port() -> int:
+    with socket.socket() as any_socket:
+        any_socket.bind(("127.0.0.1", 0))
+        port: int = any_socket.getsockname()[1]
+        return port
+
+
+def _run_phases(rig: Rig, case: Case) -> None:
+    for attribute, value in case.setup.items():
+        setattr(rig.vehicle.plant, attribute, value)
+    if case.link_is_down:
+        rig.set_link(up=False)
+    rig.begin()
+    rig.note(EventKind.PREPARATION, "the vehicle sends state, the device is started")
+    rig.device.start(armed=case.armed, recorded=bool(case.recorded_mib), open_files=case.open_files)
+    if not rig.device.is_started:
+        rig.run_for(SETTLE_S)
+        rig.device.rearm()
+    if case.at_mps < 0.0:
+        _inject(rig, case)
+    elif rig.wait_for(lambda: rig.is_engaged or rig.device.poll() is not None, ENGAGE_S, "the device to engage"):
+        rig.note(EventKind.PREPARATION, "engaged")
+        if case.at_mps > 0.0 and case.inject is not None:
+            rig.wait_for(lambda: abs(rig.vehicle.plant.speed_mps) >= case.at_mps, REACH_SPEED_S, f"{case.at_mps} m/s")
+        _inject(rig, case)
+    _after_injection(rig, case)
+
+
+def _inject(rig: Rig, case: Case) -> None:
+    if case.inject is None and case.at_mps >= 0.0:
+        return
+    rig.mark_injection()
+    rig.touched_ns = rig.inject_ns
+    with (case.inject or inject_nothing)(rig):
+        rig.run_for(case.for_s)
+        if case.samples:
+            count = len(rig.vehicle.history) + case.samples
+            rig.wait_for(lambda: len(rig.vehicle.history) >= count, case.samples / 50.0, "the samples")
+        rig.end_ns = time.monotonic_ns()
+    rig.end_ns = max(rig.end_ns, time.monotonic_ns())
+
+
+def _after_injection(rig: Rig, case: Case) -> None:
+    if case.then is Then.END_OF_ROUTE:
+        longest_s = 180.0
+        rig.wait_for(
+            lambda: rig.is_at_end or rig.is_stuck or rig.device.poll() is not None, longest_s, "the end of the route"
+        )
+        rig.run_for(0.6)
+    elif case.then is Then.GOES_ON:
+        rig.run_for(case.after_s)
+        rig.wait_for(lambda: rig.is_engaged, 3.0, "the device to continue")
+        rig.run_for(HEALTHY_S)
+    elif case.then is Then.ENDED:
+        rig.wait_for(lambda: rig.device.poll() is not None, END_S, "the device to end")
+        rig.run_for(case.after_s)
+    else:
+        rig.run_for(case.after_s)
+    if case.then is Then.REARM:
+        rig.note(EventKind.CLEAN_UP, "the vehicle is made ready, the device is not armed")
+        rig.vehicle.make_ready()
+        rig.run_for(UNARMED_S)
+    rig.then_ns = time.monotonic_ns()
+    if case.then is Then.REARM:
+        _rearm(rig)
+    rig.healthy_ns = time.monotonic_ns()
+
+
+def _rearm(rig: Rig) -> None:
+    """Make the vehicle ready, then arm the device, as an operator does; repeat until it engages."""
+    end_ns = time.monotonic_ns() + round(REARM_S * S)
+    rig.note(EventKind.CLEAN_UP, "the vehicle is made ready, the device is armed again")
+    while time.monotonic_ns() < end_ns and not rig.is_engaged:
+        rig.vehicle.make_ready()
+        rig.run_for(0.3)
+        rig.device.rearm()
+        again_ns = time.monotonic_ns() + round(REARM_AGAIN_S * S)
+        while not rig.is_engaged and time.monotonic_ns() < again_ns:
+            rig.tick()
+    if rig.is_engaged:
+        rig.note(EventKind.CLEAN_UP, "engaged again")
+    rig.run_for(HEALTHY_S)
+
+
+def _clean_up(rig: Rig, case: Case) -> list[str]:
+    """End the device; returns what had to be killed."""
+    rig.then_ns = rig.then_ns or time.monotonic_ns()
+    if case.link_is_down:
+        rig.set_link(up=True)
+    try:
+        if rig.device.poll() is None:
+            rig.device.stop()
+            rig.wait_for(lambda: rig.device.poll() is not None or not rig.device.is_started, END_S, "the device to end")
+            rig.run_for(0.05)
+        rig.exit_ns = rig.exit_ns or time.monotonic_ns()
+        rig.exit_status = rig.device.poll()
+    finally:
+        killed = rig.device.kill()
+        rig.close()
+    return killed
+
+
+def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list[str], repetition: int) -> CaseResult:
+    record = examine(rig.judged_frames(), rig.wire)
+    frames = rig.device_frames()
+    observed = Observation(
+        begin_ns=rig.begin_ns,
+        inject_ns=rig.inject_ns,
+        end_ns=rig.end_ns or rig.then_ns,
+        then_ns=rig.then_ns,
+        samples_ns=[sample.stamp_ns for sample in record.samples],
+        pairs=record.pairs,
+        decoded=[one for one in record.decoded if one.name not in (*rig.wire.sample, "VEHICLE_STATUS")],
+        frames=frames,
+        history=rig.vehicle.history,
+        exit_status=rig.exit_status,
+        exit_ns=rig.exit_ns,
+        route=route,
+    )
+    checks = judge.check_alive(case, observed, rig) + judge.check_preparation(case, observed, rig)
+    events: list[Event] = []
+    for expectation in () if case.inject is not None and not observed.inject_ns else case.see:
+        expected, at = expectation.judge(observed)
+        checks.append(expected)
+        events += at
+    path_checks, drawn = judge.check_path(case, route, rig.vehicle.history)
+    answer_checks, distributions = judge.check_answers(case, record, observed, rig)
+    checks += path_checks + answer_checks
+    checks += judge.check_protocol(case, rig, record, observed)
+    checks += judge.check_health(case, observed, rig, killed)
+    failed = [c for c in checks if c.verdict is Verdict.FAIL]
+    verdict = Verdict.FAIL if failed else Verdict.PASS
+    first = (judge.select_unexcused(failed) if rig.late else failed) or failed
+    why = f"{first[0].text}: {'; '.join(first[0].found[:1])}" if failed else ""
+    if failed and rig.late and not judge.select_unexcused(failed):
+        verdict = Verdict.NOT_EXECUTED
+        why = f"the bench itself was late ({rig.late[0]}), which may explain the finding: {why}"
+    return msgspec.structs.replace(
+        unjudged_result(config, case, repetition, why, verdict),
+        checks=checks,
+        events=figures.order_timeline(case, rig, observed, events),
+        distributions=distributions,
+        plots=figures.draw_plots(rig.wire, observed),
+        path=drawn,
+        counts=figures.count(record, rig, frames),
+    )
