@@ -1,58 +1,35 @@
 """The whole loop and the simulated vehicle, wired back to back in virtual time: real codec, real checksums.
 
-Nothing here reads a clock. What the loop sends is taken apart by the layout of the contract's page, not by the
-program's own codec.
+Nothing here reads a clock. What the loop sends is decoded by the bus contract, not by the program's own codec.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
-from sim.contract import LAYOUT, checksum
+from vehicle_bus_contract.reference import CONTROLLER_SENDS, COUNTERS
 
+from tests.contract_frames import intact
 from vehicle_iface import BehaviorConfig, PurePursuit, PurePursuitConfig, Trajectory, VehicleState, compose
 from vehicle_iface.codec.database import VehicleDatabase, load_database
+from vehicle_iface.command import SafeCommand
 from vehicle_iface.control.base import ControllerBase
 from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
-from vehicle_iface.runtime.telemetry import TelemetryWriter
 from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.sim.driver_commands import execute
 from vehicle_iface.sim.embedded import EmbeddedBus
 from vehicle_iface.sim.model import BicycleState
-from vehicle_iface.sim.orders import obey
 from vehicle_iface.sim.wire import simulated_vehicle
+from vehicle_iface.telemetry import TelemetryWriter
 from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
 from vehicle_iface.units import NS_PER_MS, ns_from_s, s_from_ns
 
 START_NS = 1_000_000_000
-OURS = {
-    **{name: LAYOUT[name] for name in ("DRIVE_COMMAND", "STEER_COMMAND")},
-    "BODY_COMMAND": (
-        0x082,
-        {
-            "HAZARD_LIGHTS": (12, 1, False, 1.0),
-            "HEADLIGHTS": (16, 2, False, 1.0),
-            "TURN_INDICATOR": (18, 2, False, 1.0),
-            "HORN": (20, 1, False, 1.0),
-        },
-    ),
-    "CONTROLLER_STATUS": (
-        0x180,
-        {
-            "STATE": (12, 4, False, 1.0),
-            "REASON": (16, 8, False, 1.0),
-            "REF_SPATIAL_INDEX": (24, 16, False, 1.0),
-            "REF_TEMPORAL_INDEX": (40, 16, False, 1.0),
-            "DEADLINE_MISSES": (56, 8, False, 1.0),
-        },
-    ),
-}
-"""What the controller sends, by the contract's page."""
-NAME_OF = {can_id: name for name, (can_id, _) in OURS.items()}
 
 
 class Clock:
@@ -77,7 +54,7 @@ class Sent:
     """The loop's pass in which it was sent."""
     name: str
     counter: int
-    signals: dict[str, float]
+    signals: Mapping[str, float]
     frame: CanFrame
 
     def __getitem__(self, signal: str) -> float:
@@ -226,13 +203,18 @@ class Drive:
         assert newest is not None
         return newest.state
 
+    def last_command(self) -> SafeCommand | None:
+        """What the gate permitted last, sent or not."""
+        decision = self.loop._cycle.last
+        return decision.permitted if decision is not None else None
+
     def step(self) -> None:
         self.line.step += 1
         self.loop.step()
 
     def run_s(self, seconds: float) -> None:
         end_ns = self.clock.t_ns + ns_from_s(seconds)
-        while self.clock.t_ns < end_ns and not self.loop.done:
+        while self.clock.t_ns < end_ns and not self.loop.shutdown.is_done:
             self.step()
 
     def run_until(self, holds: Callable[[], object], within_s: float) -> float:
@@ -255,7 +237,7 @@ class Drive:
 
     def say(self, line: str) -> None:
         """An order to the vehicle's pedals."""
-        assert obey(self.vehicle, line) == "ok"
+        assert execute(self.vehicle, line) == "ok"
 
     def named(self, name: str, since: int = 0) -> list[Sent]:
         return [sent for sent in self.sent[since:] if sent.name == name]
@@ -300,25 +282,17 @@ def straight(
 
 def taken_apart(frame: CanFrame, at_ns: int = 0, step: int = 0) -> Sent:
     """A frame of the controller by the contract's page; fails when it is not intact."""
-    name = NAME_OF[frame.can_id]
-    assert len(frame.data) == 8
-    assert not any((frame.is_extended, frame.is_remote, frame.is_fd, frame.is_error))
-    assert frame.data[0] == checksum(frame.can_id, frame.data)
-    bits = int.from_bytes(frame.data, "little")
-    signals: dict[str, float] = {}
-    for signal, (start, length, is_signed, factor) in OURS[name][1].items():
-        raw = (bits >> start) & ((1 << length) - 1)
-        if is_signed and raw >> (length - 1):
-            raw -= 1 << length
-        signals[signal] = raw * factor
-    return Sent(at_ns, step, name, (bits >> 8) & 0xF, signals, frame)
+    told = intact(frame)
+    assert told is not None
+    assert told.name in CONTROLLER_SENDS
+    return Sent(at_ns, step, told.name, told.counter, told.signals, frame)
 
 
 def counters_step_by_one(frames: Sequence[Sent]) -> bool:
     """Whether each message's counter runs 0, 1, … 14, 0, … over the frames."""
     newest: dict[str, int] = {}
     for sent in frames:
-        if sent.name in newest and sent.counter != (newest[sent.name] + 1) % 15:
+        if sent.name in newest and sent.counter != (newest[sent.name] + 1) % COUNTERS:
             return False
         newest[sent.name] = sent.counter
     return True

@@ -3,6 +3,7 @@
 import math
 import threading
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -10,23 +11,36 @@ from typing import Any
 
 import numpy as np
 import pytest
-from harness import NAME_OF, OURS, START_NS, Drive, Pair, counters_step_by_one, ms, pure_pursuit, reference, straight
-from sim.contract import pack
+from vehicle_bus_contract.reference import CONTROLLER_SENDS
 
-from vehicle_iface import Command, ControllerBase, Reason, Trajectory, VehicleState, cli, clock, compose
+from tests.contract_frames import pack
+from tests.harness import (
+    Drive,
+    Pair,
+    counters_step_by_one,
+    ms,
+    pure_pursuit,
+    reference,
+    straight,
+)
+from vehicle_iface import Command, ControllerBase, Reason, Trajectory, VehicleState, clock, compose, drivable
+from vehicle_iface.cli.run import run_for
 from vehicle_iface.control.tracking import point_at, tracking_error
 from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.runtime.telemetry import SessionInfo, TelemetryWriter
 from vehicle_iface.safety.engagement import Mode
 from vehicle_iface.sim import engagement as sim_engagement
 from vehicle_iface.sim.engagement import Event as VehicleEvent
 from vehicle_iface.sim.model import BicycleState
+from vehicle_iface.sim.vehicle import SimulatedVehicle
 from vehicle_iface.status import ControllerState, Gear, VehicleMode
+from vehicle_iface.telemetry import SessionInfo, TelemetryWriter
+from vehicle_iface.trajectories.csv_file import save_csv
 from vehicle_iface.trajectories.mailbox import Mailbox
 from vehicle_iface.trajectories.receding import RecedingRoute
 from vehicle_iface.trajectories.shapes import ROUTES, make_route
 from vehicle_iface.trajectories.source import FixedTrajectory
+from vehicle_iface.units import s_from_ns
 
 NO_REQUEST = 7
 
@@ -118,10 +132,10 @@ def test_each_complete_sample_is_answered_by_one_pair_with_that_samples_content(
     controller = Recorded()
     drive = Drive(controller=controller).engage()
     since, done = len(drive.sent), len(controller.angles_rad)
-    completed = drive.loop._tracker.completed
+    completed = drive.loop._assembler.completed
     drive.run_s(2.0)
     pairs = drive.pairs(since)
-    assert len(pairs) == drive.loop._tracker.completed - completed == 200
+    assert len(pairs) == drive.loop._assembler.completed - completed == 200
     wished = [min(angle, 0.6) for angle in controller.angles_rad[done:]]
     assert len(wished) == len(pairs)
     exact = sum(
@@ -135,7 +149,7 @@ def test_every_frame_is_intact_and_every_counter_steps_by_one_and_never_repeats(
     drive = cruising()
     drive.run_s(3.0)
     assert counters_step_by_one(drive.sent)
-    assert {sent.name for sent in drive.sent} == set(OURS)
+    assert {sent.name for sent in drive.sent} == set(CONTROLLER_SENDS)
 
 
 def test_commands_come_at_the_samples_rate_and_not_in_bursts() -> None:
@@ -161,17 +175,17 @@ def test_body_and_status_come_ten_times_a_second() -> None:
 def test_who_is_not_armed_sends_not_one_frame_whatever_happens() -> None:
     drive = Drive(armed=False)
     drive.run_s(2.0)
-    drive.loop.request_arming()
+    drive.loop.arming.request()
     drive.run_s(2.0)
     drive.say("mute STATE on")
     drive.run_s(1.0)
     drive.say("mute STATE off")
     drive.say("brake 1")
     drive.run_s(1.0)
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     drive.run_s(1.0)
     assert drive.sent == []
-    assert drive.loop.done
+    assert drive.loop.shutdown.is_done
     assert drive.vehicle.counters["to_autonomous"] == 0
 
 
@@ -188,7 +202,7 @@ def test_it_engages_after_half_a_second_of_fresh_samples_when_the_vehicle_is_rea
 
 def test_an_arming_that_changes_nothing_is_answered_by_why(caplog: pytest.LogCaptureFixture) -> None:
     drive = Drive().engage()
-    drive.loop.request_arming()
+    drive.loop.arming.request()
     drive.run_s(0.1)
     assert [text for text in caplog.messages if "not armed" in text] == ["not armed: it drives"]
     assert drive.last()["ENABLE"] == 1
@@ -206,10 +220,10 @@ def test_a_vehicle_in_manual_is_not_engaged_until_it_is_ready() -> None:
 def test_a_vehicle_that_never_becomes_autonomous_is_given_up_after_three_seconds() -> None:
     drive = Drive()
     drive.run_until(lambda: drive.mode() is Mode.ENGAGING, 1.0)
-    drive.vehicle._watch.break_row()
+    drive.vehicle._watch.reset_streak()
     took_s = 0.0
     while drive.mode() is Mode.ENGAGING:
-        drive.vehicle._watch.break_row()
+        drive.vehicle._watch.reset_streak()
         drive.step()
         took_s += 0.01
         assert took_s < 4.0
@@ -298,13 +312,20 @@ def test_the_end_in_time_stops_without_hazard_lights() -> None:
     assert hazards(drive, since) == {0}
 
 
+def drives_on_after(drive: Drive, hold: str) -> None:
+    """The stop goes on for the profile's time after its cause, and no longer."""
+    hold_s = getattr(reference().profile.recovery, hold)
+    took_s = drive.run_until(lambda: drive.last()["SAFE_STOP"] == 0, hold_s + 0.1)
+    assert took_s >= hold_s - 0.011
+
+
 def test_another_frame_of_reference_stops_and_the_same_one_again_drives_on() -> None:
     drive = cruising()
     drive.say("frame ODOM")
     since = stopped(drive, Reason.FRAME_MISMATCH)
     assert hazards(drive, since) == {1}
     drive.say("frame MAP")
-    drive.run_until(lambda: drive.last()["SAFE_STOP"] == 0, 0.1)
+    drives_on_after(drive, "frame_mismatch_s")
 
 
 def test_a_pose_that_is_not_valid_stops_and_a_valid_one_drives_on() -> None:
@@ -313,7 +334,7 @@ def test_a_pose_that_is_not_valid_stops_and_a_valid_one_drives_on() -> None:
     since = stopped(drive, Reason.STATE_INVALID)
     assert hazards(drive, since) == {1}
     drive.say("pose_valid 1")
-    drive.run_until(lambda: drive.last()["SAFE_STOP"] == 0, 0.1)
+    drives_on_after(drive, "state_invalid_s")
 
 
 @pytest.mark.parametrize("mood", [ValueError("mistake"), RuntimeError(), math.nan, math.inf, "fast"])
@@ -324,7 +345,7 @@ def test_a_controller_that_raises_or_says_nonsense_stops(mood: object) -> None:
     since = stopped(drive, Reason.CONTROLLER_ERROR)
     assert hazards(drive, since) == {1}
     controller.mood = None
-    drive.run_until(lambda: drive.last()["SAFE_STOP"] == 0, 0.1)
+    drives_on_after(drive, "controller_error_s")
 
 
 def test_a_controller_far_out_of_limits_is_limited_and_counted() -> None:
@@ -334,7 +355,7 @@ def test_a_controller_far_out_of_limits_is_limited_and_counted() -> None:
     pairs = after(drive, 0.5)
     assert max(pair["ACCEL_REQUEST"] for pair in pairs) == pytest.approx(3.0)
     assert says(pairs[-1], enable=1, stop=0, reason=Reason.NOMINAL)
-    assert drive.loop.summary()["limited"]["accel_mps2"] > 0
+    assert drive.loop.summary().limited["accel_mps2"] > 0
 
 
 def test_50_ms_without_a_sample_stop_from_the_last_state_at_the_command_period() -> None:
@@ -348,7 +369,7 @@ def test_50_ms_without_a_sample_stop_from_the_last_state_at_the_command_period()
     assert pairs[-1]["ACCEL_REQUEST"] == pytest.approx(-3.0)
     assert counters_step_by_one(drive.sent)
     drive.say("mute STATE off")
-    drive.run_until(lambda: drive.last()["SAFE_STOP"] == 0, 0.05)
+    drives_on_after(drive, "state_stale_s")
     assert drive.mode() is Mode.ENGAGED
 
 
@@ -368,7 +389,7 @@ def test_500_ms_without_a_sample_silence_for_good_until_armed_again() -> None:
     drive.say("ready")
     drive.run_s(2.0)
     assert len(drive.sent) == count
-    drive.loop.request_arming()
+    drive.loop.arming.request()
     assert 0.5 <= drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 2.0) <= 0.7
     assert counters_step_by_one(drive.sent)
 
@@ -401,9 +422,21 @@ def test_the_driver_takes_over_and_the_controller_lets_go_until_told_again(order
     drive.say(f"{word} 0")
     drive.say("ready")
     assert all(says(p, enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE) for p in after(drive, 3.0))
-    drive.loop.request_arming()
+    drive.loop.arming.request()
     drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 1.0)
     assert says(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
+
+
+@pytest.mark.parametrize("order", ["brake 1", "throttle 1", "steer 3.0", "steer -3.0"])
+def test_a_vehicle_that_goes_on_under_its_drivers_hands_and_feet_is_let_go(
+    order: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SimulatedVehicle, "is_driver_active", False)
+    drive = cruising()
+    drive.say(order)
+    pairs = after(drive, 0.04)
+    assert says(pairs[-1], enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
+    assert drive.mode() is Mode.OVERRIDDEN
 
 
 @pytest.mark.parametrize("order", ["steer 2.9", "steer -2.9"])
@@ -421,15 +454,15 @@ def test_a_fault_of_the_vehicle_is_latched(order: str) -> None:
     drive.say("reset")
     drive.say("ready")
     assert all(says(p, enable=0, stop=0, reason=Reason.VEHICLE_FAULT) for p in after(drive, 2.0))
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     drive.run_s(1.0)
-    assert drive.loop.done
-    assert drive.loop.ended_in_fault
+    assert drive.loop.shutdown.is_done
+    assert drive.loop.shutdown.ended_in_fault
 
 
 def test_a_vehicle_that_drops_out_to_ready_by_itself_is_let_go_for_good() -> None:
     drive = cruising()
-    assert drive.vehicle._happen(VehicleEvent.LET_GO)
+    assert drive.vehicle._apply(VehicleEvent.RELEASED)
     drive.run_until(lambda: drive.last()["ENABLE"] == 0, 0.2)
     assert all(says(p, enable=0, stop=0, reason=Reason.VEHICLE_NOT_AUTONOMOUS) for p in after(drive, 2.0))
     assert drive.mode() is Mode.FAULT
@@ -445,7 +478,7 @@ def test_another_commander_silences_at_once_and_for_good(name: str) -> None:
     assert len(drive.sent) == count
     assert (drive.mode(), drive.loop.reason) == (Mode.SILENT, Reason.DUPLICATE_COMMANDER)
     assert drive.vehicle.mode is VehicleMode.FAULT
-    assert drive.loop.details()["loop"]["foreign_commands"] == 1
+    assert drive.loop.details().loop["foreign_commands"] == 1
 
 
 @pytest.fixture
@@ -475,8 +508,8 @@ def test_a_vehicle_that_somebody_else_drives_is_left_alone_however_late_it_is_he
     drive.say("mute ALL off")
     drive.step()
     assert silenced(drive, len(drive.sent))
-    assert drive.loop.summary()["commands"] == 0
-    assert drive.loop.details()["loop"]["samples_heard_only"] >= 14
+    assert drive.loop.summary().commands == 0
+    assert drive.loop.details().loop["samples_before_engagement"] >= 14
 
 
 @pytest.mark.usefixtures("lenient")
@@ -499,12 +532,12 @@ def test_an_autonomous_vehicle_that_nobody_commands_is_let_go_and_driven_again()
     drive.run_s(1.0)
     assert drive.mode() is Mode.SILENT
     drive.say("mute ALL off")
-    drive.loop.request_arming()
+    drive.loop.arming.request()
     drive.run_s(0.5)
     assert drive.vehicle.mode is VehicleMode.READY
     drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 1.0)
-    assert drive.loop.summary()["samples"] + drive.loop.details()["loop"]["samples_heard_only"] == (
-        drive.loop._tracker.completed
+    assert drive.loop.summary().samples + drive.loop.details().loop["samples_before_engagement"] == (
+        drive.loop._assembler.completed
     )
 
 
@@ -513,22 +546,22 @@ def test_told_to_end_at_any_moment_of_a_start_it_ends_and_drives_nothing(tick: i
     drive = Drive()
     drive.say("mute VEHICLE_STATUS on")  # it is heard for 200 ms
     drive.run_s(tick * 0.01)
-    drive.loop.request_end()
-    drive.run_until(lambda: drive.loop.done, 0.5)
+    drive.loop.shutdown.request()
+    drive.run_until(lambda: drive.loop.shutdown.is_done, 0.5)
     assert not any(pair["ENABLE"] for pair in drive.pairs())
-    assert not drive.loop.ended_in_fault
+    assert not drive.loop.shutdown.ended_in_fault
 
 
 def test_a_fault_that_was_armed_away_is_one_until_something_is_sent_again() -> None:
     drive = cruising()
     drive.line.inject(pack("DRIVE_COMMAND", 3, ENABLE=1))
     drive.step()
-    drive.loop.request_arming()
-    drive.run_until(lambda: drive.mode() is Mode.HEARING, 0.05)
-    drive.loop.request_end()
-    drive.run_until(lambda: drive.loop.done, 0.05)
-    assert drive.loop.ended_in_fault
-    assert drive.loop.summary()["latched_fault"] == "DUPLICATE_COMMANDER"
+    drive.loop.arming.request()
+    drive.run_until(lambda: drive.mode() is Mode.OBSERVING, 0.05)
+    drive.loop.shutdown.request()
+    drive.run_until(lambda: drive.loop.shutdown.is_done, 0.05)
+    assert drive.loop.shutdown.ended_in_fault
+    assert drive.loop.summary().latched_fault == "DUPLICATE_COMMANDER"
 
 
 @pytest.mark.parametrize(
@@ -556,10 +589,32 @@ def test_a_lost_link_is_latched_also_when_it_comes_back(seconds: float) -> None:
     drive.run_s(3.0)
     assert len(drive.sent) == count
     assert (drive.mode(), drive.loop.reason, drive.line.opened) == (Mode.SILENT, Reason.LINK_DOWN, 2)
-    assert drive.loop.details()["loop"]["link_losses"] == 1
+    assert drive.loop.details().loop["link_losses"] == 1
     drive.say("reset")
     drive.say("ready")
-    drive.loop.request_arming()
+    drive.loop.arming.request()
+    drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 2.0)
+    assert counters_step_by_one(drive.sent)
+
+
+def test_a_command_that_met_a_lost_link_has_stepped_no_counter(monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = cruising()
+    send = drive.line.send
+
+    def cut(*frames: CanFrame) -> int:
+        drive.line.down = True
+        return send(*frames)
+
+    monkeypatch.setattr(drive.line, "send", cut)
+    count = len(drive.sent)
+    drive.run_until(lambda: drive.mode() is Mode.SILENT, 0.1)
+    monkeypatch.undo()
+    drive.line.down = False
+    drive.run_s(1.0)
+    assert len(drive.sent) == count
+    drive.say("reset")
+    drive.say("ready")
+    drive.loop.arming.request()
     drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 2.0)
     assert counters_step_by_one(drive.sent)
 
@@ -568,14 +623,14 @@ def test_a_lost_link_forgets_state_and_sequences_and_begins_anew() -> None:
     drive = cruising()
     drive.line.down = True
     drive.step()
-    assert (drive.loop._tracker.newest, drive.loop._tracker.status) == (None, None)
+    assert (drive.loop._assembler.newest, drive.loop._assembler.status) == (None, None)
     drive.stall(0.25)
     drive.line.close()  # what came meanwhile, nobody heard
     drive.line.down = False
     drive.run_s(1.0)
     assert drive.state.stamp_ns > drive.clock.t_ns - ms(20)
-    assert drive.loop.details()["drops"] == {}
-    assert not any(drive.loop.details()["lost"].values())
+    assert drive.loop.details().drops == {}
+    assert not any(drive.loop.details().lost.values())
 
 
 def test_a_link_that_is_down_at_the_start_is_an_error() -> None:
@@ -599,8 +654,8 @@ def test_a_link_that_is_down_at_the_start_is_an_error() -> None:
 def test_asked_to_end_it_stops_the_vehicle_then_lets_go_and_is_done() -> None:
     drive = cruising()
     since = len(drive.sent)
-    drive.loop.request_end()
-    drive.run_until(lambda: drive.loop.done, 10.0)
+    drive.loop.shutdown.request()
+    drive.run_until(lambda: drive.loop.shutdown.is_done, 10.0)
     pairs = drive.pairs(since)
     stop = [pair for pair in pairs if says(pair, enable=1, stop=1, reason=Reason.SHUTDOWN)]
     released = [pair for pair in pairs if says(pair, enable=0, stop=0, reason=Reason.SHUTDOWN)]
@@ -609,26 +664,26 @@ def test_asked_to_end_it_stops_the_vehicle_then_lets_go_and_is_done() -> None:
     assert all(pair.at_ns < released[0].at_ns for pair in stop)
     assert drive.vehicle.state.speed_mps == pytest.approx(0.0, abs=0.05)
     assert drive.vehicle.mode is VehicleMode.READY
-    assert not drive.loop.ended_in_fault
+    assert not drive.loop.shutdown.ended_in_fault
     assert 1 in hazards(drive, since)
 
 
 def test_a_vehicle_that_does_not_come_to_rest_is_let_go_after_ten_seconds() -> None:
     drive = cruising()
     drive.vehicle._car._goal_mps2 = lambda *_: 0.1  # type: ignore[method-assign]  # brakes that do nothing
-    drive.loop.request_end()
-    took_s = drive.run_until(lambda: drive.loop.done, 12.0)
+    drive.loop.shutdown.request()
+    took_s = drive.run_until(lambda: drive.loop.shutdown.is_done, 12.0)
     assert 10.0 <= took_s <= 10.3
     assert says(drive.last(), enable=0, stop=0, reason=Reason.SHUTDOWN)
 
 
 def test_asked_twice_it_sends_exactly_one_pair_that_lets_go() -> None:
     drive = cruising()
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     drive.run_s(0.3)
     since = len(drive.sent)
-    drive.loop.request_end()
-    drive.run_until(lambda: drive.loop.done, 0.05)
+    drive.loop.shutdown.request()
+    drive.run_until(lambda: drive.loop.shutdown.is_done, 0.05)
     assert [pair["ENABLE"] for pair in drive.pairs(since)].count(0) == 1
     assert drive.last()["ENABLE"] == 0
     assert counters_step_by_one(drive.sent)
@@ -637,15 +692,15 @@ def test_asked_twice_it_sends_exactly_one_pair_that_lets_go() -> None:
 def test_asked_twice_at_once_it_sends_exactly_one_pair_that_lets_go() -> None:
     drive = cruising()
     since = len(drive.sent)
-    drive.loop.request_end()
-    drive.loop.request_end()
-    drive.run_until(lambda: drive.loop.done, 0.05)
+    drive.loop.shutdown.request()
+    drive.loop.shutdown.request()
+    drive.run_until(lambda: drive.loop.shutdown.is_done, 0.05)
     assert [pair["ENABLE"] for pair in drive.pairs(since)].count(0) == 1
 
 
 def stops_for_good_before_it_lets_go(drive: Drive, since: int) -> bool:
     """Whether the vehicle stood when it was let go."""
-    drive.run_until(lambda: drive.loop.done, 10.0)
+    drive.run_until(lambda: drive.loop.shutdown.is_done, 10.0)
     pairs = drive.pairs(since)
     assert says(pairs[-1], enable=0, stop=0, reason=Reason.SHUTDOWN)
     return len([pair for pair in pairs if pair["ENABLE"]]) > 150 and abs(drive.vehicle.state.speed_mps) < 0.05
@@ -655,34 +710,34 @@ def test_a_planned_end_that_falls_into_a_stop_for_good_does_not_cut_it_short(mon
     drive = cruising().engage(4.5)
     monkeypatch.setattr(clock, "monotonic_ns", drive.clock.now_ns)
     since = len(drive.sent)
-    drive.loop.request_end()
-    cli._run_for(drive.loop, 0.3)
+    drive.loop.shutdown.request()
+    run_for(drive.loop, 0.3)
     assert stops_for_good_before_it_lets_go(drive, since)
 
 
 def test_after_a_planned_end_only_the_second_request_cuts_the_stop_short() -> None:
     drive = cruising().engage(4.5)
     since = len(drive.sent)
-    drive.loop.end_as_planned()
+    drive.loop.shutdown.begin_on_schedule()
     drive.run_s(0.1)
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     assert stops_for_good_before_it_lets_go(drive, since)
     again = cruising()
-    again.loop.end_as_planned()
+    again.loop.shutdown.begin_on_schedule()
     again.run_s(0.1)
-    again.loop.request_end()
-    again.loop.request_end()
-    again.run_until(lambda: again.loop.done, 0.05)
+    again.loop.shutdown.request()
+    again.loop.shutdown.request()
+    again.run_until(lambda: again.loop.shutdown.is_done, 0.05)
     assert says(again.last(), enable=0, stop=0, reason=Reason.SHUTDOWN)
     assert again.vehicle.state.speed_mps > 1.0
 
 
 def test_a_driver_who_takes_over_during_the_end_ends_it() -> None:
     drive = cruising()
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     drive.run_s(0.3)
     drive.say("brake 1")
-    assert drive.run_until(lambda: drive.loop.done, 1.0) < 0.3
+    assert drive.run_until(lambda: drive.loop.shutdown.is_done, 1.0) < 0.3
     assert drive.last()["ENABLE"] == 0
 
 
@@ -691,9 +746,9 @@ def test_an_end_without_samples_is_silent_and_still_an_end(order: str) -> None:
     drive = cruising()
     drive.say(order)
     drive.run_s(0.1)
-    drive.loop.request_end()
-    drive.run_until(lambda: drive.loop.done, 1.0)
-    assert drive.loop.ended_in_fault
+    drive.loop.shutdown.request()
+    drive.run_until(lambda: drive.loop.shutdown.is_done, 1.0)
+    assert drive.loop.shutdown.ended_in_fault
 
 
 # Time
@@ -706,7 +761,7 @@ def test_a_backlog_older_than_100_ms_is_never_answered() -> None:
     since, resumed_ns = len(drive.sent), drive.clock.t_ns
     seen = len(controller.stamps_ns)
     drive.run_s(1.0)
-    assert drive.loop.details()["loop"]["too_old_to_answer"] >= 185
+    assert drive.loop.details().loop["samples_expired"] >= 185
     assert min(controller.stamps_ns[seen:]) >= resumed_ns - ms(100)
     pairs = drive.pairs(since)
     assert pairs
@@ -721,7 +776,7 @@ def test_one_late_pass_is_counted_and_driven_through(seconds: float) -> None:
     drive.stall(seconds)
     pairs = after(drive, 1.0)
     assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
-    assert drive.loop.details()["loop"]["deadline_misses"] > 0
+    assert drive.loop.details().loop["deadline_misses"] > 0
     assert counters_step_by_one(drive.sent)
 
 
@@ -734,7 +789,7 @@ def test_when_the_bus_has_no_room_the_frame_is_lost_and_not_kept() -> None:
     pairs = after(drive, 1.0)
     assert len(drive.sent) > count
     assert max(Counter(pair.step for pair in pairs).values()) == 1
-    assert drive.loop.details()["loop"]["frames_not_sent"] >= 5
+    assert drive.loop.details().loop["frames_not_sent"] >= 5
     assert counters_step_by_one(drive.sent)
 
 
@@ -746,7 +801,7 @@ def test_a_command_is_not_sent_behind_one_that_still_waits() -> None:
     assert drive.sent[count:] == []
     drive.line.waiting = False
     drive.run_s(0.5)
-    assert drive.loop.details()["loop"]["commands_refused"] >= 4
+    assert drive.loop.details().loop["commands_refused"] >= 4
     assert counters_step_by_one(drive.sent)
 
 
@@ -786,14 +841,14 @@ def test_three_commands_refused_in_a_row_stop_the_vehicle_until_the_link_is_clea
     assert {(pair["ENABLE"], pair["SAFE_STOP"], pair["REASON"]) for pair in pairs} == {(1, 1, Reason.LINK_DOWN)}
     assert drive.vehicle.state.speed_mps < 4.5
     assert after(drive, 1.0)[-1]["REASON"] == Reason.NOMINAL
-    assert drive.loop.summary()["link"]["state"] == "UP"
+    assert drive.loop.summary().link.state == "UP"
 
 
 def refuse(drive: Drive, count: int) -> None:
     """Exactly so many commands find no room."""
-    before = drive.loop.details()["loop"]["commands_refused"]
+    before = drive.loop.details().loop["commands_refused"]
     drive.line.waiting = True
-    drive.run_until(lambda: drive.loop.details()["loop"]["commands_refused"] == before + count, 1.0)
+    drive.run_until(lambda: drive.loop.details().loop["commands_refused"] == before + count, 1.0)
     drive.line.waiting = False
 
 
@@ -801,7 +856,7 @@ def test_an_arming_while_the_link_is_gone_is_refused() -> None:
     drive = cruising()
     drive.line.down = True
     drive.run_s(0.2)
-    drive.loop.request_arming()
+    drive.loop.arming.request()
     drive.run_s(0.2)
     drive.line.down = False
     drive.run_s(3.0)
@@ -817,7 +872,7 @@ def test_one_sample_that_jumps_is_dropped_and_nothing_else_happens() -> None:
     drive.run_s(0.009)
     drive.say("jump -4.0 0.0")
     assert {pair["SAFE_STOP"] for pair in after(drive, 1.0)} == {0}
-    assert drive.loop.details()["implausible"]["jumped"] == 1
+    assert drive.loop.details().implausible["jumped"] == 1
 
 
 def test_a_position_that_stays_where_it_jumped_to_stops_the_vehicle_and_ends_in_silence() -> None:
@@ -828,7 +883,7 @@ def test_a_position_that_stays_where_it_jumped_to_stops_the_vehicle_and_ends_in_
     drive.run_s(0.6)
     assert (drive.mode(), drive.loop.reason) == (Mode.SILENT, Reason.STATE_STALE)
     drive.run_s(1.0)
-    assert drive.loop.details()["implausible"]["jumped"] == pytest.approx(100, abs=2)  # then it is believed
+    assert drive.loop.details().implausible["jumped"] == pytest.approx(100, abs=2)  # then it is believed
 
 
 def test_frozen_values_with_live_counters_stop_a_vehicle_that_moves() -> None:
@@ -879,7 +934,7 @@ def test_a_vehicle_that_stands_is_not_frozen() -> None:
     drive = Drive(FixedTrajectory(straight(speed_mps=5.0, time_s=1e6)))
     drive.vehicle._car._goal_mps2 = lambda *_: 0.0  # type: ignore[method-assign]  # an engine that does nothing
     drive.run_s(20.0)
-    assert not any(drive.loop.details()["implausible"].values())
+    assert not any(drive.loop.details().implausible.values())
 
 
 # Deviation
@@ -892,7 +947,7 @@ def test_a_vehicle_that_was_set_beside_its_path_is_stopped_until_there_is_a_new_
     drive.controller.set_trajectory(straight())
     drive.run_s(0.1)
     assert says(drive.last(), enable=1, stop=1, reason=Reason.DEVIATION)
-    assert drive.loop.details()["deviations"]["off the path"] > 10
+    assert drive.loop.details().deviations["off the path"] > 10
 
 
 def test_a_deviation_holds_until_the_vehicle_stands_however_often_its_way_is_planned_anew() -> None:
@@ -930,7 +985,7 @@ class OnceMore:
 
 def test_what_a_vehicle_did_before_it_was_driven_does_not_stop_it() -> None:
     drive = Drive(OnceMore(), start=BicycleState(speed_mps=4.0, y_m=3.5), gear=Gear.DRIVE).engage()
-    assert drive.loop.details()["deviations"]["off the path"] > 10
+    assert drive.loop.details().deviations["off the path"] > 10
     assert {pair["SAFE_STOP"] for pair in after(drive, 1.0)} == {0}
     assert drive.vehicle.state.speed_mps > 3.5
 
@@ -938,8 +993,62 @@ def test_what_a_vehicle_did_before_it_was_driven_does_not_stop_it() -> None:
 def test_a_little_beside_its_path_is_counted_and_driven_back() -> None:
     drive = Drive(start=BicycleState(y_m=1.2)).engage()
     assert {pair["SAFE_STOP"] for pair in after(drive, 8.0)} == {0}
-    assert drive.loop.details()["deviations"]["beside the path"] > 10
+    assert drive.loop.details().deviations["beside the path"] > 10
     assert abs(drive.state.y_m) < 0.1
+
+
+def test_a_path_that_begins_300_m_ahead_is_not_driven_to() -> None:
+    path = straight(length_m=100.0)
+    drive = Drive(FixedTrajectory(replace(path, x_m=path.x_m + 300.0))).engage()
+    pairs = after(drive, 8.0)
+    assert all(says(pair, enable=1, stop=1, reason=Reason.DEVIATION) for pair in pairs)
+    assert len(pairs) > 700
+    assert drive.vehicle.state.x_m == 0.0
+    assert drive.loop.details().deviations["off the path"] > 700
+
+
+def closed_lap() -> Trajectory:
+    """Once round a circle of 15 m from the origin, at 4 m/s."""
+    turned_rad = np.linspace(0.0, math.tau, 201)
+    return Trajectory(
+        stamp_ns=0,
+        time_from_start_ns=np.rint(turned_rad * 15.0 / 4.0 * 1e9).astype(np.int64),
+        x_m=15.0 * np.sin(turned_rad),
+        y_m=15.0 - 15.0 * np.cos(turned_rad),
+        heading_rad=turned_rad,
+        speed_mps=np.full(201, 4.0),
+    )
+
+
+def part_of_the_way_round(part: float) -> BicycleState:
+    """Standing on the closed lap."""
+    turned_rad = part * math.tau
+    x_m, y_m = 15.0 * math.sin(turned_rad), 15.0 - 15.0 * math.cos(turned_rad)
+    return BicycleState(x_m=x_m, y_m=y_m, heading_rad=math.remainder(turned_rad, math.tau))
+
+
+@pytest.mark.parametrize("part", [0.0, 0.25, 0.5, 0.55, 0.75, 0.9])
+def test_a_vehicle_that_stands_anywhere_on_a_closed_lap_is_on_its_path(part: float) -> None:
+    drive = Drive(FixedTrajectory(closed_lap()), start=part_of_the_way_round(part)).engage()
+    assert {pair["SAFE_STOP"] for pair in after(drive, 1.0)} == {0}
+    assert not any(drive.loop.details().deviations.values())
+    assert drive.vehicle.state.speed_mps > 0.3
+
+
+def test_from_half_round_a_closed_lap_the_other_half_is_driven() -> None:
+    drive = Drive(FixedTrajectory(closed_lap()), start=part_of_the_way_round(0.5)).engage()
+    for _ in range(12):
+        assert {pair["SAFE_STOP"] for pair in after(drive, 1.0)} == {0}
+        assert math.hypot(drive.state.x_m, drive.state.y_m - 15.0) == pytest.approx(15.0, abs=0.3)
+    assert not any(drive.loop.details().deviations.values())
+    assert drive.state.x_m > -3.0
+
+
+def test_a_controller_that_cuts_across_a_closed_lap_is_stopped_when_it_is_3_m_off() -> None:
+    """From three quarters round it aims at the first point: the index is still 0, as the contract has it."""
+    drive = Drive(FixedTrajectory(closed_lap()), start=part_of_the_way_round(0.75)).engage()
+    drive.run_until(lambda: says(drive.last(), enable=1, stop=1, reason=Reason.DEVIATION), 10.0)
+    assert math.hypot(drive.state.x_m, drive.state.y_m - 15.0) == pytest.approx(12.0, abs=0.1)
 
 
 # Trajectories
@@ -956,7 +1065,7 @@ def test_a_rejected_trajectory_leaves_the_old_one_in_force() -> None:
     assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 0.5))
     assert controller.trajectory is kept
     assert controller.spatial_index >= index
-    assert drive.loop.details()["loop"]["trajectories_rejected"] == 1
+    assert drive.loop.details().loop["trajectories_rejected"] == 1
 
 
 @pytest.mark.parametrize("hook", ["check_new_trajectory", "handle_new_trajectory"])
@@ -978,7 +1087,7 @@ def test_a_hook_that_raises_leaves_the_old_trajectory_in_force(
     mailbox.put(replace_stamp(straight(time_s=1e4), drive))
     assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 0.5))
     assert controller.trajectory is kept
-    assert drive.loop.details()["loop"]["trajectories_rejected"] == 1
+    assert drive.loop.details().loop["trajectories_rejected"] == 1
 
 
 def test_a_trajectory_put_by_another_thread_is_taken_at_the_next_pass() -> None:
@@ -992,11 +1101,11 @@ def test_a_trajectory_put_by_another_thread_is_taken_at_the_next_pass() -> None:
     thread.join()
     drive.run_s(0.01)
     assert drive.controller.trajectory is new
-    drive.run_s(0.01)
+    drive.run_s(reference().profile.recovery.trajectory_s + 0.01)
     assert says(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
 
 
-def test_ten_new_trajectories_a_second_make_no_command_late() -> None:
+def test_ten_new_trajectories_a_second_make_no_command_late_and_the_index_is_found_again() -> None:
     mailbox = Mailbox()
     drive = Drive(mailbox)
     drive.run_s(0.1)
@@ -1006,9 +1115,55 @@ def test_ten_new_trajectories_a_second_make_no_command_late() -> None:
     for _ in range(30):
         mailbox.put(replace_stamp(straight(time_s=1e4), drive))
         drive.run_s(0.1)
+        assert drive.controller.spatial_index == math.floor(drive.state.x_m)  # its points are 1 m apart
     pairs = drive.pairs(since)
     assert len(pairs) == 300
+    assert drive.state.x_m > 15.0
     assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
+
+
+def lap_that_steps_back() -> Trajectory:
+    """A lap of radius 15 m whose point 60 lies 5 mm behind point 59."""
+    lap = closed_lap()
+    turned_rad = lap.heading_rad.copy()
+    turned_rad[60] = turned_rad[59] - 0.005 / 15.0
+    return replace(lap, x_m=15.0 * np.sin(turned_rad), y_m=15.0 - 15.0 * np.cos(turned_rad))
+
+
+def recorded_from_standstill() -> Trajectory:
+    """5 s of standstill, measured with 2 cm of noise, and then 60 m straight ahead."""
+    dice, away_m = np.random.default_rng(10), np.arange(1, 601) * 0.1
+    noise_m = dice.uniform(-0.02, 0.02, (2, 101))
+    return Trajectory(
+        stamp_ns=0,
+        time_from_start_ns=np.append(np.arange(101) * 50_000_000, 5_000_000_000 + np.arange(1, 601) * 50_000_000),
+        x_m=np.append(noise_m[0], away_m),
+        y_m=np.append(noise_m[1], np.zeros(600)),
+        heading_rad=np.zeros(701),
+        speed_mps=np.append(np.zeros(101), np.minimum(np.sqrt(2.0 * away_m), 5.0)),
+    )
+
+
+@pytest.mark.parametrize("recorded", [lap_that_steps_back, recorded_from_standstill])
+def test_a_file_with_steps_back_is_driven_to_its_end(recorded: Callable[[], Trajectory], tmp_path: Path) -> None:
+    path = recorded()
+    save_csv(tmp_path / "path.csv", path)
+    cleaned = drivable.load_trajectory(str(tmp_path / "path.csv"), reference().profile)
+    drive = Drive(FixedTrajectory(cleaned)).engage()
+    pairs = after(drive, s_from_ns(int(path.time_from_start_ns[-1])) + 1.0)
+    reasons = list(dict.fromkeys(pair["REASON"] for pair in pairs))
+    assert reasons[0] == Reason.NOMINAL
+    assert set(reasons[1:]) <= {Reason.PAST_END_SPACE, Reason.PAST_END_TIME}
+    assert len(reasons) > 1
+    assert drive.controller.spatial_index > 0.85 * len(cleaned)
+    assert not any(drive.loop.details().deviations.values())
+
+
+def test_without_cleaning_a_trajectory_that_steps_back_is_refused_by_the_loop() -> None:
+    drive = Drive(FixedTrajectory(lap_that_steps_back()))
+    drive.run_s(1.0)
+    assert drive.controller.trajectory is None
+    assert drive.loop.details().loop["trajectories_rejected"] >= 1
 
 
 # Telemetry
@@ -1073,9 +1228,9 @@ def test_a_left_turn_is_positive_in_every_layer() -> None:
     drive.run_s(0.5)
     steer = drive.last().steer
     assert 0 < int.from_bytes(steer.frame.data[2:4], "little") < 6000  # the request's bytes, 0.0001 rad each
-    assert drive.loop._answer is not None
-    assert drive.loop._answer.wish.front_wheel_angle_rad > 0.0
-    assert drive.loop._answer.safe.front_wheel_angle_rad > 0.0
+    assert drive.loop._cycle.last is not None
+    assert drive.loop._cycle.last.requested.front_wheel_angle_rad > 0.0
+    assert drive.loop._cycle.last.permitted.front_wheel_angle_rad > 0.0
     assert drive.vehicle.state.front_wheel_angle_rad > 0.0
     assert drive.vehicle.state.yaw_rate_radps > 0.0
     assert drive.vehicle.state.heading_rad > heading_before
@@ -1098,8 +1253,3 @@ def test_beside_the_line_it_steers_back_towards_it() -> None:
         assert drive.last()["FRONT_WHEEL_ANGLE_REQUEST"] * y_m < 0.0
         error = tracking_error(drive.state, point_at(straight(), 0))
         assert error.lateral_m * y_m > 0.0
-
-
-def test_the_harness_knows_every_message_of_ours() -> None:
-    assert sorted(NAME_OF) == [0x080, 0x081, 0x082, 0x180]
-    assert START_NS > 0

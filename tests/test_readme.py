@@ -1,24 +1,28 @@
-"""What the README shows runs as it stands there."""
+"""What the README and the pages of `docs/` show runs as it stands there."""
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
-from harness import Drive
 
+from tests.harness import Drive
+from tests.test_architecture import FLOORS
 from vehicle_iface import ControllerBase, Reason
-from vehicle_iface.cli import command_names
+from vehicle_iface.cli.parser import build_parser, command_names
 from vehicle_iface.compose import build_controller
 from vehicle_iface.profile import load_profile
 from vehicle_iface.sim.model import BicycleState
 from vehicle_iface.trajectories import RecedingRoute, make_route
 
 ROOT = Path(__file__).resolve().parents[1]
+PAGES = ("dbc", "docs", "tools", "vehicle_iface")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def _example() -> str:
-    return next(block for block in re.findall(r"```python\n(.*?)```", README, re.S) if "class Stanley" in block)
+    blocks: list[str] = re.findall(r"```python\n(.*?)```", README, re.S)
+    return next(block for block in blocks if "class Stanley" in block)
 
 
 def test_the_controller_of_the_readme_drives_the_figure_of_eight(tmp_path: Path) -> None:
@@ -44,15 +48,45 @@ def test_the_controller_of_the_readme_is_about_twenty_lines_long() -> None:
     assert len(lines) <= 20
 
 
+def pages() -> list[Path]:
+    """Every page of the project that describes what there is now."""
+    return [ROOT / "README.md", *(path for folder in PAGES for path in (ROOT / folder).rglob("*.md"))]
+
+
 def test_every_command_that_a_page_names_exists() -> None:
-    pages = [ROOT / "README.md", ROOT / "dbc" / "README.md", *(ROOT / "vehicle_iface").glob("*.md")]
-    used = {name for page in pages for name in re.findall(r"vehicle-iface ([a-z][a-z-]+)", page.read_text())}
+    used = {name for page in pages() for name in re.findall(r"vehicle-iface ([a-z][a-z-]+)", page.read_text())}
     assert used
     assert used <= command_names()
 
 
-def test_every_file_that_the_readme_links_is_there() -> None:
-    root = Path(__file__).resolve().parents[1]
-    links = [link for link in re.findall(r"\]\(([^)#]+)\)", README) if "://" not in link]
-    assert links
-    assert [link for link in links if not (root / link).exists()] == []
+def test_every_command_line_of_a_page_is_accepted() -> None:
+    found = [
+        line for page in pages() for line in re.findall(r"^ *vehicle-iface (?!view)([a-z].*)", page.read_text(), re.M)
+    ]
+    assert len(found) > 10
+    for line in found:
+        words = shlex.split(line.partition(" &")[0], comments=True)
+        assert build_parser().parse_args(words).command == words[0]
+
+
+def test_the_floors_of_the_architectures_page_are_those_that_are_enforced() -> None:
+    page = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    cells = re.findall(r"^\| (?:top|upper|rooms|data|words) \| ([^|]+) \|", page, re.M)
+    assert [set(re.findall(r"`(\w+)`", cell)) for cell in cells] == [floor - {"__main__"} for floor in FLOORS[::-1]]
+
+
+def test_the_controller_of_the_page_runs_without_a_loop() -> None:
+    page = (ROOT / "docs" / "own-controller.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", page, re.S)
+    exec(compile(block, "own-controller.md", "exec"), {})
+
+
+def test_every_file_that_a_page_links_is_there() -> None:
+    links = {
+        (page.relative_to(ROOT).as_posix(), link): page.parent / link
+        for page in {*pages(), *ROOT.glob("*.md")}
+        for link in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8"))
+        if "://" not in link
+    }
+    assert len(links) > 20
+    assert [place for place, target in links.items() if not target.exists()] == []

@@ -1,14 +1,23 @@
 """The reference DBC says exactly what the bus contract says."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cantools
 import pytest
+from cantools.database.can import Database, Signal
 
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState, Gear, VehicleMode
 
-DBC = cantools.database.load_file(Path(__file__).parents[1] / "dbc" / "reference.dbc", strict=True)
+
+def loaded() -> Database:
+    database = cantools.database.load_file(Path(__file__).parents[1] / "dbc" / "reference.dbc", strict=True)
+    assert isinstance(database, Database)
+    return database
+
+
+DBC = loaded()
 
 MESSAGES = {
     "DRIVE_COMMAND": (0x080, "CONTROLLER", 10),
@@ -61,29 +70,29 @@ PHYSICALLY_POSSIBLE = {
 }
 
 
-def signal(dotted):
+def signal(dotted: str) -> Signal:
     message, _, name = dotted.partition(".")
     return DBC.get_message_by_name(message).get_signal_by_name(name)
 
 
-def rows():
+def rows() -> Iterator[tuple[str, ...]]:
     for message, text in SIGNALS.items():
         for row in ("CRC 0|8, COUNTER 8|4, " + text).split(","):
             yield message, *row.split(maxsplit=2)
 
 
-def test_there_are_these_messages_and_no_others():
+def test_there_are_these_messages_and_no_others() -> None:
     assert {m.name: (m.frame_id, *m.senders, m.cycle_time) for m in DBC.messages} == MESSAGES
     assert all(m.length == 8 and not m.is_extended_frame and not m.is_fd for m in DBC.messages)
 
 
-def test_controller_and_vehicle_hear_one_another():
+def test_controller_and_vehicle_hear_one_another() -> None:
     for message in DBC.messages:
         (sender,) = message.senders
         assert message.receivers == {"CONTROLLER", "VEHICLE"} - {sender}
 
 
-def test_each_message_has_these_signals_and_no_others():
+def test_each_message_has_these_signals_and_no_others() -> None:
     expected: dict[str, set[str]] = {}
     for message, name, *_ in rows():
         expected.setdefault(message, set()).add(name)
@@ -91,7 +100,7 @@ def test_each_message_has_these_signals_and_no_others():
 
 
 @pytest.mark.parametrize("row", list(rows()), ids=lambda row: ".".join(row[:2]))
-def test_a_signal_lies_where_the_contract_says(row):
+def test_a_signal_lies_where_the_contract_says(row: tuple[str, ...]) -> None:
     message, name, bits, *rest = row
     signed, scale, unit = rest[0].split() if rest else ("", "1", None)
     found = signal(f"{message}.{name}")
@@ -102,22 +111,27 @@ def test_a_signal_lies_where_the_contract_says(row):
     assert not found.is_float
 
 
-def test_every_signal_has_a_range_that_its_bits_can_hold():
+def test_every_signal_has_a_range_that_its_bits_can_hold() -> None:
     for message in DBC.messages:
         for found in message.signals:
             low = -(1 << found.length - 1) if found.is_signed else 0
             high = (1 << found.length - found.is_signed) - 1
+            assert found.minimum is not None
+            assert found.maximum is not None
             assert low * found.scale - 1e-9 <= found.minimum < found.maximum <= high * found.scale + 1e-9
 
 
 @pytest.mark.parametrize("dotted", PHYSICALLY_POSSIBLE)
-def test_a_range_leaves_room_for_what_a_vehicle_can_do(dotted):
+def test_a_range_leaves_room_for_what_a_vehicle_can_do(dotted: str) -> None:
     low, high = PHYSICALLY_POSSIBLE[dotted]
-    assert signal(dotted).minimum <= low
-    assert signal(dotted).maximum >= high
+    found = signal(dotted)
+    assert found.minimum is not None
+    assert found.minimum <= low
+    assert found.maximum is not None
+    assert found.maximum >= high
 
 
-def test_the_enumerations_are_the_contracts():
+def test_the_enumerations_are_the_contracts() -> None:
     found = {
         f"{message.name}.{s.name}": {int(k): str(v) for k, v in s.choices.items()}
         for message in DBC.messages
@@ -128,7 +142,8 @@ def test_the_enumerations_are_the_contracts():
     assert ENUMERATIONS["DRIVE_COMMAND.GEAR_REQUEST"] == {int(gear): gear.name for gear in Gear}
 
 
-def test_every_message_states_its_protection():
+def test_every_message_states_its_protection() -> None:
     for message in DBC.messages:
+        assert message.dbc is not None
         assert message.dbc.attributes["E2EDataId"].value == message.frame_id
         assert message.dbc.attributes["E2EProfile"].value == 1

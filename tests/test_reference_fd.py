@@ -8,13 +8,13 @@ from pathlib import Path
 
 import cantools
 import pytest
-from bus_contract import AUTONOMOUS, Frame, Told
-from bus_contract_fd import COUNTERS, LAYOUT, checksum, crc16, intact, pack
-from bus_contract_judge import Sample, lateral_errors_m
 from cantools.database import Message
 from cantools.database.can import Database
-from harness import START_NS, Clock, pure_pursuit
+from vehicle_bus_contract.judge import Sample, lateral_errors_m
+from vehicle_bus_contract.reference import AUTONOMOUS, DecodedFrame, Frame
+from vehicle_bus_contract.reference_fd import COUNTERS, LAYOUT, checksum, crc16, intact, pack
 
+from tests.harness import START_NS, Clock, pure_pursuit
 from vehicle_iface import compose
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.decoder import Decoder, DropCause
@@ -22,9 +22,9 @@ from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.sim.driver_commands import execute
 from vehicle_iface.sim.embedded import EmbeddedBus
 from vehicle_iface.sim.model import BicycleState
-from vehicle_iface.sim.orders import obey
 from vehicle_iface.sim.vehicle import SimulatedVehicle
 from vehicle_iface.sim.wire import simulated_vehicle
 from vehicle_iface.trajectories.receding import RecedingRoute
@@ -65,8 +65,8 @@ class Line(EmbeddedBus):
     def __init__(self, vehicle: SimulatedVehicle, clock: Clock) -> None:
         super().__init__(vehicle, clock.now_ns, clock.sleep_until)
         self.clock = clock
-        self.heard: list[Told] = []
-        self.sent: list[Told] = []
+        self.heard: list[DecodedFrame] = []
+        self.sent: list[DecodedFrame] = []
         self.cut: set[str] = set()
 
     def drain(self) -> list[CanFrame]:
@@ -75,11 +75,11 @@ class Line(EmbeddedBus):
         self.heard += told
         return [frame for frame, content in zip(frames, told, strict=True) if content.name not in self.cut]
 
-    def send(self, frame: CanFrame) -> bool:
-        self.sent.append(self._taken_apart(frame))
-        return super().send(frame)
+    def send(self, *frames: CanFrame) -> int:
+        self.sent += [self._taken_apart(frame) for frame in frames]
+        return super().send(*frames)
 
-    def _taken_apart(self, frame: CanFrame) -> Told:
+    def _taken_apart(self, frame: CanFrame) -> DecodedFrame:
         assert frame.is_fd
         assert not any((frame.is_extended, frame.is_remote, frame.is_error))
         told = intact(Frame(self.clock.t_ns, frame.can_id, frame.data, is_fd=True))
@@ -110,14 +110,14 @@ class Drive:
 
     def run_s(self, seconds: float) -> "Drive":
         end_ns = self.clock.t_ns + ns_from_s(seconds)
-        while self.clock.t_ns < end_ns and not self.loop.done:
+        while self.clock.t_ns < end_ns and not self.loop.shutdown.is_done:
             self.loop.step()
         return self
 
-    def sent(self, name: str, since: int = 0) -> list[Told]:
+    def sent(self, name: str, since: int = 0) -> list[DecodedFrame]:
         return [told for told in self.line.sent[since:] if told.name == name]
 
-    def heard(self, name: str) -> list[Told]:
+    def heard(self, name: str) -> list[DecodedFrame]:
         return [told for told in self.line.heard if told.name == name]
 
     @property
@@ -131,7 +131,7 @@ def minute() -> Drive:
     return Drive().run_s(60.0)
 
 
-def steps(told: Iterable[Told]) -> set[int]:
+def steps(told: Iterable[DecodedFrame]) -> set[int]:
     counters = [one.counter for one in told]
     return {(after - before) % COUNTERS for before, after in pairwise(counters)}
 
@@ -212,7 +212,7 @@ def test_a_sample_is_one_frame_and_a_command_is_one_frame() -> None:
 
 def test_a_frame_written_from_the_contract_is_read() -> None:
     decoder = Decoder(database().received)
-    tracker = compose.build_tracker(database())
+    assembler = compose.build_state_assembler(database())
     can_id, data = pack(
         "STATE", 7, POSE_FRAME=1, POSE_VALID=1, POS_X=-123.455, POS_Y=5_400_000.005, HEADING=-3.1, SPEED=-1.5,
         YAW_RATE=-0.25, ACCEL=0.75, LATERAL_SPEED=-0.125, FRONT_WHEEL_ANGLE=0.3, REAR_WHEEL_ANGLE=-0.05,
@@ -220,7 +220,7 @@ def test_a_frame_written_from_the_contract_is_read() -> None:
     received = decoder.decode(CanFrame(can_id, data, START_NS, is_fd=True))
     assert received is not None
     assert received.counter == 7
-    sample = tracker.take(received)
+    sample = assembler.take(received)
     assert sample is not None
     state = sample.state
     assert (state.frame_id, sample.pose_valid) == ("map", True)
@@ -307,7 +307,7 @@ def test_a_driver_who_acts_takes_over(orders: str) -> None:
     drive = Drive().run_s(3.0)
     assert drive.vehicle.mode.value == AUTONOMOUS
     since = len(drive.line.sent)
-    assert obey(drive.vehicle, orders) == "ok"
+    assert execute(drive.vehicle, orders) == "ok"
     drive.run_s(0.5)
     assert drive.sent("COMMAND", since)[-1]["ENABLE"] == 0
     assert math.isclose(drive.heard("VEHICLE_STATUS")[-1]["DRIVER_STEER_TORQUE"], 4.0 * orders.startswith("steer"))

@@ -7,14 +7,21 @@ from pathlib import Path
 
 import pytest
 
-TESTS = Path(__file__).resolve().parent
+ROOT = Path(__file__).resolve().parents[1]
 CONFTEST = """
-from vcan.standstill import Standstill
+from pathlib import Path
+
+from tests.vcan.standstill import Standstill
 
 NEWS = []
 
+def pytest_addoption(parser):
+    parser.addoption("--defer-to", type=Path)
+
 def pytest_configure(config):
-    config.pluginmanager.register(Standstill(lambda: [NEWS.pop()] if NEWS else [], lambda item: item.path.name))
+    defer_to = config.getoption("--defer-to")
+    news = lambda: [NEWS.pop()] if NEWS else []
+    config.pluginmanager.register(Standstill(news, lambda item: item.path.name, defer_to))
 """
 TEST = """
 import pytest
@@ -40,6 +47,22 @@ def test_third(shared):
 """
 
 
+def run_pytest(
+    folder: Path, stands_still: list[int], passes_with: int, *options: str
+) -> subprocess.CompletedProcess[str]:
+    """The three tests, on a machine that stands still in the named attempts."""
+    (folder / "conftest.py").write_text(CONFTEST)
+    (folder / "test_it.py").write_text(TEST.format(stands_still=stands_still, passes_with=passes_with))
+    return subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--rootdir", str(folder), *options, str(folder)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+
+
 @pytest.mark.parametrize(
     ("stands_still", "passes_with", "said", "again"),
     [
@@ -55,18 +78,27 @@ def test_third(shared):
 def test_a_failure_counts_unless_the_machine_stood_still(
     tmp_path: Path, stands_still: list[int], passes_with: int, said: str, again: int
 ) -> None:
-    (tmp_path / "conftest.py").write_text(CONFTEST)
-    (tmp_path / "test_it.py").write_text(TEST.format(stands_still=stands_still, passes_with=passes_with))
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--rootdir", str(tmp_path), str(tmp_path)],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(TESTS)},
-    )
+    done = run_pytest(tmp_path, stands_still, passes_with)
     counts = {word: int(number) for number, word in (part.split() for part in said.split(", "))}
     found = done.stdout.splitlines()[-1]
     assert all(f"{number} {word}" in found for word, number in counts.items()), done.stdout + done.stderr
     assert ("failed" in found) is ("failed" in counts)
     assert done.stdout.count("run again, the machine stood still for 55 ms") == again
+
+
+@pytest.mark.parametrize(
+    ("stands_still", "said", "deferred"),
+    [
+        ([1], "1 passed", ["test_it.py::test_second", "test_it.py::test_third"]),
+        ([], "1 passed, 2 failed", []),
+    ],
+)
+def test_a_failed_test_is_deferred_only_if_the_machine_stood_still(
+    tmp_path: Path, stands_still: list[int], said: str, deferred: list[str]
+) -> None:
+    file = tmp_path / "deferred"
+    done = run_pytest(tmp_path, stands_still, 9, "--defer-to", str(file))
+    assert done.returncode == ("failed" in said)
+    assert all(part in done.stdout.splitlines()[-1] for part in said.split(", ")), done.stdout
+    assert (file.read_text().splitlines() if file.exists() else []) == deferred
+    assert done.stdout.count("deferred, the machine stood still for 55 ms") == len(deferred)

@@ -1,20 +1,21 @@
 """The stop as the vehicle feels it: the whole loop, the simulated vehicle, and what is on the line between them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import dropwhile, pairwise, takewhile
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
-from harness import Drive, Pair, ms, pure_pursuit, reference, straight
 
+from tests.harness import Drive, Pair, ms, pure_pursuit, reference, straight
 from vehicle_iface import Reason, StopSteering, compose
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.profile import load_profile
-from vehicle_iface.runtime.telemetry import SessionInfo, Snapshot, TelemetryReader, TelemetryWriter
 from vehicle_iface.safety.engagement import Mode
 from vehicle_iface.status import Gear, VehicleMode
+from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryReader, TelemetryWriter
 from vehicle_iface.trajectories.receding import RecedingRoute
 from vehicle_iface.trajectories.shapes import make_route
 from vehicle_iface.trajectories.source import FixedTrajectory
@@ -41,7 +42,7 @@ def with_behavior(**changes: Any) -> VehicleDatabase:
 def with_handover(warning_s: float, *, holds: bool) -> VehicleDatabase:
     """The reference vehicle, with another way to be given back."""
     profile = reference().profile
-    handover = msgspec.structs.replace(profile.handover, warning_s=warning_s, holds=holds)
+    handover = msgspec.structs.replace(profile.handover, warning_s=warning_s, hold_until_warned=holds)
     return load_database(msgspec.structs.replace(profile, handover=handover))
 
 
@@ -53,7 +54,7 @@ def driving(sign: float = 1.0, speed_mps: float = 5.0, **more: Any) -> Drive:
 def passes(drive: Drive, seconds: float) -> Iterator[tuple[float, Pair]]:
     """The speed that each command of the next seconds was computed from, and that command."""
     end_ns = drive.clock.t_ns + ms(1000.0 * seconds)
-    while drive.clock.t_ns < end_ns and not drive.loop.done:
+    while drive.clock.t_ns < end_ns and not drive.loop.shutdown.is_done:
         since = len(drive.sent)
         drive.step()
         yield from ((drive.state.speed_mps, pair) for pair in drive.pairs(since))
@@ -74,7 +75,7 @@ def lost(drive: Drive) -> None:
 
 
 def ended(drive: Drive) -> None:
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
 
 
 CAUSES = {"invalid": invalid, "lost": lost, "ended": ended}
@@ -104,7 +105,7 @@ def test_the_brake_is_let_up_with_the_speed_and_the_vehicle_stands_without_a_jol
     """Against the same stop without the ease; it may cost a tenth of a second and five centimetres."""
     jolts_mps2, took_s, went_m = [], [], []
     for ease_s in (0.1, 0.2):
-        drive = driving(sign, database=with_behavior(stop_ease_s=ease_s))
+        drive = driving(sign, database=with_behavior(stop_release_time_constant_s=ease_s))
         drive.say("pose_valid 0")
         begin_m, felt = drive.vehicle.state.x_m, 0.0
         begin_ns = drive.clock.t_ns
@@ -200,17 +201,34 @@ def steered(drive: Drive, seconds: float) -> list[float]:
     return [pair["FRONT_WHEEL_ANGLE_REQUEST"] for _, pair in stopping(drive, seconds)]
 
 
-GOOD = {"ended": ended, "stalled": stall}
-BAD = {
+Happening = Callable[[Drive], None]
+
+
+def each(*happenings: Happening) -> Happening:
+    """One after the other."""
+
+    def happen(drive: Drive) -> None:
+        for happening in happenings:
+            happening(drive)
+
+    return happen
+
+
+def said(line: str) -> Happening:
+    return lambda drive: drive.say(line)
+
+
+GOOD: dict[str, Happening] = {"ended": ended, "stalled": stall}
+BAD: dict[str, Happening] = {
     "invalid": invalid,
     "lost": lost,
-    "jumps": lambda drive: drive.say("jump 40 0"),
-    "no status": lambda drive: drive.say("mute VEHICLE_STATUS on"),
-    "frame": lambda drive: drive.say("frame ODOM"),
-    "ended without a state": lambda drive: (lost(drive), ended(drive)),
-    "ended without a pose": lambda drive: (invalid(drive), ended(drive)),
-    "ended in another frame": lambda drive: (drive.say("frame ODOM"), ended(drive)),
-    "stalled without a pose": lambda drive: (invalid(drive), stall(drive)),
+    "jumps": said("jump 40 0"),
+    "no status": said("mute VEHICLE_STATUS on"),
+    "frame": said("frame ODOM"),
+    "ended without a state": each(lost, ended),
+    "ended without a pose": each(invalid, ended),
+    "ended in another frame": each(said("frame ODOM"), ended),
+    "stalled without a pose": each(invalid, stall),
 }
 
 
@@ -239,12 +257,16 @@ def test_a_tracking_stop_is_a_straight_one_while_the_state_is_not_good(cause: st
     assert steered(drive, 0.7)[-1] == pytest.approx(0.0, abs=0.02)
 
 
+def stands(drive: Drive) -> bool:
+    return drive.vehicle.state.speed_mps == 0.0
+
+
 def test_a_tracking_stop_stays_on_the_path_to_standstill() -> None:
     off_m = {}
     for policy in StopSteering:
         drive = in_a_curve(policy)
-        drive.loop.request_end()
-        drive.run_until(lambda drive=drive: drive.vehicle.state.speed_mps == 0.0, 5.0)
+        drive.loop.shutdown.request()
+        drive.run_until(partial(stands, drive), 5.0)
         circle = make_route("circle")
         at = drive.vehicle.state
         off_m[policy] = float(min((circle.x_m - at.x_m) ** 2 + (circle.y_m - at.y_m) ** 2)) ** 0.5
@@ -274,7 +296,7 @@ def snapshots(drive: Drive, address: Path, seconds: float) -> list[Snapshot]:
     found = []
     with TelemetryReader(str(address)) as reader:
         end_ns = drive.clock.t_ns + ms(1000.0 * seconds)
-        while drive.clock.t_ns < end_ns and not drive.loop.done:
+        while drive.clock.t_ns < end_ns and not drive.loop.shutdown.is_done:
             drive.step()
             reader.poll()
             newest = reader.newest()
@@ -291,23 +313,23 @@ def told(tmp_path: Path) -> Iterator[TelemetryWriter]:
 
 def test_before_a_planned_end_the_person_is_told_and_not_one_frame_differs(told: TelemetryWriter) -> None:
     plain, planned = driving(), driving(telemetry=told)
-    planned.loop.plan_end(planned.clock.t_ns + ms(5000))
+    planned.loop.shutdown.schedule(planned.clock.t_ns + ms(5000))
     found = snapshots(planned, told.path, 5.0)
     plain.run_s(5.0)
-    warned = [snapshot for snapshot in found if snapshot.hands_over]
+    warned = [snapshot for snapshot in found if snapshot.handover_pending]
     assert len(found) - len(warned) == pytest.approx(200, abs=2)
-    assert warned[0].handover_ns == pytest.approx(ms(3000), abs=ms(20))
-    assert warned[-1].handover_ns < ms(20)
+    assert warned[0].handover_in_ns == pytest.approx(ms(3000), abs=ms(20))
+    assert warned[-1].handover_in_ns < ms(20)
     assert [sent.frame for sent in plain.sent] == [sent.frame for sent in planned.sent]
 
 
 def test_the_reference_vehicle_is_let_go_when_it_stands_and_the_person_is_told_meanwhile(told: TelemetryWriter) -> None:
     drive = driving(telemetry=told)
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     found = snapshots(drive, told.path, 5.0)
     ending = [snapshot for snapshot in found if snapshot.reason == Reason.SHUTDOWN]
     stopping = [snapshot for snapshot in ending if snapshot.controller_state == 4]
-    assert all(snapshot.hands_over and snapshot.handover_ns == 0 for snapshot in stopping[1:])
+    assert all(snapshot.handover_pending and snapshot.handover_in_ns == 0 for snapshot in stopping[1:])
     pairs = drive.pairs()
     standing_ns = next(s.stamp_ns for s in stopping if abs(s.speed_mps) <= 0.01)
     let_go_ns = next(pair.at_ns for pair in pairs if not pair["ENABLE"] and pair["REASON"] == Reason.SHUTDOWN)
@@ -318,22 +340,22 @@ def test_the_reference_vehicle_is_let_go_when_it_stands_and_the_person_is_told_m
 def test_where_the_vehicle_allows_it_it_is_held_until_the_warning_is_over(speed_mps: float) -> None:
     drive = driving(speed_mps=speed_mps, database=with_handover(3.0, holds=True))
     since = len(drive.sent)
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     took_s = drive.run_until(lambda: drive.mode() is Mode.RELEASED, 10.0)
     assert took_s == pytest.approx(3.0, abs=0.04)
     ending = [pair for pair in drive.pairs(since) if pair["REASON"] == Reason.SHUTDOWN]
     held = [pair for pair in ending if pair["ENABLE"]]
     assert all(pair["SAFE_STOP"] for pair in held)
     assert held[-1]["ACCEL_REQUEST"] == 0.0
-    drive.run_until(lambda: drive.loop.done, 0.3)
+    drive.run_until(lambda: drive.loop.shutdown.is_done, 0.3)
     assert drive.vehicle.mode is VehicleMode.READY
 
 
 def test_a_warning_that_was_given_while_driving_holds_nothing_up() -> None:
     drive = driving(database=with_handover(3.0, holds=True))
-    drive.loop.plan_end(drive.clock.t_ns + ms(3000))
+    drive.loop.shutdown.schedule(drive.clock.t_ns + ms(3000))
     drive.run_s(3.0)
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     assert drive.run_until(lambda: drive.mode() is Mode.RELEASED, 10.0) < 2.3
     assert abs(drive.vehicle.state.speed_mps) < 0.05
 
@@ -341,7 +363,7 @@ def test_a_warning_that_was_given_while_driving_holds_nothing_up() -> None:
 @pytest.mark.parametrize("order", ["brake 1", "throttle 1", "steer 3", "fault 7", "emergency_stop"])
 def test_neither_driver_nor_fault_waits_for_the_warning(order: str) -> None:
     drive = driving(speed_mps=1.0, database=with_handover(9.0, holds=True))
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     drive.run_s(2.0)
     assert drive.last()["ENABLE"] == 1
     drive.say(order)
@@ -350,24 +372,24 @@ def test_neither_driver_nor_fault_waits_for_the_warning(order: str) -> None:
 
 def test_a_second_request_does_not_wait_for_the_warning() -> None:
     drive = driving(database=with_handover(9.0, holds=True))
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     drive.run_s(0.3)
-    drive.loop.request_end()
-    drive.run_until(lambda: drive.loop.done, 0.05)
+    drive.loop.shutdown.request()
+    drive.run_until(lambda: drive.loop.shutdown.is_done, 0.05)
     assert drive.last()["ENABLE"] == 0
 
 
 def test_a_vehicle_that_does_not_come_to_rest_is_let_go_after_ten_seconds_all_the_same() -> None:
     drive = driving(database=with_handover(9.9, holds=True))
     drive.vehicle._car._goal_mps2 = lambda *_: 0.1  # type: ignore[method-assign]  # brakes that do nothing
-    drive.loop.request_end()
-    assert 10.0 <= drive.run_until(lambda: drive.loop.done, 12.0) <= 10.3
+    drive.loop.shutdown.request()
+    assert 10.0 <= drive.run_until(lambda: drive.loop.shutdown.is_done, 12.0) <= 10.3
 
 
 def test_who_drives_nothing_is_not_told_to_take_over(told: TelemetryWriter) -> None:
     drive = Drive(armed=False, telemetry=told)
-    drive.loop.plan_end(drive.clock.t_ns + ms(1000))
-    assert not any(snapshot.hands_over for snapshot in snapshots(drive, told.path, 0.9))
+    drive.loop.shutdown.schedule(drive.clock.t_ns + ms(1000))
+    assert not any(snapshot.handover_pending for snapshot in snapshots(drive, told.path, 0.9))
 
 
 def test_a_profile_may_bind_the_warning_to_a_signal(tmp_path: Path) -> None:
@@ -386,6 +408,6 @@ def test_a_profile_may_bind_the_warning_to_a_signal(tmp_path: Path) -> None:
     drive = driving(database=load_database(load_profile(tmp_path / "warns.toml")))
     drive.run_s(1.0)
     assert {report["DEADLINE_MISSES"] for report in drive.named("CONTROLLER_STATUS")} == {0}
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     drive.run_s(0.3)
     assert drive.named("CONTROLLER_STATUS")[-1]["DEADLINE_MISSES"] == 128

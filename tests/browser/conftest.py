@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect, sync_playwright
-from processes import Publisher, Viewer
+
+from .processes import Publisher, Viewer
 
 CHROMIUM = "/usr/bin/chromium"
 ARGUMENTS = (

@@ -1,23 +1,23 @@
 """The other processes of a browser test."""
 
 import subprocess
-import sys
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from vehicle_iface.process import module_command
 
 
 class _Process:
     """A Python module as a process that greets with one line."""
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, module: str, *arguments: str) -> None:
+        command, environment = module_command(module)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", *arguments],
+            [*command, *arguments],
+            env=environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            cwd=ROOT,
         )
         assert self._process.stdout is not None
         self.greeting = self._process.stdout.readline()
@@ -51,7 +51,7 @@ class Viewer(_Process):
     """A viewer process, with the address of its page."""
 
     def __init__(self, address: str, *options: str) -> None:
-        super().__init__("viewer", "--connect", address, "--port", "0", *options)
+        super().__init__("vehicle_iface_viewer", "--connect", address, "--port", "0", *options)
         self.url = self.greeting.partition(" ")[2].partition(" ")[0]
 
 
@@ -59,5 +59,5 @@ class Replay(_Process):
     """A viewer process that plays a recording back, with the address of its page."""
 
     def __init__(self, folder: Path, *options: str) -> None:
-        super().__init__("viewer", str(folder), "--port", "0", *options)
+        super().__init__("vehicle_iface_viewer", str(folder), "--port", "0", *options)
         self.url = self.greeting.partition(" ")[2].partition(" ")[0]

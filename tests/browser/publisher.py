@@ -13,8 +13,9 @@ import sys
 import numpy as np
 
 from vehicle_iface import Reason, Trajectory, clock
-from vehicle_iface.runtime.telemetry import SessionInfo, Snapshot, TelemetryWriter
 from vehicle_iface.status import ControllerState, Gear, VehicleMode
+from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryWriter
+from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
 from vehicle_iface.units import NS_PER_S, s_from_ns, wrapped_rad
 
 _PERIOD_NS = NS_PER_S // 100
@@ -98,9 +99,9 @@ class Drive:
             has_lookahead=not is_stale,
             lookahead_x_m=float(path.x_m[ahead]),
             lookahead_y_m=float(path.y_m[ahead]),
-            has_wanted=True,
-            wanted_accel_mps2=-3.0 if is_stale else accel_mps2,
-            wanted_front_wheel_angle_rad=float(path.front_wheel_angle_rad[index]),
+            has_requested=True,
+            requested_accel_mps2=-3.0 if is_stale else accel_mps2,
+            requested_front_wheel_angle_rad=float(path.front_wheel_angle_rad[index]),
             sent=is_sent,
             sent_accel_mps2=-3.0 if is_stale else min(accel_mps2, 0.6),
             sent_front_wheel_angle_rad=float(path.front_wheel_angle_rad[index]) * 0.97,
@@ -134,6 +135,11 @@ def _ordered(drive: Drive) -> bool:
     return True
 
 
+def _details(now_ns: int) -> LiveDetails:
+    drops = {"bad CRC POSE": int(s_from_ns(now_ns)) % 7}
+    return LiveDetails(link=LinkDetails(state="UP"), drops=drops, loop={"length": 0})
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("address")
@@ -159,7 +165,7 @@ def main() -> None:
             if drive.order != "freeze":
                 now_ns = clock.monotonic_ns()
                 writer.publish(drive.snapshot(now_ns))
-                writer.publish_details({"dropped": {"CRC": {"POSE": int(s_from_ns(now_ns)) % 7}, "length": 0}})
+                writer.publish_details(_details(now_ns))
             clock.sleep_until(clock.monotonic_ns() + _PERIOD_NS)
     sys.exit(0)
 

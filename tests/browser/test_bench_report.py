@@ -6,8 +6,8 @@ from pathlib import Path
 import made_up
 import msgspec
 import pytest
-from hil.report import html
-from hil.result import Run
+from hil_bench.report import html
+from hil_bench.result import Run
 from playwright.sync_api import Page, expect
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,7 +48,7 @@ def test_the_cases_are_filtered_by_verdict_and_tag_and_searched(quiet_page: Page
     assert quiet_page.locator("details.case:visible").count() == 1
 
 
-def test_a_case_in_the_table_leads_to_its_details(quiet_page: Page, run: Run, tmp_path: Path) -> None:
+def test_a_case_in_the_table_links_to_its_details(quiet_page: Page, run: Run, tmp_path: Path) -> None:
     quiet_page.goto(html.write(run, tmp_path).as_uri())
     assert quiet_page.locator("details.case[open]").count() == 1
     quiet_page.get_by_role("link", name="silence_repeated").click()
@@ -77,7 +77,7 @@ def test_markup_in_a_result_neither_runs_nor_shows_as_markup(page: Page, run: Ru
     assert "owned" not in page.title()
 
 
-def test_what_gets_past_the_escaping_is_still_not_run(page: Page, run: Run, tmp_path: Path) -> None:
+def test_script_that_escapes_the_escaping_is_blocked(page: Page, run: Run, tmp_path: Path) -> None:
     written = html.write(run, tmp_path)
     text = written.read_text(encoding="utf-8")
     seeded = "<script>document.title='owned'</script><b onclick=\"document.title='owned'\">press</b></body>"

@@ -3,17 +3,18 @@
 import re
 import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, Request, expect
-from processes import ROOT, Publisher, Replay, Viewer
 
-from viewer.access import Access
-from viewer.app import App
+from vehicle_iface.process import module_command
+from vehicle_iface_viewer.access import Access
+from vehicle_iface_viewer.app import App
+
+from .processes import Publisher, Replay, Viewer
 
 Start = Callable[..., Publisher]
 HOSTILE = "<img src=x onerror=\"document.title='owned'\"><b>bold</b> & [link](http://evil.example) `code`"
@@ -59,9 +60,9 @@ def test_the_page_follows_the_loop_through_stop_death_and_restart(publish: Start
     expect(page.locator("#state")).to_have_text("NO LOOP")
     first = publish()
     banner(page, "ENGAGED", "NOMINAL")
-    for name in ("x", "in-space", "in-time"):
+    for name in ("x", "spatial-ref", "temporal-ref"):
         differs(page, name, number(page, name))
-    assert number(page, "in-time") >= number(page, "in-space")
+    assert number(page, "temporal-ref") >= number(page, "spatial-ref")
     first.order("stale")
     banner(page, "STOPPING", "STATE_STALE")
     expect(page.locator("#banner")).to_contain_text(re.compile(r"state age\s*\d{4,} ms"))
@@ -108,7 +109,7 @@ def test_positions_that_cannot_be_drawn_leave_the_page_alive(publish: Start, vie
     page.goto(viewer.url)
     banner(page, "ENGAGED", "NOMINAL")
     loop.order("huge")
-    expect(page.locator("#n-x")).to_have_text("not a number to show")
+    expect(page.locator("#n-x")).to_have_text("out of range")
     loop.order("engaged")
     expect(page.locator("#n-x")).to_have_text(re.compile(r"\d m$"))
     differs(page, "x", number(page, "x"))
@@ -133,7 +134,7 @@ def test_the_picture_is_drawn_beside_legend_and_plots(publish: Start, viewer: Vi
     publish()
     page.goto(viewer.url)
     banner(page, "ENGAGED", "NOMINAL")
-    for words in ("speed, m/s", "reference in space", "reference in time", "look-ahead", "grid 1 m, bold 10 m"):
+    for words in ("speed, m/s", "spatial ref", "temporal ref", "look-ahead", "grid 1 m, bold 10 m"):
         expect(page.locator("#legend")).to_contain_text(words)
     expect(page.locator(".uplot")).to_have_count(4)
     expect(page.get_by_text("Share")).to_have_count(0)
@@ -146,20 +147,20 @@ def test_a_browser_decides_for_itself_whether_to_follow(publish: Start, app: App
     publish()
     page.goto(f"http://127.0.0.1:{app.port}/")
     banner(page, "ENGAGED", "NOMINAL")
-    while not app._followers:
+    while not app._clients:
         page.wait_for_timeout(20)
-    (follower,) = app._followers.values()
+    (client,) = app._clients.values()
     switch = page.get_by_role("checkbox").first
     expect(switch).to_be_checked()
     switch.click()
     expect(switch).not_to_be_checked()
-    while follower._is_following:
+    while client._is_following:
         page.wait_for_timeout(20)
-    app_tick, kept = page.locator("#n-x").inner_text(), tuple(follower._frame.position)
+    app_tick, kept = page.locator("#n-x").inner_text(), tuple(client._frame.position)
     expect(page.locator("#n-x")).not_to_have_text(app_tick)
-    assert tuple(follower._frame.position) == kept
+    assert tuple(client._frame.position) == kept
     switch.click()
-    while tuple(follower._frame.position) == kept:
+    while tuple(client._frame.position) == kept:
         page.wait_for_timeout(20)
 
 
@@ -211,7 +212,7 @@ def test_a_viewer_says_what_it_shows_and_ends_when_told(viewer: Viewer, address:
     ],
 )
 def test_options_that_do_not_fit_are_refused_in_one_line(options: list[str], words: str) -> None:
-    done = run_viewer(*options)
+    done = run("vehicle_iface_viewer", *options)
     assert done.returncode == 2
     assert words in done.stderr
     assert done.stderr.count("\n") == 1
@@ -219,21 +220,22 @@ def test_options_that_do_not_fit_are_refused_in_one_line(options: list[str], wor
 
 def test_a_taken_port_is_refused_by_its_number(viewer: Viewer, address: str) -> None:
     port = viewer.url.rstrip("/").rsplit(":", 1)[1]
-    done = run_viewer("--connect", address, "--port", port)
+    done = run("vehicle_iface_viewer", "--connect", address, "--port", port)
     assert (done.returncode, done.stdout) == (2, "")
     assert f"--port {port} on 127.0.0.1" in done.stderr
 
 
-def run_viewer(*options: str) -> subprocess.CompletedProcess[str]:
+def run(module: str, *options: str) -> subprocess.CompletedProcess[str]:
+    command, environment = module_command(module)
     return subprocess.run(
-        [sys.executable, "-m", "viewer", *options], capture_output=True, text=True, cwd=ROOT, timeout=60, check=False
+        [*command, *options], env=environment, capture_output=True, text=True, timeout=60, check=False
     )
 
 
 def test_a_recording_is_told_from_a_live_drive_and_can_be_paused_and_wound_back(page: Page, tmp_path: Path) -> None:
     drive = ("run", "--interface", "embedded", "--route", "figure8", "--arm", "--duration", "3")
     where = ("--telemetry", str(tmp_path / "loop"), "--record", str(tmp_path / "drive"))
-    subprocess.run([sys.executable, "-m", "vehicle_iface", *drive, *where], cwd=ROOT, check=True, capture_output=True)
+    assert run("vehicle_iface", *drive, *where).returncode == 0
     replay = Replay(tmp_path / "drive", "--from", "1", "--speed", "0.1")
     try:
         page.goto(replay.url)

@@ -4,7 +4,7 @@ from itertools import product
 
 import pytest
 
-from vehicle_iface.bus.link_state import OPEN, TABLE, LinkSign, LinkState
+from vehicle_iface.bus.link_state import OPEN, TABLE, LinkEvent, LinkState
 
 EXPECTED = {
     "UP": {"TROUBLE": "DEGRADED", "LOST": "DOWN", "GONE": "GONE"},
@@ -15,10 +15,10 @@ EXPECTED = {
 }
 
 
-@pytest.mark.parametrize(("state", "sign"), list(product(LinkState, LinkSign)))
-def test_every_pair_of_state_and_sign_leads_where_it_is_written(state: LinkState, sign: LinkSign) -> None:
-    expected = EXPECTED[state.name].get(sign.name, state.name)
-    assert TABLE.get((state, sign), state).name == expected
+@pytest.mark.parametrize(("state", "event"), list(product(LinkState, LinkEvent)))
+def test_every_pair_of_state_and_sign_leads_where_it_is_written(state: LinkState, event: LinkEvent) -> None:
+    expected = EXPECTED[state.name].get(event.name, state.name)
+    assert TABLE.get((state, event), state).name == expected
 
 
 def test_only_a_link_that_is_open_can_lead_to_up() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle_iface.bus.raw_socket import frame_of, packed
+from vehicle_iface.bus.raw_socket import pack_frame, unpack_frame
 from vehicle_iface.bus.receive import BATCH, CANFD_MTU, BatchReceiver
 from vehicle_iface.bus.transmit import BatchSender
 from vehicle_iface.frame import CanFrame
@@ -25,7 +25,7 @@ class Wire:
     def comes_as(self, raw: bytes, stamp_ns: int = 0) -> CanFrame:
         self.far.send(raw)
         [packet] = self.receiver.receive(wait=False)
-        return frame_of(packet, stamp_ns)
+        return unpack_frame(packet, stamp_ns)
 
 
 @pytest.fixture(scope="module")
@@ -51,41 +51,41 @@ def frames(draw: st.DrawFn) -> CanFrame:
 
 @given(frames())
 def test_every_frame_comes_back_as_it_went(wire: Wire, frame: CanFrame) -> None:
-    assert wire.comes_as(packed(frame), frame.stamp_ns) == frame
+    assert wire.comes_as(pack_frame(frame), frame.stamp_ns) == frame
 
 
 def test_a_batch_keeps_the_order_and_leaves_the_rest_for_the_next_call(wire: Wire) -> None:
     sent = [CanFrame(number, bytes([number])) for number in range(BATCH + 3)]
     for frame in sent:
-        wire.far.send(packed(frame))
+        wire.far.send(pack_frame(frame))
     batches = [wire.receiver.receive(wait=False) for _ in range(3)]
     assert [len(batch) for batch in batches] == [BATCH, 3, 0]
-    assert [frame_of(packet, 0) for batch in batches for packet in batch] == sent
+    assert [unpack_frame(packet, 0) for batch in batches for packet in batch] == sent
 
 
 def test_the_stamp_is_the_kernels_wall_clock_time(wire: Wire) -> None:
     wire.near.setsockopt(socket.SOL_SOCKET, 35, 1)  # SO_TIMESTAMPNS
     before_ns = time.time_ns()
-    wire.far.send(packed(CanFrame(1, b"")))
+    wire.far.send(pack_frame(CanFrame(1, b"")))
     after_ns = time.time_ns()
     [packet] = wire.receiver.receive(wait=False)
     assert before_ns - 50_000_000 <= packet[3] <= after_ns + 50_000_000
     wire.near.setsockopt(socket.SOL_SOCKET, 35, 0)
-    wire.far.send(packed(CanFrame(1, b"")))
+    wire.far.send(pack_frame(CanFrame(1, b"")))
     [packet] = wire.receiver.receive(wait=False)
     assert packet[3:5] == (0, 0)
 
 
 @given(frames())
 def test_the_length_tells_the_kernel_which_kind_it_is(frame: CanFrame) -> None:
-    assert len(packed(frame)) == (CANFD_MTU if frame.is_fd else 16)
+    assert len(pack_frame(frame)) == (CANFD_MTU if frame.is_fd else 16)
 
 
 def test_a_frame_is_laid_out_as_the_header_file_says() -> None:
-    assert packed(CanFrame(0x123, b"\x01\x02")) == struct.pack("=IB3x8s", 0x123, 2, b"\x01\x02")
-    assert packed(CanFrame(0x123, b"", is_extended=True))[:4] == struct.pack("=I", 0x80000123)
-    assert packed(CanFrame(0x123, b"", is_remote=True))[:4] == struct.pack("=I", 0x40000123)
-    assert packed(CanFrame(0x1, bytes(12), is_fd=True))[:8] == struct.pack("=IBBxx", 1, 12, 1)
+    assert pack_frame(CanFrame(0x123, b"\x01\x02")) == struct.pack("=IB3x8s", 0x123, 2, b"\x01\x02")
+    assert pack_frame(CanFrame(0x123, b"", is_extended=True))[:4] == struct.pack("=I", 0x80000123)
+    assert pack_frame(CanFrame(0x123, b"", is_remote=True))[:4] == struct.pack("=I", 0x40000123)
+    assert pack_frame(CanFrame(0x1, bytes(12), is_fd=True))[:8] == struct.pack("=IBBxx", 1, 12, 1)
 
 
 @pytest.mark.parametrize("can_class", [0x001, 0x040, 0x080, 0x100])
@@ -102,13 +102,13 @@ def test_bytes_beyond_the_length_are_not_part_of_the_frame(wire: Wire) -> None:
 def test_frames_handed_over_together_come_one_by_one_and_in_order(wire: Wire) -> None:
     sender = BatchSender(wire.far.fileno())
     sent = [CanFrame(1, b"\x01\x02"), CanFrame(2, bytes(64), is_fd=True), CanFrame(3, b"")]
-    assert sender.send([packed(frame) for frame in sent]) == 3
-    assert [frame_of(packet, 0) for packet in wire.receiver.receive(wait=False)] == sent
+    assert sender.send([pack_frame(frame) for frame in sent]) == 3
+    assert [unpack_frame(packet, 0) for packet in wire.receiver.receive(wait=False)] == sent
 
 
 def test_what_finds_no_room_is_not_taken_and_nothing_waits_for_it(wire: Wire) -> None:
     sender = BatchSender(wire.far.fileno())
-    frame = packed(CanFrame(1, bytes(8)))
+    frame = pack_frame(CanFrame(1, bytes(8)))
     taken = [sender.send([frame] * 8) for _ in range(1000)]
     assert taken[-1] == 0
     came = 0
@@ -121,5 +121,5 @@ def test_a_socket_that_is_gone_is_an_error_and_not_a_refusal() -> None:
     near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     far.close()
     with pytest.raises(ConnectionRefusedError):
-        BatchSender(near.fileno()).send([packed(CanFrame(1, b""))])
+        BatchSender(near.fileno()).send([pack_frame(CanFrame(1, b""))])
     near.close()

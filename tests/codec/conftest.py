@@ -1,7 +1,7 @@
 """The reference vehicle's messages, and a place to write variants of its files."""
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol
 
 import pytest
 
@@ -9,7 +9,19 @@ from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.profile import load_profile
 
 DBC_FOLDER = Path(__file__).parents[2] / "dbc"
+REFERENCE_DBC = (DBC_FOLDER / "reference.dbc").read_text(encoding="utf-8")
 Edit = tuple[str, str]
+
+
+def line_of(text: str) -> int:
+    """The line of the reference DBC in which a text first stands."""
+    return REFERENCE_DBC[: REFERENCE_DBC.index(text)].count("\n") + 1
+
+
+class Variant(Protocol):
+    """Loads the reference vehicle with texts of its two files replaced."""
+
+    def __call__(self, *, toml: tuple[Edit, ...] = (), dbc: tuple[Edit, ...] = ()) -> VehicleDatabase: ...
 
 
 @pytest.fixture(scope="session")
@@ -18,7 +30,7 @@ def database() -> VehicleDatabase:
 
 
 @pytest.fixture
-def variant(tmp_path: Path) -> Callable[..., VehicleDatabase]:
+def variant(tmp_path: Path) -> Variant:
     """Load the reference vehicle with texts of its two files replaced."""
 
     def load(*, toml: tuple[Edit, ...] = (), dbc: tuple[Edit, ...] = ()) -> VehicleDatabase:

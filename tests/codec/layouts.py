@@ -1,10 +1,14 @@
 """Messages of random layout for property tests, and random values for them."""
 
+from collections import OrderedDict
 from collections.abc import Mapping
 from itertools import pairwise
+from typing import Any
 
 from cantools.database import Message, Signal
 from cantools.database.conversion import BaseConversion
+from cantools.database.namedsignalvalue import NamedSignalValue
+from cantools.typechecking import SignalDictType
 from hypothesis import strategies as st
 
 SCALES = st.sampled_from([1, 2, 10, 0.1, 0.5, 0.001, 0.005, 1e-4, -1, -0.25, 3, 1.0, 4.0, 1e6])
@@ -18,13 +22,15 @@ def network_start(position: int) -> int:
 
 
 @st.composite
-def signals(draw, name, position, width, big, *, bounded=False, **multiplexing):
+def signals(
+    draw: st.DrawFn, /, name: str, position: int, width: int, big: bool, *, bounded: bool = False, **multiplexing: Any
+) -> Signal:
     """A signal on `width` bits from `position`, counted in the direction of its byte order."""
     is_float = width in (16, 32, 64) and draw(st.booleans()) and not multiplexing.get("is_multiplexer")
-    choices = None
+    choices: OrderedDict[int, str | NamedSignalValue] | None = None
     if width <= 8 and draw(st.integers(0, 3)) == 0:
         numbers = draw(st.sets(st.integers(0, 2**width - 1), min_size=1, max_size=6))
-        choices = {number: f"NAME_{number}" for number in sorted(numbers)}
+        choices = OrderedDict((number, f"NAME_{number}") for number in sorted(numbers))
     scaled = not multiplexing.get("is_multiplexer")
     conversion = BaseConversion.factory(
         scale=draw(SCALES) if scaled else 1,
@@ -32,10 +38,10 @@ def signals(draw, name, position, width, big, *, bounded=False, **multiplexing):
         choices=choices,
         is_float=is_float,
     )
-    limits = {}
+    minimum = maximum = None
     if bounded and draw(st.booleans()):
         first, second = draw(st.floats(-1e4, 1e4)), draw(st.floats(-1e4, 1e4))
-        limits = {"minimum": min(first, second), "maximum": max(first, second)}
+        minimum, maximum = min(first, second), max(first, second)
     return Signal(
         name,
         network_start(position) if big else position,
@@ -43,15 +49,17 @@ def signals(draw, name, position, width, big, *, bounded=False, **multiplexing):
         "big_endian" if big else "little_endian",
         is_signed=draw(st.booleans()) and not multiplexing.get("is_multiplexer"),
         conversion=conversion,
-        **limits,
+        minimum=minimum,
+        maximum=maximum,
         **multiplexing,
     )
 
 
 @st.composite
-def runs(draw, bits):
+def runs(draw: st.DrawFn, /, bits: int) -> list[tuple[int, int]]:
     """Widths and positions of signals without overlap in `bits` bits: [(position, width), …]."""
-    found, position = [], 0
+    found: list[tuple[int, int]] = []
+    position = 0
     while position < bits:
         position += draw(st.sampled_from([0, -position % 8, 1, 3]))
         width = draw(st.sampled_from([1, 2, 3, 4, 7, 8, 8, 11, 12, 16, 16, 24, 32, 32, 47, 64]))
@@ -62,13 +70,13 @@ def runs(draw, bits):
 
 
 @st.composite
-def plain_messages(draw, **options):
+def plain_messages(draw: st.DrawFn, /, **options: bool) -> Message:
     """A message of one or both byte orders, its signals anywhere.
 
     Every byte-aligned region has one byte order, so that the two numberings cannot collide."""
     length = draw(FD_LENGTHS)
     ends = [0, *sorted(draw(st.lists(st.integers(0, length), max_size=3))), length]
-    found = []
+    found: list[Signal] = []
     for first, end in pairwise(ends):
         big = draw(st.booleans())
         for position, width in draw(runs(8 * (end - first))):
@@ -78,7 +86,7 @@ def plain_messages(draw, **options):
 
 
 @st.composite
-def multiplexed_messages(draw, **options):
+def multiplexed_messages(draw: st.DrawFn, /, **options: bool) -> Message:
     """A message with a multiplexer in byte 0, another one inside some of its branches, and shared signals."""
     length = draw(st.sampled_from([4, 8, 16]))
     big = draw(st.booleans())
@@ -89,7 +97,7 @@ def multiplexed_messages(draw, **options):
     rest = [number for number in ids if number not in groups] if nested else []
     for position, width in draw(runs(8 * (length - 1))):
         name = f"A{position}"
-        under = {"multiplexer_ids": groups, "multiplexer_signal": "OUTER"}
+        under: dict[str, Any] = {"multiplexer_ids": groups, "multiplexer_signal": "OUTER"}
         found.append(draw(signals(name, 8 + position, width, big, **options, **under)))
     if rest:
         found.append(Signal("INNER", 8, 4, is_multiplexer=True, multiplexer_ids=rest, multiplexer_signal="OUTER"))
@@ -101,9 +109,16 @@ def multiplexed_messages(draw, **options):
     return Message(0x100, "RANDOM", length, found, strict=True, is_fd=length > 8)
 
 
-def messages(**options):
+def messages(**options: bool) -> st.SearchStrategy[Message]:
     """Any of them."""
     return st.one_of(plain_messages(**options), multiplexed_messages(**options))
+
+
+def decoded(message: Message, payload: bytes) -> SignalDictType:
+    """What cantools reads in the payload of a message that is no container."""
+    theirs = message.decode(payload, decode_choices=False)
+    assert isinstance(theirs, dict)
+    return theirs
 
 
 def as_tuple(names: tuple[str, ...], decoded: Mapping[str, object]) -> tuple[object, ...]:

@@ -14,14 +14,15 @@ def told_by(program: str) -> str:
 
 def test_the_control_process_does_not_load_the_parsers_bench_tools() -> None:
     loaded = told_by(
-        "import sys, vehicle_iface.cli; print([n for n in ('can', 'cantools.tester') if n in sys.modules])"
+        "import sys, vehicle_iface.cli.run; print([n for n in ('can', 'cantools.tester') if n in sys.modules])"
     )
     assert loaded == "[]"
 
 
 def test_who_imports_cantools_afterwards_gets_all_of_it_with_the_same_parser() -> None:
     program = (
-        "import sys, vehicle_iface.cli; parser = sys.modules['cantools.database']; import cantools, cantools.tester;"
+        "import sys, vehicle_iface.cli.run; parser = sys.modules['cantools.database'];"
+        "import cantools, cantools.tester;"
         "print(cantools.database is parser, cantools.tester.Tester.__name__)"
     )
     assert told_by(program) == "True Tester"
@@ -29,6 +30,6 @@ def test_who_imports_cantools_afterwards_gets_all_of_it_with_the_same_parser() -
 
 def test_who_imported_cantools_before_keeps_it() -> None:
     program = (
-        "import cantools, sys, vehicle_iface.cli; print(sys.modules['cantools'] is cantools, 'can' in sys.modules)"
+        "import cantools, sys, vehicle_iface.cli.run; print(sys.modules['cantools'] is cantools, 'can' in sys.modules)"
     )
     assert told_by(program) == "True True"

@@ -1,5 +1,8 @@
 """End-to-end protection: checksums computed a second time bit by bit, and the rule for the counter."""
 
+from collections import abc
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +13,7 @@ from vehicle_iface.errors import ConfigError
 P02_IDS = tuple(range(16))
 
 
-def crc(data, *, bits, polynomial, initial, final=0):
+def crc(data: abc.Sequence[int], *, bits: int, polynomial: int, initial: int, final: int = 0) -> int:
     """A checksum, most significant bit first, as AUTOSAR SWS CRC Library writes it down."""
     register, top = initial, 1 << bits - 1
     for byte in data:
@@ -21,18 +24,18 @@ def crc(data, *, bits, polynomial, initial, final=0):
     return register ^ final
 
 
-def crc_profile_1(data, data_id, mode="BOTH"):
+def crc_profile_1(data: abc.Sequence[int], data_id: int, mode: str = "BOTH") -> int:
     low, high = data_id & 0xFF, data_id >> 8
     chosen = low if data[1] % 2 == 0 else high
     head = {"BOTH": [low, high], "LOW": [low], "ALT": [chosen], "NIBBLE": [low, 0]}[mode]
     return crc([*head, *data[1:]], bits=8, polynomial=0x1D, initial=0)
 
 
-def crc_profile_2(data, data_ids):
+def crc_profile_2(data: abc.Sequence[int], data_ids: abc.Sequence[int]) -> int:
     return crc([*data[1:], data_ids[data[1] & 0x0F]], bits=8, polynomial=0x2F, initial=0xFF, final=0xFF)
 
 
-def crc_profile_5(data, data_id):
+def crc_profile_5(data: abc.Sequence[int], data_id: int) -> int:
     return crc([*data[2:], data_id & 0xFF, data_id >> 8], bits=16, polynomial=0x1021, initial=0xFFFF)
 
 
@@ -42,7 +45,7 @@ counters = st.integers(0, 14)
 
 
 @pytest.mark.parametrize(("counter", "frame"), [(1, "0201"), (2, "e502")])
-def test_the_contracts_worked_example(counter, frame):
+def test_the_contracts_worked_example(counter: int, frame: str) -> None:
     data = bytearray(8)
     Protection(1, 0x100, 8).protect(data, counter)
     assert data[:2].hex() == frame
@@ -51,7 +54,9 @@ def test_the_contracts_worked_example(counter, frame):
 @pytest.mark.parametrize("profile", [1, 11])
 @pytest.mark.parametrize("mode", ["BOTH", "LOW", "ALT", "NIBBLE"])
 @given(payload=payloads, data_id=data_ids, counter=counters)
-def test_profiles_1_and_11_have_the_checksum_computed_here(profile, mode, payload, data_id, counter):
+def test_profiles_1_and_11_have_the_checksum_computed_here(
+    profile: int, mode: str, payload: bytes, data_id: int, counter: int
+) -> None:
     if profile == 11 and mode in ("LOW", "ALT"):
         with pytest.raises(ConfigError, match="profile 11 has BOTH, NIBBLE"):
             Protection(profile, data_id, 8, mode)
@@ -66,7 +71,7 @@ def test_profiles_1_and_11_have_the_checksum_computed_here(profile, mode, payloa
 
 
 @given(payload=payloads, ids=st.lists(st.integers(0, 255), min_size=16, max_size=16), counter=st.integers(0, 15))
-def test_profile_2_has_the_checksum_computed_here(payload, ids, counter):
+def test_profile_2_has_the_checksum_computed_here(payload: bytes, ids: list[int], counter: int) -> None:
     protection, data = Protection(2, tuple(ids), 8), bytearray(payload)
     protection.protect(data, counter)
     assert data[0] == crc_profile_2(data, ids)
@@ -75,7 +80,7 @@ def test_profile_2_has_the_checksum_computed_here(payload, ids, counter):
 
 
 @given(payload=st.binary(min_size=3, max_size=64), data_id=data_ids, counter=st.integers(0, 255))
-def test_profile_5_has_the_checksum_computed_here(payload, data_id, counter):
+def test_profile_5_has_the_checksum_computed_here(payload: bytes, data_id: int, counter: int) -> None:
     protection, data = Protection(5, data_id, len(payload)), bytearray(payload)
     protection.protect(data, counter)
     assert int.from_bytes(data[:2], "little") == crc_profile_5(data, data_id)
@@ -85,7 +90,7 @@ def test_profile_5_has_the_checksum_computed_here(payload, data_id, counter):
 
 @pytest.mark.parametrize("profile", [1, 2, 5, 11])
 @given(payload=payloads, bit=st.integers(0, 63), counter=counters)
-def test_one_flipped_bit_is_seen(profile, payload, bit, counter):
+def test_one_flipped_bit_is_seen(profile: int, payload: bytes, bit: int, counter: int) -> None:
     protection, data = Protection(profile, P02_IDS if profile == 2 else 0x123, 8), bytearray(payload)
     protection.protect(data, counter)
     data[bit // 8] ^= 1 << bit % 8
@@ -94,14 +99,14 @@ def test_one_flipped_bit_is_seen(profile, payload, bit, counter):
 
 @pytest.mark.parametrize("profile", [1, 5, 11])
 @given(payload=payloads, counter=counters)
-def test_another_messages_data_id_is_seen(profile, payload, counter):
+def test_another_messages_data_id_is_seen(profile: int, payload: bytes, counter: int) -> None:
     data = bytearray(payload)
     Protection(profile, 0x110, 8).protect(data, counter)
     assert not Protection(profile, 0x111, 8).intact(bytes(data))
 
 
 @pytest.mark.parametrize(("profile", "states"), [(1, 15), (2, 16), (5, 256), (11, 15)])
-def test_the_counter_runs_through_all_its_values_and_starts_again(profile, states):
+def test_the_counter_runs_through_all_its_values_and_starts_again(profile: int, states: int) -> None:
     protection = Protection(profile, P02_IDS if profile == 2 else 1, 8)
     seen, counter = [], 0
     for _ in range(states + 1):
@@ -124,14 +129,14 @@ def test_the_counter_runs_through_all_its_values_and_starts_again(profile, state
         ((1, 0x100, 8, "HIGH"), "BOTH, ALT, LOW, NIBBLE"),
     ],
 )
-def test_a_protection_that_does_not_exist_is_refused(arguments, text):
+def test_a_protection_that_does_not_exist_is_refused(arguments: tuple[Any, ...], text: str) -> None:
     with pytest.raises(ConfigError, match=text):
         Protection(*arguments)
 
 
 @pytest.mark.parametrize("first", range(15))
 @pytest.mark.parametrize("step", range(15))
-def test_steps_of_one_to_three_are_good_from_every_counter(first, step):
+def test_steps_of_one_to_three_are_good_from_every_counter(first: int, step: int) -> None:
     check = CounterCheck(15, 3)
     assert check.step(first) is Sequence.INITIAL
     verdict = check.step((first + step) % 15)
@@ -141,7 +146,7 @@ def test_steps_of_one_to_three_are_good_from_every_counter(first, step):
 
 
 @pytest.mark.parametrize("jump", range(4, 15))
-def test_after_a_jump_the_next_frame_is_counted_from_it(jump):
+def test_after_a_jump_the_next_frame_is_counted_from_it(jump: int) -> None:
     check = CounterCheck(15, 3)
     check.step(0)
     assert check.step(jump) is Sequence.WRONG
@@ -149,20 +154,20 @@ def test_after_a_jump_the_next_frame_is_counted_from_it(jump):
     assert check.lost == 0
 
 
-def test_a_counter_that_does_not_exist_is_as_if_it_had_not_been():
+def test_a_counter_that_does_not_exist_is_as_if_it_had_not_been() -> None:
     check = CounterCheck(15, 3)
     check.step(4)
     assert check.step(15) is Sequence.INVALID
     assert check.step(5) is Sequence.OK
 
 
-def test_a_stuck_counter_stays_repeated():
+def test_a_stuck_counter_stays_repeated() -> None:
     check = CounterCheck(15, 3)
     check.step(7)
     assert [check.step(7) for _ in range(50)] == [Sequence.REPEATED] * 50
 
 
-def test_after_a_reset_any_counter_is_the_first():
+def test_after_a_reset_any_counter_is_the_first() -> None:
     check = CounterCheck(15, 3)
     check.step(3)
     check.reset()
@@ -170,7 +175,7 @@ def test_after_a_reset_any_counter_is_the_first():
 
 
 @pytest.mark.parametrize("step", [0, -1, 14, 15, 100])
-def test_a_rule_that_could_not_tell_order_is_refused(step):
+def test_a_rule_that_could_not_tell_order_is_refused(step: int) -> None:
     with pytest.raises(ConfigError, match=r"max_counter_step = .*must be in \[1, 13\]"):
         CounterCheck(15, step)
 
@@ -225,8 +230,8 @@ def test_noise_does_not_widen_the_step_beyond_four(bad: int, step: int, verdict:
     [(1, 2, (0, 8), (8, 4)), (2, 2, (0, 8), (8, 4)), (5, 3, (0, 16), (16, 8)), (11, 2, (0, 8), (8, 4))],
 )
 def test_checksum_and_counter_are_at_the_front_and_need_no_more_bytes_than_their_own(
-    profile, least_bytes, crc_bits, counter_bits
-):
+    profile: int, least_bytes: int, crc_bits: tuple[int, int], counter_bits: tuple[int, int]
+) -> None:
     data_id = P02_IDS if profile == 2 else 0x123
     protection = Protection(profile, data_id, least_bytes)
     assert (protection.crc_bits, protection.counter_bits) == (crc_bits, counter_bits)
@@ -235,7 +240,7 @@ def test_checksum_and_counter_are_at_the_front_and_need_no_more_bytes_than_their
 
 
 @pytest.mark.parametrize("profile", [1, 11])
-def test_a_counter_that_does_not_exist_is_no_damage(profile):
+def test_a_counter_that_does_not_exist_is_no_damage(profile: int) -> None:
     protection, data = Protection(profile, 0x123, 8), bytearray(8)
     protection.protect(data, 15)
     assert protection.intact(bytes(data)) is True
@@ -243,14 +248,14 @@ def test_a_counter_that_does_not_exist_is_no_damage(profile):
     assert protection.intact(bytes(data)) is False
 
 
-def test_a_counter_that_runs_as_it_should_loses_nothing_and_starts_again_after_the_greatest():
+def test_a_counter_that_runs_as_it_should_loses_nothing_and_starts_again_after_the_greatest() -> None:
     check = CounterCheck(15, 1)
     verdicts = [check.step(count % 15) for count in range(40)]
     assert verdicts == [Sequence.INITIAL] + [Sequence.OK] * 39
     assert check.lost == 0
 
 
-def test_the_counter_after_the_greatest_does_not_exist():
+def test_the_counter_after_the_greatest_does_not_exist() -> None:
     check = CounterCheck(15, 1)
     assert [check.step(counter) for counter in (13, 14, 15, 0)] == [
         Sequence.INITIAL,
@@ -261,7 +266,7 @@ def test_the_counter_after_the_greatest_does_not_exist():
 
 
 @pytest.mark.parametrize(("step", "verdict"), [(13, Sequence.OK), (14, Sequence.WRONG)])
-def test_the_greatest_step_leaves_room_to_tell_forwards_from_a_repetition(step, verdict):
+def test_the_greatest_step_leaves_room_to_tell_forwards_from_a_repetition(step: int, verdict: Sequence) -> None:
     assert CounterCheck(15, 13)
     check = CounterCheck(15, 12)
     check.step(0)
@@ -269,7 +274,7 @@ def test_the_greatest_step_leaves_room_to_tell_forwards_from_a_repetition(step, 
     assert check.step(step) is verdict
 
 
-def test_a_damaged_frame_widens_the_next_step_and_no_other():
+def test_a_damaged_frame_widens_the_next_step_and_no_other() -> None:
     check = CounterCheck(15, 3)
     check.step(0)
     damaged(check, 1)
@@ -277,7 +282,7 @@ def test_a_damaged_frame_widens_the_next_step_and_no_other():
     assert check.step(8) is Sequence.WRONG
 
 
-def test_however_often_a_frame_is_repeated_after_damage_only_the_next_step_is_widened():
+def test_however_often_a_frame_is_repeated_after_damage_only_the_next_step_is_widened() -> None:
     check = CounterCheck(15, 3)
     check.step(0)
     damaged(check, 1)
@@ -288,7 +293,7 @@ def test_however_often_a_frame_is_repeated_after_damage_only_the_next_step_is_wi
 
 
 @pytest.mark.parametrize("bad", [0, 1, 2, 3, 4])
-def test_each_damaged_frame_widens_the_next_step_by_one(bad):
+def test_each_damaged_frame_widens_the_next_step_by_one(bad: int) -> None:
     for step, verdict in ((3 + bad, Sequence.OK), (4 + bad, Sequence.WRONG)):
         check = CounterCheck(15, 3)
         check.step(0)
@@ -296,7 +301,7 @@ def test_each_damaged_frame_widens_the_next_step_by_one(bad):
         assert check.step(step) is verdict
 
 
-def test_damage_before_a_reset_widens_nothing_after_it():
+def test_damage_before_a_reset_widens_nothing_after_it() -> None:
     check = CounterCheck(15, 3)
     damaged(check, 3)
     check.reset()

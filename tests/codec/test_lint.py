@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.codec.conftest import DBC_FOLDER
 from vehicle_iface import cli
-from vehicle_iface.codec.lint import ERROR, WARNING, Finding, check_file
+from vehicle_iface.codec.lint import ERROR, WARNING, LintFinding, check_file
 from vehicle_iface.errors import ConfigError
+
+from .conftest import DBC_FOLDER
 
 SHIPPED = ("reference.dbc", "reference.toml", "reference_fd.dbc", "reference_fd.toml")
 
@@ -36,7 +37,7 @@ def line_of(path: Path, text: str) -> int:
     return content[: content.index(text)].count("\n") + 1
 
 
-def found_in(findings: list[Finding], text: str) -> Finding:
+def found_in(findings: list[LintFinding], text: str) -> LintFinding:
     fitting = [finding for finding in findings if text in finding.text]
     assert len(fitting) == 1, "\n".join(map(str, findings))
     return fitting[0]
@@ -52,7 +53,7 @@ def test_the_shipped_profiles_are_clean(name: str) -> None:
 IN_THE_DBC = [
     ("BO_ 273 MOTION", "BO_ 272 MOTION", ERROR, "message MOTION: id 272 is already in line", "BO_ 272 MOTION"),
     ("SG_ YAW_RATE ", "SG_ HEADING ", ERROR, "signal MOTION.HEADING is already in line", "SG_ HEADING : 48"),
-    ("SPEED : 32|16", "SPEED : 31|16", ERROR, "MOTION.SPEED: lies on the bits of HEADING", "SPEED : 31"),
+    ("SPEED : 32|16", "SPEED : 31|16", ERROR, "MOTION.SPEED: overlapping: shares bits with HEADING", "SPEED : 31"),
     (
         "YAW_RATE : 48|16",
         "YAW_RATE : 56|16",
@@ -83,7 +84,7 @@ BY_ITSELF = [
 WITH_THE_PROFILE = [
     ("[-6.5536|6.5534]", "[0|0]", ERROR, "MOTION.YAW_RATE: no range", "YAW_RATE : 48"),
     ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] "deg/s"', ERROR, "unit 'deg/s': yaw_rate_radps must be in 'rad/s'", "YAW_RATE : 48"),
-    ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] ""', WARNING, "MOTION.YAW_RATE: no unit; yaw_rate_radps", "YAW_RATE : 48"),
+    ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] ""', WARNING, "MOTION.YAW_RATE: no unit; its value is taken for yaw_rate_radps", "YAW_RATE : 48"),
     ("BO_ 273 MOTION: 8 VEHICLE", "BO_ 273 MOTION: 8 CONTROLLER", ERROR, "MOTION: is received, but its sender", "BO_ 273"),
     (' 17 "NOT_ENGAGED"', "", ERROR, "DRIVE_COMMAND.REASON: VAL_ table without NOT_ENGAGED", "SG_ REASON"),
     ("COUNTER : 8|4@1+ (1,0) [0|14]", "COUNTER : 9|3@1+ (1,0) [0|7]", ERROR, "COUNTER: bits 9|3, but E2E profile 1 has 8|4", "COUNTER : 9"),
@@ -137,6 +138,13 @@ def test_a_fault_of_a_profile_is_found_with_its_path_and_line(copy, case) -> Non
     assert finding.line == line_of(path, place)
 
 
+def test_an_old_key_of_a_profile_is_a_warning_in_its_line(copy) -> None:  # type: ignore[no-untyped-def]
+    path = copy("reference.toml", ("reference.toml", "stop_release_time_constant_s", "stop_ease_s"))
+    finding = found_in(check_file(path), "$.behavior.stop_ease_s: renamed to stop_release_time_constant_s")
+    assert (finding.severity, finding.file) == (WARNING, str(path))
+    assert finding.line == line_of(path, "stop_ease_s")
+
+
 def test_a_counter_that_the_profile_claims_and_the_dbc_lacks_is_found_in_each_message(copy) -> None:  # type: ignore[no-untyped-def]
     path = copy("reference.toml", ("reference.toml", 'counter_signal = "COUNTER"', 'counter_signal = "ALIVE"'))
     missing = [finding.text for finding in check_file(path) if "no signal 'ALIVE'" in finding.text]
@@ -157,8 +165,8 @@ def test_all_faults_are_found_at_once(copy) -> None:  # type: ignore[no-untyped-
     findings = check_file(copy("reference.toml", *every))
     for case in (IN_THE_DBC[2], IN_THE_DBC[4], WITH_THE_PROFILE[3]):
         found_in(findings, case[3])
-    for case in (IN_THE_PROFILE[0], IN_THE_PROFILE[5], IN_THE_PROFILE[6]):
-        found_in(findings, case[2])
+    for in_the_profile in (IN_THE_PROFILE[0], IN_THE_PROFILE[5], IN_THE_PROFILE[6]):
+        found_in(findings, in_the_profile[2])
 
 
 @pytest.mark.parametrize(
@@ -197,7 +205,7 @@ def test_a_profile_that_is_not_whole_still_has_its_dbc_checked(copy) -> None:  #
     )
     findings = check_file(path)
     found_in(findings, "$.state.signals: x_m is missing")
-    found_in(findings, "MOTION.SPEED: lies on the bits of HEADING")
+    found_in(findings, "MOTION.SPEED: overlapping: shares bits with HEADING")
 
 
 def test_multiplexed_signals_may_share_their_bits(tmp_path: Path) -> None:

@@ -25,10 +25,10 @@ def trajectories(draw: st.DrawFn, *, least: int = 0, greatest: int = 60) -> Traj
     return Trajectory(
         stamp_ns=draw(stamps),
         time_from_start_ns=np.cumsum(np.array(steps, dtype=np.int64)),
-        x_m=column(coordinates),
-        y_m=column(coordinates),
-        heading_rad=column(angles),
-        speed_mps=column(speeds),
+        x_m=np.array(column(coordinates)),
+        y_m=np.array(column(coordinates)),
+        heading_rad=np.array(column(angles)),
+        speed_mps=np.array(column(speeds)),
     )
 
 

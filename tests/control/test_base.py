@@ -4,6 +4,7 @@ import asyncio
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from vehicle_iface.command import Command
@@ -115,7 +116,7 @@ def test_a_base_without_a_child_cannot_be_made() -> None:
 
 def test_the_plane_at_the_end_is_square_to_the_last_points_heading() -> None:
     controller = Coasting()
-    controller.set_trajectory(replace(along_x(), heading_rad=[0.0] * 10 + [math.pi / 4]))
+    controller.set_trajectory(replace(along_x(), heading_rad=np.array([0.0] * 10 + [math.pi / 4])))
     assert controller.compute_command(at(10.5, -0.6)).reason is Reason.NOMINAL
     assert controller.spatial_index == 10
     assert controller.compute_command(at(10.5, -0.4)).reason is Reason.PAST_END_SPACE

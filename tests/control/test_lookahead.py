@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface.control import PurePursuit, PurePursuitConfig
-from vehicle_iface.control.lookahead import Way, search_target
-from vehicle_iface.control.tracking import Progress
+from vehicle_iface.control.lookahead import ArcLength, search_target
+from vehicle_iface.control.tracking import PathProgress
 from vehicle_iface.trajectory import Trajectory
 
 from . import strategies
@@ -22,7 +22,7 @@ class Counting:
     """A sequence that counts the values read off it."""
 
     def __init__(self, values: Any) -> None:
-        self.values = memoryview(np.ascontiguousarray(values))
+        self.values = np.ascontiguousarray(values).data
         self.reads = self.greatest = 0
 
     def __len__(self) -> int:
@@ -62,7 +62,7 @@ def test_the_search_finds_the_first_that_is_far_enough_or_the_farthest(
 ) -> None:
     xs, ys = [p[0] for p in points], [p[1] for p in points]
     ahead, start = (math.cos(heading), math.sin(heading)), min(start, len(points) - 1)
-    found = search_target(Way(xs, ys), start, len(xs), 0.0, 0.0, *ahead, lookahead)
+    found = search_target(ArcLength(xs, ys), start, len(xs), 0.0, 0.0, *ahead, lookahead)
     assert found == by_the_word(xs, ys, start, 0.0, 0.0, ahead, lookahead)
     assert type(found) is int
 
@@ -81,7 +81,7 @@ def test_along_a_winding_path_it_finds_what_a_walk_would(
     heading = 2.0 * np.sin(turn * spacing_m * np.arange(700))
     xs = np.cumsum(spacing_m * np.cos(heading)).tolist()
     ys = np.cumsum(spacing_m * np.sin(heading)).tolist()
-    way = Way(xs, ys)
+    way = ArcLength(xs, ys)
     for start in range(begin, 700, step):
         ahead = math.cos(heading[start]), math.sin(heading[start])
         x, y = xs[start] - left_m * ahead[1], ys[start] + left_m * ahead[0]
@@ -96,20 +96,20 @@ def test_along_a_winding_path_it_finds_what_a_walk_would(
 @pytest.mark.parametrize("spacing_m", [0.25, 0.02, 0.002, 1e-4])
 def test_a_search_among_dense_points_finds_the_first_that_is_far_enough(spacing_m: float) -> None:
     xs = (np.arange(100_000) * spacing_m).tolist()
-    found = search_target(Way(xs, [0.0] * 100_000), 3, 100_000, 0.05, 0.0, 1.0, 0.0, 5.0)
+    found = search_target(ArcLength(xs, [0.0] * 100_000), 3, 100_000, 0.05, 0.0, 1.0, 0.0, 5.0)
     assert found == by_the_word(xs, [0.0] * 100_000, 3, 0.05, 0.0, (1.0, 0.0), 5.0)
 
 
 def test_points_beyond_all_numbers_are_found_too() -> None:
     xs = [0.0, 1e300, 3.0, -1e308, 1e308, 1e160]
-    assert search_target(Way(xs, [0.0] * 6), 0, 6, 0.0, 0.0, 1.0, 0.0, 2.0) == 1
-    assert search_target(Way(xs, [0.0] * 6), 2, 6, 0.0, 0.0, 1.0, 0.0, 4.0) == 4
+    assert search_target(ArcLength(xs, [0.0] * 6), 0, 6, 0.0, 0.0, 1.0, 0.0, 2.0) == 1
+    assert search_target(ArcLength(xs, [0.0] * 6), 2, 6, 0.0, 0.0, 1.0, 0.0, 4.0) == 4
 
 
 def test_a_search_does_not_go_round_and_round_for_the_whole_trajectory() -> None:
     angle = np.arange(100_000) * 0.1
     xs, ys = Counting(np.sin(angle)), Counting(1 - np.cos(angle))
-    found = search_target(Way(xs, ys), 0, len(xs), 0.0, 0.0, 1.0, 0.0, 5.0)  # type: ignore[arg-type]
+    found = search_target(ArcLength(xs, ys), 0, len(xs), 0.0, 0.0, 1.0, 0.0, 5.0)  # type: ignore[arg-type]
     assert xs[found] > 0.0
     assert xs.greatest < 2000
 
@@ -121,7 +121,7 @@ def test_a_search_does_not_go_round_and_round_for_the_whole_trajectory() -> None
 )
 def test_each_point_is_measured_once_and_few_are_read_again(x_m: Any) -> None:
     xs, ys = Counting(x_m), Counting(np.zeros(len(x_m)))
-    way = Way(xs, ys)  # type: ignore[arg-type]
+    way = ArcLength(xs, ys)  # type: ignore[arg-type]
     expected = by_the_word(x_m.tolist(), [0.0] * len(x_m), 0, 0.5, 0.0, (1.0, 0.0), 2.0)
     for _ in range(12):
         before = xs.reads
@@ -143,7 +143,7 @@ def test_following_reads_no_more_points_of_a_long_trajectory(n: int, spacing_m: 
         Trajectory(
             stamp_ns=0,
             time_from_start_ns=np.arange(n) * 10**9,
-            x_m=np.arange(n) * spacing_m,
+            x_m=np.arange(n, dtype=np.float64) * spacing_m,
             y_m=zeros,
             heading_rad=zeros,
             speed_mps=zeros + 5.0,
@@ -151,8 +151,8 @@ def test_following_reads_no_more_points_of_a_long_trajectory(n: int, spacing_m: 
     )
     controller.compute_command(at(0.0, speed_mps=5.0))
     progress = controller._progress
-    assert isinstance(progress, Progress)
-    xs = progress.xs_m = controller._way.xs_m = Counting(progress.xs_m)  # type: ignore[assignment]
+    assert isinstance(progress, PathProgress)
+    xs = progress.xs_m = controller._arc_length.xs_m = Counting(progress.xs_m)  # type: ignore[assignment]
     for k in range(500):
         assert not controller.compute_command(at(k * 0.05, speed_mps=5.0)).is_stop
-    assert xs.reads < 500 * 20 + 1000  # type: ignore[attr-defined]
+    assert xs.reads < 500 * 20 + 1000

@@ -65,7 +65,7 @@ def test_no_time_changes_nothing() -> None:
 
 def test_a_full_circle_ends_where_it_began() -> None:
     later = predict(moving(yaw_rate_radps=1.0), math.tau)
-    assert (later.x_m, later.y_m) == (pytest.approx(1.0, abs=1e-12), pytest.approx(-2.0, abs=1e-12))
+    assert (later.x_m, later.y_m) == pytest.approx((1.0, -2.0), abs=1e-12)
 
 
 def test_acceleration_carries_on_through_standstill() -> None:

@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from vehicle_iface.control import ReferencePoint, point_at, tracking_error
-from vehicle_iface.control.tracking import Progress, advanced_in_blocks, advanced_in_space, advanced_in_time
+from vehicle_iface.control.tracking import PathProgress, advance_in_blocks, advance_in_space, advance_in_time
 from vehicle_iface.errors import FrameMismatchError, InvalidValueError
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
@@ -41,8 +41,8 @@ def test_blocks_walk_like_single_steps(
 ) -> None:
     xs, ys = [p[0] for p in points], [p[1] for p in points]
     index = data.draw(st.integers(0, len(points) - 1))
-    assert advanced_in_blocks(xs, ys, index, x_m, y_m) == _one_by_one(xs, ys, index, x_m, y_m)
-    assert advanced_in_space(xs, ys, index, x_m, y_m) == _one_by_one(xs, ys, index, x_m, y_m)
+    assert advance_in_blocks(xs, ys, index, x_m, y_m) == _one_by_one(xs, ys, index, x_m, y_m)
+    assert advance_in_space(xs, ys, index, x_m, y_m) == _one_by_one(xs, ys, index, x_m, y_m)
 
 
 @given(points=st.lists(st.tuples(wide, wide), min_size=1, max_size=40), x_m=wide, y_m=wide)
@@ -50,33 +50,33 @@ def test_blocks_walk_like_single_steps_where_products_overflow(
     points: list[tuple[float, float]], x_m: float, y_m: float
 ) -> None:
     xs, ys = [p[0] for p in points], [p[1] for p in points]
-    assert advanced_in_blocks(xs, ys, 0, x_m, y_m) == _one_by_one(xs, ys, 0, x_m, y_m)
+    assert advance_in_blocks(xs, ys, 0, x_m, y_m) == _one_by_one(xs, ys, 0, x_m, y_m)
 
 
 @pytest.mark.parametrize("n", [1, 2, 33, 34, 97, 98, 99, 5000])
 def test_a_far_jump_ends_at_the_first_point_that_is_not_passed(n: int) -> None:
     xs, ys = [float(i) for i in range(n)], [0.0] * n
-    assert advanced_in_space(xs, ys, 0, 1e9, 0.0) == n - 1
+    assert advance_in_space(xs, ys, 0, 1e9, 0.0) == n - 1
     for ahead in range(max(1, n - 40), n):
-        assert advanced_in_space(xs, ys, 0, ahead - 0.5, 0.0) == ahead - 1
-        assert type(advanced_in_space(xs, ys, 0, ahead - 0.5, 0.0)) is int
+        assert advance_in_space(xs, ys, 0, ahead - 0.5, 0.0) == ahead - 1
+        assert type(advance_in_space(xs, ys, 0, ahead - 0.5, 0.0)) is int
 
 
 @pytest.mark.parametrize("spacing_m", [1.0, 0.1])
 def test_the_tolerance_is_in_the_products_own_unit(spacing_m: float) -> None:
     xs, ys = [0.0, spacing_m, 2 * spacing_m], [0.0] * 3
-    assert advanced_in_space(xs, ys, 0, spacing_m - 0.99e-7 / spacing_m, 0.0) == 1
-    assert advanced_in_space(xs, ys, 0, spacing_m - 1.01e-7 / spacing_m, 0.0) == 0
+    assert advance_in_space(xs, ys, 0, spacing_m - 0.99e-7 / spacing_m, 0.0) == 1
+    assert advance_in_space(xs, ys, 0, spacing_m - 1.01e-7 / spacing_m, 0.0) == 0
 
 
-@pytest.mark.parametrize("advanced", [advanced_in_space, advanced_in_blocks])
+@pytest.mark.parametrize("advanced", [advance_in_space, advance_in_blocks])
 @pytest.mark.parametrize(("x_m", "index"), [(-1e-7, 1), (-1.0000001e-7, 0)])
 def test_a_point_is_passed_when_the_product_is_the_tolerance_itself(advanced: Any, x_m: float, index: int) -> None:
     assert advanced([-1.0, 0.0], [0.0, 0.0], 0, x_m, 0.0) == index
     assert advanced([0.0, 0.0], [-1.0, 0.0], 0, 0.0, x_m) == index
 
 
-@pytest.mark.parametrize("advanced", [advanced_in_space, advanced_in_blocks])
+@pytest.mark.parametrize("advanced", [advance_in_space, advance_in_blocks])
 def test_whether_a_point_is_passed_is_asked_along_the_way_to_it_and_not_from_where_the_walk_began(
     advanced: Any,
 ) -> None:
@@ -86,27 +86,27 @@ def test_whether_a_point_is_passed_is_asked_along_the_way_to_it_and_not_from_whe
 
 
 def test_points_at_one_place_are_passed_together() -> None:
-    assert advanced_in_space([0.0, 1.0, 1.0, 1.0, 2.0], [0.0] * 5, 0, 1.5, 0.0) == 3
-    assert advanced_in_space([0.0, 1.0, 1.0, 1.0, 2.0], [0.0] * 5, 0, 0.5, 0.0) == 0
+    assert advance_in_space([0.0, 1.0, 1.0, 1.0, 2.0], [0.0] * 5, 0, 1.5, 0.0) == 3
+    assert advance_in_space([0.0, 1.0, 1.0, 1.0, 2.0], [0.0] * 5, 0, 0.5, 0.0) == 0
 
 
 def test_a_point_that_comes_back_past_one_that_is_not_passed_does_not_count() -> None:
     # the path goes to x = 10 and returns; the vehicle at x = 5 has not been at the far end
     xs = [float(i) for i in range(11)] + [float(i) for i in range(9, -1, -1)]
-    assert advanced_in_space(xs, [0.0] * len(xs), 0, 5.2, 0.0) == 5
+    assert advance_in_space(xs, [0.0] * len(xs), 0, 5.2, 0.0) == 5
 
 
 @pytest.mark.parametrize("ahead", [0, 1, 5, 100, 3000])
 def test_a_step_in_space_costs_the_points_that_it_advances_over(ahead: int) -> None:
     xs, ys = Counting(float(i) for i in range(100_000)), Counting([0.0] * 100_000)
-    assert advanced_in_space(xs, ys, 1000, 1000.5 + ahead, 0.0) == 1000 + ahead
+    assert advance_in_space(xs, ys, 1000, 1000.5 + ahead, 0.0) == 1000 + ahead
     assert xs.reads + ys.reads <= 4 * (3 * ahead + 4)
 
 
 @pytest.mark.parametrize("ahead", [0, 1, 5, 100, 3000])
 def test_a_step_in_time_costs_no_more(ahead: int) -> None:
     times = Counting(range(100_000))
-    assert advanced_in_time(times, 1000, 1000 + ahead) == 1000 + ahead
+    assert advance_in_time(times, 1000, 1000 + ahead) == 1000 + ahead
     assert times.reads <= 3 * math.log2(ahead + 1) + 6
 
 
@@ -117,17 +117,17 @@ def test_the_index_in_time_is_the_last_point_whose_time_has_come(
     times = np.cumsum(steps).tolist()
     index = data.draw(st.integers(0, len(times) - 1))
     expected = max([index, *(i for i, time in enumerate(times) if time <= elapsed)])
-    assert advanced_in_time(times, index, elapsed) == expected
+    assert advance_in_time(times, index, elapsed) == expected
 
 
 def one_point(x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0, time_ns: int = 0) -> Trajectory:
     return Trajectory(
         stamp_ns=7,
-        time_from_start_ns=[time_ns],
-        x_m=[x_m],
-        y_m=[y_m],
-        heading_rad=[heading_rad],
-        speed_mps=[1.0],
+        time_from_start_ns=np.array([time_ns], dtype=np.int64),
+        x_m=np.array([x_m]),
+        y_m=np.array([y_m]),
+        heading_rad=np.array([heading_rad]),
+        speed_mps=np.array([1.0]),
     )
 
 
@@ -144,24 +144,24 @@ def test_past_the_end_is_ahead_of_the_last_point_in_its_own_axes_wherever_to_the
         return
     x_m = place[0] + ahead_m * math.cos(heading_rad) - left_m * math.sin(heading_rad)
     y_m = place[1] + ahead_m * math.sin(heading_rad) + left_m * math.cos(heading_rad)
-    assert Progress(one_point(*place, heading_rad)).is_past_end_in_space(x_m, y_m) is (ahead_m > 0.0)
+    assert PathProgress(one_point(*place, heading_rad)).is_past_end_in_space(x_m, y_m) is (ahead_m > 0.0)
 
 
 @pytest.mark.parametrize(("x_m", "is_past"), [(-1e-7, True), (-1.0000001e-7, False)])
 def test_the_end_is_passed_when_what_is_missing_is_the_tolerance_itself(x_m: float, is_past: bool) -> None:
-    assert Progress(one_point()).is_past_end_in_space(x_m, 0.0) is is_past
+    assert PathProgress(one_point()).is_past_end_in_space(x_m, 0.0) is is_past
 
 
 def test_a_place_behind_the_plane_of_the_end_is_not_past_it_while_points_are_left() -> None:
     there_and_back = Trajectory(
         stamp_ns=0,
-        time_from_start_ns=[0, 1, 2],
-        x_m=[0.0, 10.0, 0.0],
-        y_m=[0.0, 0.0, 1.0],
-        heading_rad=[0.0, math.pi / 2, math.pi],
-        speed_mps=[1.0] * 3,
+        time_from_start_ns=np.array([0, 1, 2], dtype=np.int64),
+        x_m=np.array([0.0, 10.0, 0.0]),
+        y_m=np.array([0.0, 0.0, 1.0]),
+        heading_rad=np.array([0.0, math.pi / 2, math.pi]),
+        speed_mps=np.array([1.0] * 3),
     )
-    progress = Progress(there_and_back)
+    progress = PathProgress(there_and_back)
     progress.advance(0, -1.0, 0.0)
     assert not progress.is_past_end_in_space(-1.0, 0.0)
 
@@ -173,14 +173,14 @@ def test_a_place_behind_the_plane_of_the_end_is_not_past_it_while_points_are_lef
 def test_a_trajectory_ends_with_its_last_point_and_without_one_when_it_begins(
     trajectory: Trajectory, end_ns: int
 ) -> None:
-    progress = Progress(trajectory)
+    progress = PathProgress(trajectory)
     assert progress.is_past_end_in_time(end_ns)
     assert not progress.is_past_end_in_time(end_ns - 1)
 
 
 def test_what_is_kept_of_a_trajectory_for_quick_reading_is_what_it_says() -> None:
     trajectory = along_x(speed_mps=2.5)
-    progress = Progress(trajectory)
+    progress = PathProgress(trajectory)
     assert (list(progress.xs_m), list(progress.ys_m)) == (trajectory.x_m.tolist(), trajectory.y_m.tolist())
     assert list(progress.speeds_mps) == trajectory.speed_mps.tolist()
     assert list(progress.times_ns) == trajectory.time_from_start_ns.tolist()

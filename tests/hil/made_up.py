@@ -4,7 +4,7 @@ import itertools
 import math
 import random
 
-from hil.result import (
+from hil_bench.result import (
     CaseResult,
     Check,
     Distribution,

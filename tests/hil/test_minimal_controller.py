@@ -53,7 +53,7 @@ def test_a_counter_may_step_by_one_to_three(step: int, is_taken: bool) -> None:
     assert ear.is_whole(POSE, part(POSE, (13 + step) % 15)) is is_taken
 
 
-def test_no_bit_of_a_frame_can_turn_over_unseen_unless_the_crc_is_unchecked() -> None:
+def test_every_flipped_bit_is_detected_unless_the_crc_is_unchecked() -> None:
     good = part(MOTION, 5)
     for bit in range(64):
         bad = (int.from_bytes(good, "little") ^ 1 << bit).to_bytes(8, "little")
@@ -73,7 +73,7 @@ def test_a_sample_is_three_parts_with_one_counter_within_50_ms() -> None:
     assert (whole.counter, whole.frame, whole.is_valid) == (2, 1, True)
 
 
-def test_a_jump_is_doubted_each_time_and_the_way_back_believed() -> None:
+def test_a_position_jump_is_flagged_but_not_the_return() -> None:
     ear = Ear("")
     assert ear.believes(state())
     assert not ear.believes(state(5.0, stamp_ns=10_000_000, counter=1))
@@ -83,7 +83,7 @@ def test_a_jump_is_doubted_each_time_and_the_way_back_believed() -> None:
     assert ear.doubts == 0
 
 
-def test_a_position_that_stands_while_the_speed_says_otherwise_is_doubted_after_half_a_metre() -> None:
+def test_a_frozen_position_is_flagged_after_half_a_metre() -> None:
     ear = Ear("")
     verdicts = [ear.believes(state(stamp_ns=i * 10_000_000, counter=i % 15)) for i in range(30)]
     assert verdicts.index(False) == 17  # 17 × 3 m/s × 10 ms = 0.51 m
@@ -108,7 +108,7 @@ def test_a_route_is_driven_in_legs_and_ends_at_its_last_point(tmp_path: Path) ->
 @pytest.mark.parametrize(
     "text", ["", "time_s,x_m\n0,0\n", SQUARE_BACK.replace("6,0", "1,0"), SQUARE_BACK.replace("4,0", "nan,0")]
 )
-def test_a_route_that_is_none_is_refused_before_the_bus_is_opened(tmp_path: Path, text: str) -> None:
+def test_an_invalid_route_is_rejected_before_the_bus_is_opened(tmp_path: Path, text: str) -> None:
     path = tmp_path / "route.csv"
     path.write_text(text)
     done = subprocess.run(
@@ -121,7 +121,7 @@ def test_a_route_that_is_none_is_refused_before_the_bus_is_opened(tmp_path: Path
     assert "route.csv" in done.stderr
 
 
-def test_an_interface_that_is_not_there_ends_it_in_status_3_and_an_unknown_defect_in_2(tmp_path: Path) -> None:
+def test_a_missing_interface_exits_with_3_and_an_unknown_defect_with_2(tmp_path: Path) -> None:
     path = tmp_path / "route.csv"
     path.write_text(SQUARE_BACK)
     command = [sys.executable, str(HERE / FILES[0]), "--channel", "nowhere", "--route", str(path)]

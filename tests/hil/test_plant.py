@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from hil.plant import Plant
+from hil_bench.plant import Plant
 from vehiclemodels.parameters_vehicle2 import parameters_vehicle2
 from vehiclemodels.vehicle_dynamics_ks import vehicle_dynamics_ks
 from vehiclemodels.vehicle_dynamics_st import vehicle_dynamics_st
@@ -156,7 +156,7 @@ def largest_lateral_accel_mps2(poses: Sequence[Pose]) -> float:
 
 
 @pytest.mark.parametrize("name", MANOEUVRES)
-def test_the_plant_goes_where_the_kinematic_single_track_model_goes(name: str) -> None:
+def test_plant_follows_the_kinematic_single_track_model(name: str) -> None:
     manoeuvre, plant = MANOEUVRES[name], Plant(wheelbase_m=WHEELBASE_M)
     poses, inputs = driven(manoeuvre, plant)
     expected = kinematic(manoeuvre, inputs, limited(plant))
@@ -168,7 +168,7 @@ def test_the_plant_goes_where_the_kinematic_single_track_model_goes(name: str) -
 
 @pytest.mark.parametrize("name", MANOEUVRES)
 @pytest.mark.parametrize("factor", [0.95, 1.05])
-def test_a_wheelbase_that_is_five_per_cent_wrong_would_be_seen(name: str, factor: float) -> None:
+def test_a_wheelbase_error_of_five_per_cent_is_detected(name: str, factor: float) -> None:
     manoeuvre, plant = MANOEUVRES[name], Plant(wheelbase_m=factor * WHEELBASE_M)
     poses, inputs = driven(manoeuvre, plant)
     expected = kinematic(manoeuvre, inputs, limited(plant))
@@ -177,7 +177,7 @@ def test_a_wheelbase_that_is_five_per_cent_wrong_would_be_seen(name: str, factor
 
 
 @pytest.mark.parametrize(("speed_mps", "wheel_rad"), [(10.0, 0.1), (10.0, -0.1), (-3.0, 0.4), (0.0, 0.7)])
-def test_the_yaw_rate_that_it_reports_is_that_of_the_model(speed_mps: float, wheel_rad: float) -> None:
+def test_yaw_rate_equals_that_of_the_model(speed_mps: float, wheel_rad: float) -> None:
     plant = Plant(wheelbase_m=WHEELBASE_M, speed_mps=speed_mps, wheel_rad=wheel_rad)
     turning = vehicle_dynamics_ks([0.0, 0.0, wheel_rad, speed_mps, 0.0], [0.0, 0.0], BMW)[4]
     assert plant.yaw_rate_radps == pytest.approx(turning, rel=1e-12)
@@ -204,7 +204,7 @@ def test_at_low_lateral_acceleration_tyres_make_little_difference(name: str) -> 
 
 
 @pytest.mark.parametrize("name", ["wide circle", "braking in a bend"])
-def test_with_tyres_too_a_wheelbase_that_is_five_per_cent_wrong_would_be_seen(name: str) -> None:
+def test_with_tyres_too_a_wheelbase_error_of_five_per_cent_is_detected(name: str) -> None:
     manoeuvre, plant = GENTLE[name], Plant(wheelbase_m=1.05 * WHEELBASE_M)
     poses, inputs = driven(manoeuvre, plant)
     expected = with_tyres(manoeuvre, inputs, limited(plant))
@@ -212,7 +212,7 @@ def test_with_tyres_too_a_wheelbase_that_is_five_per_cent_wrong_would_be_seen(na
     assert most_turned_rad(poses, expected) > SLIP_HEADING_TOLERANCE_RAD
 
 
-def test_wheels_and_pedals_take_their_time() -> None:
+def test_wheels_and_acceleration_follow_with_a_lag() -> None:
     """First-order lags, against their solution; the plant's own Euler step is half a millisecond off."""
     plant = Plant(wheelbase_m=WHEELBASE_M, speed_mps=10.0)
     for tick in range(1, 301):
@@ -221,14 +221,14 @@ def test_wheels_and_pedals_take_their_time() -> None:
         assert plant.accel_mps2 == pytest.approx(1 - math.exp(-tick * STEP_S / 0.08), abs=0.005)
 
 
-def test_a_large_step_of_the_wheels_goes_at_their_rate_and_ends_at_their_limit() -> None:
+def test_a_large_steering_step_is_limited_in_rate_and_angle() -> None:
     plant = Plant(wheelbase_m=WHEELBASE_M)
     for tick in range(1, 2001):
         plant.step(STEP_S, accel_mps2=0.0, wheel_rad=5.0, gear=1, only_brake=True)
         assert plant.wheel_rad == pytest.approx(min(0.7, tick * STEP_S * 1.0))
 
 
-def test_a_long_step_is_many_short_ones() -> None:
+def test_one_long_step_equals_many_short_steps() -> None:
     at_once, in_parts = (Plant(wheelbase_m=WHEELBASE_M, speed_mps=5.0) for _ in range(2))
     for _ in range(300):
         at_once.step(0.01, accel_mps2=-1.0, wheel_rad=0.2, gear=1, only_brake=False)
@@ -239,7 +239,7 @@ def test_a_long_step_is_many_short_ones() -> None:
 
 
 @pytest.mark.parametrize("gear", [-1, 1])
-def test_brakes_bring_it_to_rest_and_never_beyond(gear: int) -> None:
+def test_brakes_stop_the_vehicle_without_reversing_it(gear: int) -> None:
     plant = Plant(wheelbase_m=WHEELBASE_M, speed_mps=gear * 5.0)
     speeds = []
     for _ in range(4000):

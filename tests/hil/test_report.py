@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 import made_up
 import msgspec
 import pytest
-from hil import result
-from hil.report import compare, drawing, html, junit, terminal, words
-from hil.result import CaseResult, Check, Distribution, Evidence, Path2D, Plot, Run, Series, Verdict
+from hil_bench import result
+from hil_bench.report import compare, drawing, formatting, html, junit, terminal
+from hil_bench.result import CaseResult, Check, Distribution, Evidence, Path2D, Plot, Run, Series, Verdict
 from rich.console import Console
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -116,27 +116,27 @@ def hostile_run(text: str) -> Run:
     return msgspec.structs.replace(run, **texts, environment={text: text})
 
 
-def test_the_page_begins_with_the_verdict_and_what_it_is_evidence_of(run: Run, tmp_path: Path) -> None:
+def test_the_page_begins_with_verdict_and_class_of_evidence(run: Run, tmp_path: Path) -> None:
     text = page_of(run, tmp_path).text
     assert text.index("FAIL") < text.index("Class of evidence") < text.index("Cases")
     assert "virtual bus, simulated vehicle" in text
-    assert "on a virtual bus nothing is ever reported as hardware evidence" in text
+    assert "a run on a virtual bus is never evidence about hardware" in text
     assert "1 FAIL" in text
     assert "2 NOT EXECUTED" in text
     assert "What was not executed is not proven" in text
 
 
 @pytest.mark.parametrize("evidence", list(Evidence))
-def test_each_class_of_evidence_says_what_it_does_not_show(evidence: Evidence, tmp_path: Path) -> None:
+def test_each_class_of_evidence_states_its_limits(evidence: Evidence, tmp_path: Path) -> None:
     text = page_of(msgspec.structs.replace(made_up.run_of([case()]), evidence=evidence), tmp_path).text
     assert evidence in text
     assert "hows nothing about" in text
-    assert ("nothing is ever reported as hardware evidence" in text) is (evidence is Evidence.VIRTUAL_BUS)
+    assert ("is never evidence about hardware" in text) is (evidence is Evidence.VIRTUAL_BUS)
 
 
 def test_every_case_and_each_of_its_checks_is_on_the_page(run: Run, tmp_path: Path) -> None:
     page = page_of(run, tmp_path)
-    groups = words.groups(run)
+    groups = formatting.groups(run)
     assert len(groups) == 65
     assert [found["data-verdict"] for tag, found in page.elements if tag == "tr" and "data-verdict" in found] == [
         group.verdict for group in groups
@@ -145,11 +145,12 @@ def test_every_case_and_each_of_its_checks_is_on_the_page(run: Run, tmp_path: Pa
     for group in groups:
         assert group.worst.proves in page.text
         for one in group.cases:
-            figure = words.measured_of_limit(words.closest(one)) if words.closest(one) else one.why
+            closest = formatting.closest(one)
+            figure = formatting.measured_of_limit(closest) if closest else one.why
             assert figure in page.text
         for check in group.worst.checks:
             assert check.text in page.text
-            assert words.measured_of_limit(check) in page.text
+            assert formatting.measured_of_limit(check) in page.text
             for found in check.found:
                 assert found in page.text
 
@@ -181,18 +182,18 @@ def test_hostile_text_stays_text(text: str, tmp_path: Path) -> None:
     assert Counter(tag for tag, _ in page.elements) == Counter(tag for tag, _ in plain.elements)
     assert {name for _, found in page.elements for name in found} == {n for _, f in plain.elements for n in f}
     assert not [found for _, found in page.elements if "javascript:" in (found.get("href") or "")]
-    assert " ".join(words.clean(text).split()) in page.text
+    assert " ".join(formatting.clean(text).split()) in page.text
     assert not set(" ".join(page.words)) & set("\x00\x1b\r\u202e\u200b\u2028")
 
 
-def test_a_very_long_text_is_cut_and_says_so(tmp_path: Path) -> None:
+def test_a_very_long_text_is_truncated_with_a_note(tmp_path: Path) -> None:
     written = html.write(hostile_run("x" * 1_000_000), tmp_path)
     assert written.stat().st_size < 500_000
     assert "(998000 more characters)" in written.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, -1e300])
-def test_a_number_that_is_none_is_never_shown_as_one(value: float, tmp_path: Path) -> None:
+def test_nan_and_infinity_are_never_shown_as_numbers(value: float, tmp_path: Path) -> None:
     values = [0.0, value, 1.0, 2.0]
     one = case(
         began_s=value,
@@ -223,7 +224,7 @@ def test_a_number_that_is_none_is_never_shown_as_one(value: float, tmp_path: Pat
     words_of(run)
 
 
-def test_a_run_with_nothing_in_it_has_a_page(tmp_path: Path) -> None:
+def test_an_empty_run_has_a_page(tmp_path: Path) -> None:
     for cases in ([], [case()], [case(verdict=Verdict.NOT_EXECUTED, why="no adapter")]):
         page_of(made_up.run_of(cases), tmp_path)
         words_of(made_up.run_of(cases))
@@ -239,7 +240,7 @@ def test_only_files_in_the_folder_are_linked(tmp_path: Path) -> None:
         assert html.link(folder, name) == ""
 
 
-def test_the_page_needs_nothing_from_elsewhere(run: Run, tmp_path: Path) -> None:
+def test_the_page_is_self_contained(run: Run, tmp_path: Path) -> None:
     text = html.write(run, tmp_path).read_text(encoding="utf-8")
     page = Page(text)
     addresses = [found[name] for _, found in page.elements for name in ("src", "href") if found.get(name)]
@@ -257,7 +258,7 @@ def test_the_page_stays_small_however_long_the_recordings_are(tmp_path: Path) ->
     assert written.stat().st_size < 6e6 / 60
 
 
-def test_a_thinned_curve_keeps_its_extremes() -> None:
+def test_a_decimated_curve_keeps_its_extremes() -> None:
     values = [0.0] * 20_000
     values[7777], values[15001] = 3.0, -2.0
     series = Series(name="angle", at_s=[index / 100 for index in range(20_000)], values=values)
@@ -278,7 +279,7 @@ def heights_of(d: str) -> list[int]:
     return heights
 
 
-def test_a_path_of_which_little_was_driven_is_shown_where_it_was_driven() -> None:
+def test_a_path_is_shown_around_its_driven_part() -> None:
     far = [float(x) for x in range(400)]
     found = Path2D(wanted_x_m=far, wanted_y_m=[0.0] * 400, driven_x_m=far[:20], driven_y_m=[0.1] * 20)
     drawn = drawing.path(found)
@@ -317,16 +318,16 @@ def test_times_on_the_line_count_from_the_injection() -> None:
         (None, "m", "—"),
     ],
 )
-def test_figures_are_short_and_have_their_unit(value: float | None, unit: str, text: str) -> None:
-    assert words.quantity(value, unit) == text
+def test_numbers_are_short_and_have_their_unit(value: float | None, unit: str, text: str) -> None:
+    assert formatting.quantity(value, unit) == text
 
 
 def test_a_margin_is_read_in_the_unit_of_its_limit() -> None:
-    assert words.measured_of_limit(stop(0.0344, 0.15)) == "34.4 of 150 ms"
-    assert words.measured_of_limit(stop(1.2, 0.15)) == "1200 of 150 ms"
-    assert words.used(stop(3, 0, unit="")) == math.inf
-    assert words.used(stop(0, 0, unit="")) == 0.0
-    assert words.used(stop(None)) is None
+    assert formatting.measured_of_limit(stop(0.0344, 0.15)) == "34.4 of 150 ms"
+    assert formatting.measured_of_limit(stop(1.2, 0.15)) == "1200 of 150 ms"
+    assert formatting.used(stop(3, 0, unit="")) == math.inf
+    assert formatting.used(stop(0, 0, unit="")) == 0.0
+    assert formatting.used(stop(None)) is None
 
 
 def test_the_junit_file_has_each_result_with_its_checks(run: Run, tmp_path: Path) -> None:
@@ -353,11 +354,11 @@ def test_the_junit_file_has_each_result_with_its_checks(run: Run, tmp_path: Path
 
 
 @pytest.mark.parametrize("text", HOSTILE)
-def test_the_junit_file_is_xml_whatever_the_bus_said(text: str, tmp_path: Path) -> None:
+def test_the_junit_file_is_valid_xml_for_any_text(text: str, tmp_path: Path) -> None:
     junit.write(hostile_run(text), tmp_path / "junit.xml")
     found = ElementTree.parse(tmp_path / "junit.xml").getroot().find("testsuite/testcase/failure")
     assert found is not None
-    assert found.get("message") == words.clean(text)
+    assert found.get("message") == formatting.clean(text)
 
 
 def test_a_run_compared_with_itself_has_no_differences(run: Run) -> None:
@@ -366,7 +367,7 @@ def test_a_run_compared_with_itself_has_no_differences(run: Run) -> None:
     assert "no verdict has changed" in compare.text(found)
 
 
-def test_changed_verdicts_come_first_the_worse_ones_before_the_better(tmp_path: Path) -> None:
+def test_changed_verdicts_come_first_worse_before_better(tmp_path: Path) -> None:
     old = made_up.run_of([case("a", Verdict.FAIL, why="late"), case("b"), case("gone"), case("c")])
     new = made_up.run_of([case("a"), case("b", Verdict.NOT_EXECUTED, why="no adapter"), case("new"), case("c")])
     found = compare.differences(old, new)
@@ -378,7 +379,7 @@ def test_changed_verdicts_come_first_the_worse_ones_before_the_better(tmp_path: 
     page = page_of(new, tmp_path, compared_with=old)
     assert page.text.index("Since the run of") < page.text.index("Cases")
     assert "New cases new" in page.text
-    assert "No longer there gone" in page.text
+    assert "Removed cases gone" in page.text
 
 
 @pytest.mark.parametrize(
@@ -392,7 +393,7 @@ def test_changed_verdicts_come_first_the_worse_ones_before_the_better(tmp_path: 
         (0.0, 0.003, True),
     ],
 )
-def test_a_time_has_moved_when_it_is_a_quarter_more_and_not_only_a_period(
+def test_a_time_has_changed_if_it_grew_by_a_quarter_and_by_more_than_a_period(
     old_s: float, new_s: float, is_notable: bool, tmp_path: Path
 ) -> None:
     old, new = (made_up.run_of([case(checks=[stop(measured)])]) for measured in (old_s, new_s))
@@ -410,7 +411,7 @@ def test_the_worst_of_all_repetitions_is_compared(run: Run) -> None:
     assert all(moved.is_worse and moved.ratio == pytest.approx(1.5) for moved in slower.moved)
 
 
-def test_another_profile_or_class_of_evidence_is_said_loudly(run: Run, tmp_path: Path) -> None:
+def test_another_profile_or_class_of_evidence_is_prominent(run: Run, tmp_path: Path) -> None:
     other = msgspec.structs.replace(
         run, profile_hash="0" * 64, evidence=Evidence.REAL_BUS, environment={**run.environment, "python": "3.13"}
     )
@@ -435,11 +436,11 @@ def words_of(run: Run, *, is_terminal: bool = False) -> str:
     told = io.StringIO()
     console = Console(file=told, force_terminal=is_terminal, width=100, highlight=False, soft_wrap=True)
     progress = terminal.Progress(console=console)
-    progress.begun(len(run.cases))
+    progress.on_run_start(len(run.cases))
     for one in run.cases:
-        progress.case_begun(one.name, one.proves)
-        progress.case_ended(one)
-    progress.ended(run)
+        progress.on_case_start(one.name, one.proves)
+        progress.on_case_end(one)
+    progress.on_run_end(run)
     return told.getvalue()
 
 
@@ -453,25 +454,25 @@ def test_without_a_terminal_each_case_is_a_plain_line(run: Run) -> None:
     assert lines[-1] == "Evidence: virtual bus, simulated vehicle"
 
 
-def test_at_the_end_the_failed_cases_stand_nearest_to_the_verdict(run: Run) -> None:
+def test_failed_cases_are_listed_next_to_the_verdict(run: Run) -> None:
     end = words_of(run).split("Not passed")[1]
     assert (
         end.index("transmit_queue_full") < end.index("flood_of_foreign_ids") < end.index("Passed, closest to a limit")
     )
 
 
-def test_on_a_terminal_the_current_case_is_told_and_the_cursor_comes_back(run: Run) -> None:
+def test_a_terminal_shows_the_current_case_and_gets_its_cursor_back(run: Run) -> None:
     told = words_of(run, is_terminal=True)
     assert "\x1b[?25l" in told
     assert told.rindex("\x1b[?25h") > told.rindex("\x1b[?25l")
     assert "81 passed" in told
 
 
-def test_the_cursor_comes_back_when_the_run_is_broken_off() -> None:
+def test_the_cursor_is_restored_when_the_run_is_aborted() -> None:
     program = """
 from rich.console import Console
-from hil.report.terminal import Progress
-Progress(console=Console(force_terminal=True)).begun(1)
+from hil_bench.report.terminal import Progress
+Progress(console=Console(force_terminal=True)).on_run_start(1)
 raise KeyboardInterrupt
 """
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "tools")}
@@ -480,9 +481,9 @@ raise KeyboardInterrupt
     assert done.stdout.rindex("\x1b[?25h") > done.stdout.rindex("\x1b[?25l")
 
 
-def test_progress_leaves_the_output_alone_when_told_so(run: Run, capfd: pytest.CaptureFixture[str]) -> None:
+def test_progress_goes_to_the_error_output_with_json(run: Run, capfd: pytest.CaptureFixture[str]) -> None:
     for to_error in (False, True):
-        terminal.Progress(to_error=to_error).case_ended(run.cases[0])
+        terminal.Progress(to_error=to_error).on_case_end(run.cases[0])
         told = capfd.readouterr()
         assert ("link_down" in told.out, "link_down" in told.err) == (not to_error, to_error)
 
@@ -493,7 +494,7 @@ def test_hostile_text_neither_moves_the_cursor_nor_forges_a_line(text: str) -> N
     told = words_of(hostile_run(text))
     assert "\x1b" not in told
     assert sum("/2 " in line for line in told.splitlines()) == sum("/2 " in line for line in plain)
-    assert words.clean(text)[:40] in told
+    assert formatting.clean(text)[:40] in told
 
 
 def test_a_run_goes_to_json_and_back(run: Run, tmp_path: Path) -> None:
@@ -508,7 +509,7 @@ def test_a_gap_in_a_curve_goes_to_json_and_back(tmp_path: Path) -> None:
     assert result.read(tmp_path / "run.json").cases[0].plots[0].series[0].values == [None, 1.0]
 
 
-def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+def test_a_result_that_could_not_be_read_back_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(msgspec.ValidationError, match="duration_s"):
         result.write(made_up.run_of([case(duration_s=math.nan)]), tmp_path / "run.json")
     assert not (tmp_path / "run.json").exists()
@@ -523,7 +524,7 @@ def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
         ({"verdict": "MAYBE"}, r"MAYBE.*\$\.verdict"),
     ],
 )
-def test_another_format_is_refused_with_its_place(change: dict[str, object], complaint: str, tmp_path: Path) -> None:
+def test_another_format_is_rejected_with_the_field(change: dict[str, object], complaint: str, tmp_path: Path) -> None:
     written = {**msgspec.to_builtins(made_up.run_of([case()])), **change}
     (tmp_path / "run.json").write_bytes(msgspec.json.encode(written))
     with pytest.raises(msgspec.ValidationError, match=complaint):

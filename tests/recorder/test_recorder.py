@@ -6,16 +6,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
 from vehicle_iface import Trajectory
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import load_profile
-from vehicle_iface.recorder.files import SNAPSHOT_HEADER, snapshot_of
-from vehicle_iface.recorder.folder import Order
+from vehicle_iface.recorder.files import SNAPSHOT_HEADER, parse_snapshot
+from vehicle_iface.recorder.folder import RecordingRequest
 from vehicle_iface.recorder.recorder import Recorder
-from vehicle_iface.runtime.telemetry import RING_LENGTH, SessionInfo, Snapshot, TelemetryWriter
+from vehicle_iface.telemetry import RING_LENGTH, SessionInfo, Snapshot, TelemetryWriter
+from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
 from vehicle_iface.units import NS_PER_S
 
 INFO = SessionInfo(channel="embedded", bus="embedded bus", profile="reference")
@@ -37,9 +39,9 @@ def writer(tmp_path: Path) -> Iterator[TelemetryWriter]:
 
 
 @pytest.fixture
-def order(tmp_path: Path) -> Order:
+def recording(tmp_path: Path) -> RecordingRequest:
     profile = load_profile("reference")
-    return Order(
+    return RecordingRequest(
         folder=str(tmp_path / "folder"),
         telemetry=str(tmp_path / "loop"),
         channel=None,
@@ -55,26 +57,28 @@ def said() -> list[str]:
 
 
 @pytest.fixture
-def recorder(writer: TelemetryWriter, order: Order, said: list[str]) -> Iterator[Recorder]:  # noqa: ARG001
-    made = Recorder(order, said.append)
+def recorder(writer: TelemetryWriter, recording: RecordingRequest, said: list[str]) -> Iterator[Recorder]:  # noqa: ARG001
+    made = Recorder(recording, said.append)
     yield made
     made.close(0)
 
 
-def rows(order: Order) -> list[Snapshot]:
-    header, *lines = (Path(order.folder) / "snapshots.csv").read_text().splitlines()
+def rows(recording: RecordingRequest) -> list[Snapshot]:
+    header, *lines = (Path(recording.folder) / "snapshots.csv").read_text().splitlines()
     assert header.split(",") == COLUMNS
-    found = [snapshot_of(COLUMNS, line) for line in lines]
+    found = [parse_snapshot(COLUMNS, line) for line in lines]
     assert None not in found
     return [snapshot for snapshot in found if snapshot is not None]
 
 
-def report(order: Order) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads((Path(order.folder) / "recorder.json").read_text())
+def report(recording: RecordingRequest) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((Path(recording.folder) / "recorder.json").read_text())
     return content
 
 
-def test_every_snapshot_is_written_once_and_in_full(writer: TelemetryWriter, recorder: Recorder, order: Order) -> None:
+def test_every_snapshot_is_written_once_and_in_full(
+    writer: TelemetryWriter, recorder: Recorder, recording: RecordingRequest
+) -> None:
     sent = [Snapshot(k, 3, 0, x_m=k / 3.0, has_state=True) for k in range(1, 100)]
     for k, snapshot in enumerate(sent):
         writer.publish(snapshot)
@@ -82,27 +86,27 @@ def test_every_snapshot_is_written_once_and_in_full(writer: TelemetryWriter, rec
             recorder.step(k)
     recorder.step(100)
     recorder.step(101)
-    assert rows(order) == [snapshot._replace(sequence=k + 1) for k, snapshot in enumerate(sent)]
+    assert rows(recording) == [snapshot._replace(sequence=k + 1) for k, snapshot in enumerate(sent)]
 
 
 def test_who_comes_too_late_counts_what_is_gone_and_says_so(
-    writer: TelemetryWriter, recorder: Recorder, order: Order, said: list[str]
+    writer: TelemetryWriter, recorder: Recorder, recording: RecordingRequest, said: list[str]
 ) -> None:
     late = 100
     for k in range(RING_LENGTH + late):
         writer.publish(Snapshot(k, 3, 0))
     recorder.step(NS_PER_S)
-    numbers = [snapshot.sequence for snapshot in rows(order)]
+    numbers = [snapshot.sequence for snapshot in rows(recording)]
     assert numbers == list(range(late + 1, RING_LENGTH + late + 1))
-    assert report(order)["lost"]["snapshots"] == late
-    assert report(order)["written"]["snapshots"] == RING_LENGTH
-    assert said == [f"too slow: {late} snapshots lost; the drive goes on"]
+    assert report(recording)["lost"]["snapshots"] == late
+    assert report(recording)["written"]["snapshots"] == RING_LENGTH
+    assert said == [f"too slow: {late} snapshots lost; the drive continues"]
     recorder.step(3 * NS_PER_S)
     assert len(said) == 1
 
 
 def test_trajectories_are_written_as_drawn_and_those_that_came_too_fast_are_counted(
-    writer: TelemetryWriter, recorder: Recorder, order: Order
+    writer: TelemetryWriter, recorder: Recorder, recording: RecordingRequest
 ) -> None:
     for count in (1, 4):
         version = 0
@@ -110,41 +114,44 @@ def test_trajectories_are_written_as_drawn_and_those_that_came_too_fast_are_coun
             version = writer.publish_trajectory(PATH)
         writer.publish(Snapshot(1, 3, 0, trajectory_version=version))
         recorder.step(1)
-    lines = [json.loads(line) for line in (Path(order.folder) / "trajectories.jsonl").read_text().splitlines()]
+    lines = [json.loads(line) for line in (Path(recording.folder) / "trajectories.jsonl").read_text().splitlines()]
     assert [line["version"] for line in lines] == [1, 4, 5]
     assert lines[0]["x_m"] == [0.0, 1.234568, 2.0]
     assert (lines[0]["stamp_ns"], lines[0]["original_count"]) == (5, 3)
-    assert recorder.report(1).lost["trajectories"] == 2
+    assert recorder.status(1).lost["trajectories"] == 2
 
 
-def test_counters_are_written_twice_a_second(writer: TelemetryWriter, recorder: Recorder, order: Order) -> None:
-    writer.publish_details({"loop": {"samples": 7}})
+def test_counters_are_written_twice_a_second(
+    writer: TelemetryWriter, recorder: Recorder, recording: RecordingRequest
+) -> None:
+    details = LiveDetails(link=LinkDetails(state="UP"), loop={"samples": 7})
+    writer.publish_details(details)
     for tenth in range(20):
         recorder.step(tenth * NS_PER_S // 10)
-    lines = [json.loads(line) for line in (Path(order.folder) / "counters.jsonl").read_text().splitlines()]
+    lines = [json.loads(line) for line in (Path(recording.folder) / "counters.jsonl").read_text().splitlines()]
     assert [line["at_ns"] for line in lines] == [0, NS_PER_S // 2, NS_PER_S, 3 * NS_PER_S // 2]
-    assert lines[0]["counters"] == {"loop": {"samples": 7}}
+    assert msgspec.convert(lines[0]["counters"], LiveDetails) == details
 
 
 def test_another_run_at_the_same_address_is_not_mixed_in(
-    writer: TelemetryWriter, recorder: Recorder, order: Order
+    writer: TelemetryWriter, recorder: Recorder, recording: RecordingRequest
 ) -> None:
     writer.publish(Snapshot(1, 3, 0))
     recorder.step(1)
     writer.close()
-    with TelemetryWriter(order.telemetry, INFO) as other:
+    with TelemetryWriter(recording.telemetry, INFO) as other:
         for _ in range(5):
             other.publish(Snapshot(2, 3, 0))
         recorder.step(2)
-    assert len(rows(order)) == 1
-    assert recorder.report(2).lost["snapshots"] == 0
+    assert len(rows(recording)) == 1
+    assert recorder.status(2).lost["snapshots"] == 0
 
 
 def test_the_folder_says_what_was_recorded_and_has_the_profile_with_its_hashes(
     recorder: Recorder,  # noqa: ARG001
-    order: Order,
+    recording: RecordingRequest,
 ) -> None:
-    folder = Path(order.folder)
+    folder = Path(recording.folder)
     meta = json.loads((folder / "meta.json").read_text())
     assert meta["frames"] == "none: embedded bus has no frames on a socket"
     assert not (folder / "frames.log").exists()
@@ -155,30 +162,37 @@ def test_the_folder_says_what_was_recorded_and_has_the_profile_with_its_hashes(
     assert {"python", "numpy", "kernel"} <= set(meta["versions"])
     copies = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (folder / "profile").iterdir()}
     assert copies == meta["sha256"]
-    assert (folder / "profile" / "reference.dbc").read_bytes() == Path(order.dbc).read_bytes()
-    assert (folder / "profile" / "reference.toml").read_bytes() == Path(order.profile).read_bytes()
+    assert (folder / "profile" / "reference.dbc").read_bytes() == Path(recording.dbc).read_bytes()
+    assert (folder / "profile" / "reference.toml").read_bytes() == Path(recording.profile).read_bytes()
 
 
 @pytest.mark.usefixtures("writer")
-def test_a_folder_with_something_in_it_is_refused_and_stays_as_it_is(order: Order, said: list[str]) -> None:
-    folder = Path(order.folder)
+def test_a_folder_with_something_in_it_is_refused_and_stays_as_it_is(
+    recording: RecordingRequest, said: list[str]
+) -> None:
+    folder = Path(recording.folder)
     folder.mkdir()
     (folder / "notes").write_text("mine")
     with pytest.raises(ConfigError, match=r"--record .*: is not an empty folder; nothing is overwritten: choose"):
-        Recorder(order, said.append)
+        Recorder(recording, said.append)
     assert [path.name for path in folder.iterdir()] == ["notes"]
 
 
 @pytest.mark.usefixtures("writer")
 @pytest.mark.parametrize("folder", ["/proc/nowhere/drive", "/dev/null/drive"])
-def test_a_folder_that_cannot_be_made_is_refused_with_what_helps(order: Order, said: list[str], folder: str) -> None:
+def test_a_folder_that_cannot_be_made_is_refused_with_what_helps(
+    recording: RecordingRequest, said: list[str], folder: str
+) -> None:
     with pytest.raises(ConfigError, match=rf"--record {folder}: cannot be written: .*; choose a folder that this user"):
         Recorder(
-            Order(**{name: getattr(order, name) for name in order.__struct_fields__} | {"folder": folder}), said.append
+            RecordingRequest(
+                **{name: getattr(recording, name) for name in recording.__struct_fields__} | {"folder": folder}
+            ),
+            said.append,
         )
 
 
-def test_without_a_loop_there_is_nothing_to_record(order: Order, said: list[str]) -> None:
+def test_without_a_loop_there_is_nothing_to_record(recording: RecordingRequest, said: list[str]) -> None:
     with pytest.raises(ConfigError, match="nothing to record there"):
-        Recorder(order, said.append)
-    assert not Path(order.folder).exists()
+        Recorder(recording, said.append)
+    assert not Path(recording.folder).exists()

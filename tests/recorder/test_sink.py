@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from vehicle_iface.recorder.sink import AGAIN_NS, Sink
+from vehicle_iface.recorder.sink import RETRY_NS, Sink
+from vehicle_iface.units import NS_PER_S
 
 LINE = b"123456789\n"
 
@@ -65,21 +66,21 @@ def test_it_is_tried_again_a_second_later_and_both_are_said_once(
     with room(12):
         for k in range(5):
             sink.write([LINE], k)
-    sink.write([LINE], AGAIN_NS - 1)
+    sink.write([LINE], NS_PER_S - 1)
     assert (sink.written, sink.lost, len(said)) == (0, 6, 1)
-    sink.write([LINE, LINE], AGAIN_NS)
+    sink.write([LINE, LINE], NS_PER_S)
     assert content() == b"header\n" + 2 * LINE
     assert (sink.written, sink.lost, sink.trouble) == (2, 6, "")
     assert said == [
-        "file: no room for all of it; what comes now is lost and counted, the drive goes on",
-        "file: is written again; 6 lines lost so far",
+        "file: no room for all of it; new lines are lost and counted, the drive continues",
+        "file: writable again; 6 lines lost so far",
     ]
 
 
 def test_a_disk_that_stays_full_is_said_once(sink: Sink, said: list[str]) -> None:
     with room(12):
         for k in range(10):
-            sink.write([LINE], k * AGAIN_NS)
+            sink.write([LINE], k * RETRY_NS)
     assert sink.lost == 10
     assert len(said) == 1
 

@@ -1,15 +1,15 @@
 """The loop's hold on the bus: lost once, told once, tried again on a grid."""
 
 import pytest
-from harness import Clock, ms
 
-from vehicle_iface.bus.error_frames import LinkEvent
-from vehicle_iface.bus.memory import MemoryBus
-from vehicle_iface.bus.survey import Glimpse
+from tests.harness import Clock, ms
+from vehicle_iface.bus.base import Bus
+from vehicle_iface.bus.controller_events import ControllerEvent
+from vehicle_iface.bus.traffic_monitor import TrafficSample
 from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.runtime.counts import Counts
-from vehicle_iface.runtime.link import MAX_CHANGES, REOPEN_NS, Link
+from vehicle_iface.runtime.counters import Counters
+from vehicle_iface.runtime.link import MAX_TRANSITIONS, REOPEN_NS, Link
 
 FRAME = CanFrame(0x80, b"12345678")
 
@@ -49,7 +49,7 @@ class Socket:
     def close(self) -> None:
         self.closed += 1
 
-    def events(self) -> list[LinkEvent]:
+    def events(self) -> list[ControllerEvent]:
         self.cable.asked_ns.append(self.cable.clock.t_ns)
         self._check()
         events, self.cable.events = self.cable.events, []
@@ -60,13 +60,13 @@ class Socket:
             raise BusGoneError("no such interface") if self.cable.gone else BusError("cut")
 
 
-class SurveyedSocket(Socket):
+class TrafficSocket(Socket):
     """One that sees all traffic as well."""
 
-    def look(self, now_ns: int) -> Glimpse:
+    def poll_traffic(self, now_ns: int) -> TrafficSample:
         self.cable.looked_ns.append(now_ns)
         self._check()
-        return Glimpse(span_ns=ms(500), frames=50, busy_ns=ms(100), frames_by_id={})
+        return TrafficSample(span_ns=ms(500), frames=50, busy_ns=ms(100), frames_by_id={})
 
 
 class Cable:
@@ -78,19 +78,18 @@ class Cable:
         self.looked_ns: list[int] = []
         self.clock = Clock()
         self.down = self.gone = self.full = self.waiting = False
-        self.events: list[LinkEvent] = []
+        self.events: list[ControllerEvent] = []
         self.overflow = 0
         self.frames: list[CanFrame] = []
         self.sockets: list[Socket] = []
         self.tries_ns: list[int] = []
         self.lost = 0
-        self.counts = Counts()
+        self.counts = Counters()
         self.link = Link(
             self.open,
             self.counts,
             now_ns=self.clock.now_ns,
             sleep_until=self.clock.sleep_until,
-            on_lost=self.on_lost,
         )
 
     def open(self) -> Socket:
@@ -100,31 +99,33 @@ class Cable:
         self.sockets.append(self.kind(self))
         return self.sockets[-1]
 
-    def on_lost(self) -> None:
-        self.lost += 1
+    def receive(self) -> list[CanFrame]:
+        frames = self.link.receive(self.clock.t_ns + ms(10))
+        self.lost += self.link.take_loss()
+        return frames
 
     def pass_for(self, duration_ns: int) -> list[CanFrame]:
         heard: list[CanFrame] = []
         end_ns = self.clock.t_ns + duration_ns
         while self.clock.t_ns < end_ns:
-            heard += self.link.hear(self.clock.t_ns + ms(10))
+            heard += self.receive()
         return heard
 
     def watch_for(self, duration_ns: int) -> None:
         """Hear and watch at 100 Hz."""
         end_ns = self.clock.t_ns + duration_ns
         while self.clock.t_ns < end_ns:
-            self.link.hear(self.clock.t_ns + ms(10))
+            self.receive()
             self.link.watch(self.clock.t_ns)
 
 
 def test_a_bus_that_cannot_be_opened_at_the_start_is_an_error() -> None:
-    def refuse() -> MemoryBus:
+    def refuse() -> Bus:
         raise BusError("vcan0: no such interface")
 
     clock = Clock()
     with pytest.raises(BusError, match="vcan0"):
-        Link(refuse, Counts(), now_ns=clock.now_ns, sleep_until=clock.sleep_until, on_lost=lambda: None)
+        Link(refuse, Counters(), now_ns=clock.now_ns, sleep_until=clock.sleep_until)
 
 
 @pytest.mark.parametrize("by", ["hearing", "sending"])
@@ -132,7 +133,7 @@ def test_a_loss_closes_the_bus_and_is_counted_and_told_once(by: str) -> None:
     cable = Cable()
     cable.down = True
     if by == "hearing":
-        assert cable.link.hear(cable.clock.t_ns + ms(10)) == []
+        assert cable.receive() == []
     else:
         assert not cable.link.send(FRAME)
     for _ in range(3):
@@ -207,7 +208,7 @@ def test_closing_twice_closes_the_bus_once() -> None:
 
 
 def states(cable: Cable) -> list[str]:
-    return [change.state.name for change in cable.link.changes]
+    return [change.state.name for change in cable.link.transitions]
 
 
 def test_a_link_goes_down_and_comes_back_by_recovering() -> None:
@@ -294,16 +295,16 @@ def test_a_bus_that_refuses_for_longer_than_a_tenth_of_a_second_is_lost() -> Non
 def test_the_controllers_errors_degrade_the_link_until_it_is_active_again() -> None:
     cable = Cable()
     cable.frames = [FRAME]
-    cable.events = [LinkEvent.ARBITRATION_LOST]
+    cable.events = [ControllerEvent.ARBITRATION_LOST]
     cable.watch_for(ms(100))
     assert states(cable) == []
-    cable.events = [LinkEvent.PASSIVE]
+    cable.events = [ControllerEvent.PASSIVE]
     cable.watch_for(ms(2000))
     assert states(cable) == ["DEGRADED"]
-    cable.events = [LinkEvent.ACTIVE]
+    cable.events = [ControllerEvent.ACTIVE]
     cable.watch_for(ms(600))
     assert states(cable) == ["DEGRADED", "UP"]
-    cable.events = [LinkEvent.BUS_OFF]
+    cable.events = [ControllerEvent.BUS_OFF]
     cable.watch_for(ms(60))
     assert states(cable)[:3] == ["DEGRADED", "UP", "DOWN"]
 
@@ -355,6 +356,7 @@ def test_a_tenth_of_a_second_of_refusals_ends_to_the_nanosecond(later_ns: int, l
     cable.waiting = True
     assert not cable.link.has_room()
     cable.link.watch(cable.clock.t_ns + later_ns)
+    cable.receive()
     assert cable.lost == lost
 
 
@@ -389,11 +391,11 @@ def test_the_controller_is_asked_twenty_times_a_second_on_its_grid() -> None:
 
 
 def test_all_traffic_is_looked_at_twice_a_second_and_added_up() -> None:
-    cable = Cable(SurveyedSocket)
+    cable = Cable(TrafficSocket)
     began_ns = cable.clock.t_ns
     cable.watch_for(ms(2000))
     assert [t_ns - began_ns for t_ns in cable.looked_ns] == [ms(500), ms(1000), ms(1500), ms(2000)]
-    assert cable.link.traffic.highest_load_percent == pytest.approx(20.0)
+    assert cable.link.load.highest_load_percent == pytest.approx(20.0)
 
 
 class PlainBus:
@@ -410,8 +412,8 @@ class PlainBus:
     def has_room(self) -> bool:
         return True
 
-    def send(self, frame: CanFrame) -> bool:  # noqa: ARG002
-        return True
+    def send(self, *frames: CanFrame) -> int:
+        return len(frames)
 
     def counters(self) -> dict[str, int]:
         return {}
@@ -421,8 +423,8 @@ class PlainBus:
 
 
 def test_a_bus_whose_controller_nobody_can_ask_is_watched_all_the_same() -> None:
-    clock, losses = Clock(), Counts()
-    link = Link(PlainBus, losses, now_ns=clock.now_ns, sleep_until=clock.sleep_until, on_lost=lambda: None)
+    clock, losses = Clock(), Counters()
+    link = Link(PlainBus, losses, now_ns=clock.now_ns, sleep_until=clock.sleep_until)
     link.watch(clock.t_ns + ms(500))
     assert losses.link_losses == 0
 
@@ -435,6 +437,7 @@ def test_a_question_that_finds_no_bus_is_a_loss(by: str) -> None:
         assert cable.link.has_room() is False
     else:
         cable.link.watch(cable.clock.t_ns + ms(50))
+    cable.receive()
     assert (cable.lost, states(cable)) == (1, ["DOWN"])
 
 
@@ -447,18 +450,20 @@ def test_where_there_is_no_bus_there_is_no_room_and_nothing_was_refused() -> Non
 
 def test_each_event_is_counted_and_each_kind_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     cable = Cable()
-    cable.events = [LinkEvent.ARBITRATION_LOST, LinkEvent.ARBITRATION_LOST, LinkEvent.PASSIVE]
+    cable.events = [ControllerEvent.ARBITRATION_LOST, ControllerEvent.ARBITRATION_LOST, ControllerEvent.PASSIVE]
     cable.watch_for(ms(50))
-    cable.events = [LinkEvent.PASSIVE]
+    cable.events = [ControllerEvent.PASSIVE]
     cable.watch_for(ms(50))
-    assert cable.link.events == {LinkEvent.ARBITRATION_LOST.value: 2, LinkEvent.PASSIVE.value: 2}
+    assert cable.link.events == {ControllerEvent.ARBITRATION_LOST.value: 2, ControllerEvent.PASSIVE.value: 2}
     said = [record.getMessage() for record in caplog.records if "further ones are counted" in record.getMessage()]
     assert len(said) == 2
 
 
-@pytest.mark.parametrize("well", [LinkEvent.ACTIVE, LinkEvent.RESTARTED])
-@pytest.mark.parametrize("ill", [LinkEvent.WARNING, LinkEvent.PASSIVE])
-def test_an_illness_lasts_until_the_controller_says_that_it_is_over(ill: LinkEvent, well: LinkEvent) -> None:
+@pytest.mark.parametrize("well", [ControllerEvent.ACTIVE, ControllerEvent.RESTARTED])
+@pytest.mark.parametrize("ill", [ControllerEvent.WARNING, ControllerEvent.PASSIVE])
+def test_an_illness_lasts_until_the_controller_says_that_it_is_over(
+    ill: ControllerEvent, well: ControllerEvent
+) -> None:
     cable = Cable()
     cable.frames = [FRAME]
     cable.events = [ill]
@@ -483,13 +488,13 @@ def test_one_lost_frame_is_trouble_and_its_count_outlives_the_bus() -> None:
 
 def test_of_a_link_that_comes_and_goes_the_first_thousand_changes_are_kept() -> None:
     cable = Cable()
-    for _ in range(MAX_CHANGES // 2 + 1):
+    for _ in range(MAX_TRANSITIONS // 2 + 1):
         cable.down = True
         cable.pass_for(ms(10))
         cable.down = False
         cable.pass_for(ms(100))
-    assert len(cable.link.changes) == 1000
-    assert cable.counts.link_losses == MAX_CHANGES // 2 + 1
+    assert len(cable.link.transitions) == 1000
+    assert cable.counts.link_losses == MAX_TRANSITIONS // 2 + 1
 
 
 def lost_and_open_again(cable: Cable) -> None:
@@ -502,17 +507,17 @@ def lost_and_open_again(cable: Cable) -> None:
 
 def test_the_first_event_of_a_kind_is_logged_when_it_comes(caplog: pytest.LogCaptureFixture) -> None:
     cable = Cable()
-    cable.events = [LinkEvent.ARBITRATION_LOST]
+    cable.events = [ControllerEvent.ARBITRATION_LOST]
     cable.watch_for(ms(50))
     assert [record.getMessage() for record in caplog.records] == [
-        f"socket 0: {LinkEvent.ARBITRATION_LOST.value} (further ones are counted)"
+        f"socket 0: {ControllerEvent.ARBITRATION_LOST.value} (further ones are counted)"
     ]
 
 
-class BlindSocket(SurveyedSocket):
+class BlindSocket(TrafficSocket):
     """One that carries frames, and breaks when it is asked for all traffic."""
 
-    def look(self, now_ns: int) -> Glimpse:  # noqa: ARG002
+    def poll_traffic(self, now_ns: int) -> TrafficSample:  # noqa: ARG002
         raise BusError("no tap")
 
 
@@ -521,6 +526,7 @@ def test_a_look_at_the_traffic_that_finds_no_bus_is_a_loss() -> None:
     cable.watch_for(ms(490))
     assert cable.lost == 0
     cable.watch_for(ms(10))
+    cable.lost += cable.link.take_loss()
     assert (cable.lost, cable.sockets[0].closed, states(cable)) == (1, 1, ["DOWN"])
 
 
@@ -540,7 +546,7 @@ def test_refusals_before_a_loss_do_not_count_after_it() -> None:
 
 def test_an_illness_ends_with_the_bus_that_had_it() -> None:
     cable = Cable()
-    cable.events = [LinkEvent.PASSIVE]
+    cable.events = [ControllerEvent.PASSIVE]
     cable.watch_for(ms(50))
     lost_and_open_again(cable)
     cable.frames = [FRAME]

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from harness import Drive
 
+from tests.harness import Drive
 from vehicle_iface.runtime import realtime
 from vehicle_iface.trajectories.receding import RecedingRoute
 from vehicle_iface.trajectories.shapes import make_route
@@ -19,7 +19,7 @@ from vehicle_iface.trajectories.shapes import make_route
 ROOT = Path(__file__).resolve().parents[2]
 LOOK = """
 import ctypes, gc, json, os, resource, sys, threading
-import vehicle_iface.cli
+import vehicle_iface.cli.run
 from vehicle_iface.runtime import realtime
 
 WITHOUT_RIGHTS, CPU = json.loads(sys.argv[1])
@@ -37,7 +37,7 @@ def resident():
     return int(status()["VmRSS"].split()[0])
 
 before = resident()
-lacks = realtime.claim(cpu=CPU)
+lacks = realtime.apply_settings(cpu=CPU)
 later = []
 thread = threading.Thread(target=lambda: later.append(os.sched_getscheduler(0)))
 thread.start()
@@ -86,8 +86,8 @@ def test_without_rights_each_lack_has_its_command() -> None:
     assert not found["is_fifo"]
     assert len(found["lacks"]) == 2
     assert all(lack.count("`") >= 2 for lack in found["lacks"])
-    assert any(realtime.MEND_FIFO in lack for lack in found["lacks"])
-    assert any(realtime.MEND_LOCK in lack for lack in found["lacks"])
+    assert any(realtime.FIX_FIFO in lack for lack in found["lacks"])
+    assert any(realtime.FIX_LOCK in lack for lack in found["lacks"])
 
 
 def test_what_is_started_later_is_ordinary() -> None:
@@ -106,14 +106,14 @@ def test_the_loop_is_bound_to_a_processor_only_when_asked() -> None:
 
 def test_a_processor_that_is_not_there_is_said() -> None:
     found = claimed(cpu=100_000)
-    assert lacking(found, "processor 100000 is not to be had")
+    assert lacking(found, "CPU 100000 is not available")
     assert found["cpus"] == sorted(os.sched_getaffinity(0))
 
 
 def test_a_system_without_any_of_it_says_so(monkeypatch: pytest.MonkeyPatch, collector: None) -> None:  # noqa: ARG001
     monkeypatch.delattr(os, "sched_setscheduler")
     monkeypatch.delattr(os, "sched_setaffinity")
-    lacks = realtime.claim(cpu=0)
+    lacks = realtime.apply_settings(cpu=0)
     assert len(lacks) == 3
     assert all("this system" in lack for lack in lacks)
     assert not realtime.may_fifo()
@@ -152,22 +152,22 @@ class _Ring:
 
 
 def test_nothing_is_collected_between_two_calls_and_everything_in_them(collections: list[dict[str, int]]) -> None:
-    realtime.tidy()
+    realtime.collect_garbage_if_due()
     collections.clear()
     for _ in range(20):
         for _ in range(1000):
             _Ring()
         assert collections == []
-        realtime.tidy()
+        realtime.collect_garbage_if_due()
         assert len(collections) == 1
         assert collections.pop()["collected"] >= 1000
 
 
 def test_a_call_with_nothing_to_do_collects_nothing(collections: list[dict[str, int]]) -> None:
-    realtime.tidy()
+    realtime.collect_garbage_if_due()
     collections.clear()
     for _ in range(1000):
-        realtime.tidy()
+        realtime.collect_garbage_if_due()
     assert collections == []
 
 
@@ -182,7 +182,7 @@ def test_no_pass_leaves_a_cycle_behind_and_memory_stays_flat(collections: list[d
     for _ in range(4000):
         drive.step()
         drive.sent.clear()
-        realtime.tidy()
+        realtime.collect_garbage_if_due()
     gc.collect()
     assert sum(collection["collected"] for collection in collections) == 0
     assert len(gc.get_objects()) - objects < 200

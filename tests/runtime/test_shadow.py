@@ -2,23 +2,25 @@
 
 import dataclasses
 from collections.abc import Callable
-from itertools import pairwise
 from typing import Any
 
 import pytest
-from harness import Drive, pure_pursuit, reference, straight
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import UNSET
 
+from tests.harness import Drive, pure_pursuit, reference, straight
+from tests.narrowing import at_present
 from vehicle_iface import Reason, VehicleState, compose
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.command import SafeCommand
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.loop import Loop
-from vehicle_iface.runtime.shadow import Differences, Ours, Shadow
+from vehicle_iface.runtime.shadow import DifferenceStats, OwnCommand, Shadow
 from vehicle_iface.runtime.summary import table
+from vehicle_iface.state_assembler import Sample
 from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
-from vehicle_iface.tracker import Sample
+from vehicle_iface.telemetry.details import ShadowSummary, Spread
 from vehicle_iface.trajectories import RecedingRoute, make_route
 from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
 from vehicle_iface.units import NS_PER_MS, ns_from_s
@@ -85,13 +87,14 @@ def beside(drive: Drive, source: TrajectorySource) -> Loop:
     )
 
 
-def both_run_s(drive: Drive, shadow: Loop, seconds: float) -> dict[str, Any]:
+def both_run_s(drive: Drive, shadow: Loop, seconds: float) -> ShadowSummary:
     """What the shadow has found after so long."""
     end_ns = drive.clock.t_ns + ns_from_s(seconds)
     while drive.clock.t_ns < end_ns:
         drive.step()
         shadow.step()
-    found: dict[str, Any] = shadow.summary()["shadow"]
+    found = shadow.summary().shadow
+    assert found is not UNSET
     return found
 
 
@@ -109,20 +112,20 @@ def test_the_same_route_is_commanded_the_same_way_from_the_first_command_on(
 ) -> None:
     drive = Drive(source())
     found = both_run_s(drive, beside(drive, source()), 15.0)
-    assert found["takeovers"] == 1
-    assert found["compared"] > 1400
-    assert found["without_a_sample"] == 0
-    assert found["accel_mps2"]["max"] == found["front_wheel_angle_rad"]["max"] == 0.0
+    assert found.takeovers == 1
+    assert found.compared > 1400
+    assert found.unmatched_commands == 0
+    assert found.accel_mps2.max == found.front_wheel_angle_rad.max == 0.0
     released = sum(pair["ENABLE"] == 0.0 for pair in drive.pairs())
-    assert found["apart"] == {"enable": released, "safe_stop": 0, "reason": released}
+    assert found.mismatches == {"enable": released, "safe_stop": 0, "reason": released}
 
 
 def test_another_route_is_not_commanded_the_same_way() -> None:
     drive = Drive(route("figure8"))
     found = both_run_s(drive, beside(drive, route("circle")), 15.0)
-    assert found["accel_mps2"]["p50"] > 0.5
-    assert found["front_wheel_angle_rad"]["p50"] > 0.05
-    assert found["apart"]["reason"] > FAR_APART
+    assert found.accel_mps2.p50 > 0.5
+    assert found.front_wheel_angle_rad.p50 > 0.05
+    assert found.mismatches["reason"] > FAR_APART
 
 
 def test_a_shadow_is_taken_along_when_the_other_one_drives_on_after_a_driver() -> None:
@@ -132,11 +135,11 @@ def test_a_shadow_is_taken_along_when_the_other_one_drives_on_after_a_driver() -
     for line in ("brake 1", "brake 0", "ready"):
         drive.say(line)
         both_run_s(drive, shadow, 0.5)
-    drive.loop.request_arming()
+    drive.loop.arming.request()
     found = both_run_s(drive, shadow, 8.0)
-    assert found["takeovers"] == 2
-    assert found["accel_mps2"]["p95"] < 0.02
-    assert found["front_wheel_angle_rad"]["p95"] < 0.002
+    assert found.takeovers == 2
+    assert found.accel_mps2.p95 < 0.02
+    assert found.front_wheel_angle_rad.p95 < 0.002
 
 
 def test_a_shadow_that_comes_later_agrees_within_a_second() -> None:
@@ -144,9 +147,9 @@ def test_a_shadow_that_comes_later_agrees_within_a_second() -> None:
     shadow = beside(drive, route("figure8"))
     before = both_run_s(drive, shadow, 1.0)
     after = both_run_s(drive, shadow, 10.0)
-    assert before["takeovers"] == after["takeovers"] == 1
-    assert after["accel_mps2"]["p95"] < 0.05
-    assert after["front_wheel_angle_rad"]["p95"] < 0.005
+    assert before.takeovers == after.takeovers == 1
+    assert after.accel_mps2.p95 < 0.05
+    assert after.front_wheel_angle_rad.p95 < 0.005
 
 
 def test_another_commander_is_no_fault_of_a_shadow() -> None:
@@ -154,11 +157,11 @@ def test_another_commander_is_no_fault_of_a_shadow() -> None:
     shadow = beside(drive, route("circle"))
     both_run_s(drive, shadow, 3.0)
     summary = shadow.summary()
-    assert summary["controller_state"] == "SHADOW"
-    assert summary["latched_fault"] is None
-    assert summary["counts"]["foreign_commands"] > FAR_APART
-    assert summary["counts"]["frames_sent"] == 0
-    assert shadow.details()["shadow"] == summary["shadow"]
+    assert summary.controller_state == "SHADOW"
+    assert summary.latched_fault is None
+    assert summary.counts["foreign_commands"] > FAR_APART
+    assert summary.counts["frames_sent"] == 0
+    assert shadow.details().shadow == summary.shadow
     assert "other commander" in table(summary)
     assert "m/s²" in table(summary)
 
@@ -166,11 +169,13 @@ def test_another_commander_is_no_fault_of_a_shadow() -> None:
 def test_without_another_commander_nothing_is_compared_and_an_armed_loop_has_no_shadow() -> None:
     alone = Drive(route("circle"), armed=False)
     alone.run_s(2.0)
-    assert alone.loop.summary()["shadow"]["compared"] == 0
+    shadow = alone.loop.summary().shadow
+    assert shadow is not UNSET
+    assert shadow.compared == 0
     assert "other commander" not in table(alone.loop.summary())
     armed = Drive(route("circle"))
     armed.run_s(2.0)
-    assert "shadow" not in armed.loop.summary()
+    assert armed.loop.summary().shadow is UNSET
 
 
 # The comparison by itself
@@ -203,18 +208,20 @@ class Other:
         state = VehicleState(
             stamp_ns=self.now_ns, frame_id="map", x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=float(self.now_ns)
         )
-        self.shadow.note(Sample(state, True, True, 0, self.now_ns), safe, self.now_ns)
+        self.shadow.record(Sample(state, True, True, 0, self.now_ns), safe, self.now_ns)
 
     def frames(self, **changes: Any) -> list[CanFrame]:
         """The other one's command, 1 ms after the sample."""
         stamp_ns = self.now_ns + NS_PER_MS
         command = dataclasses.replace(OURS, **changes)
-        return [frame._replace(stamp_ns=stamp_ns) for frame in self.encoder.encode_command(command)]
+        frames = self.encoder.encode_command(command)
+        self.encoder.commit(frames)
+        return [frame._replace(stamp_ns=stamp_ns) for frame in frames]
 
-    def commands(self, **changes: Any) -> Ours | None:
+    def commands(self, **changes: Any) -> OwnCommand | None:
         """The other one's command, heard and compared."""
         for frame in self.frames(**changes):
-            self.shadow.hear(frame)
+            self.shadow.on_foreign_frame(frame)
         return self.shadow.compare()
 
 
@@ -246,26 +253,26 @@ def test_differences_are_counted_while_both_are_enabled(other: Other) -> None:
     other.sample()
     other.commands(enable=False, accel_mps2=0.0, reason=Reason.DRIVER_OVERRIDE)
     found = other.shadow.summary()
-    assert found["accel_mps2"] == {"mean": 0.5, "p50": 0.5, "p95": 0.5, "max": 0.5}
-    assert found["front_wheel_angle_rad"]["max"] == pytest.approx(0.2)
-    assert found["apart"] == {"enable": 1, "safe_stop": 0, "reason": 1}
-    assert found["compared"] == 2
+    assert found.accel_mps2 == Spread(mean=0.5, p50=0.5, p95=0.5, max=0.5)
+    assert found.front_wheel_angle_rad.max == pytest.approx(0.2)
+    assert found.mismatches == {"enable": 1, "safe_stop": 0, "reason": 1}
+    assert found.compared == 2
 
 
 def test_a_stop_where_we_would_have_driven_is_told(other: Other) -> None:
     other.sample()
     other.commands(safe_stop=True, reason=Reason.DEVIATION)
-    assert other.shadow.apart == {"enable": 0, "safe_stop": 1, "reason": 1}
+    assert other.shadow.mismatches == {"enable": 0, "safe_stop": 1, "reason": 1}
 
 
 def test_a_command_without_a_sample_of_its_own_is_not_compared(other: Other) -> None:
     other.sample()
     other.commands()
     other.commands()
-    assert (other.shadow.compared, other.shadow.without_a_sample) == (1, 1)
+    assert (other.shadow.compared, other.shadow.unmatched_commands) == (1, 1)
     other.now_ns += 60 * NS_PER_MS
     other.commands(safe_stop=True, reason=Reason.STATE_STALE)
-    assert (other.shadow.compared, other.shadow.without_a_sample) == (1, 2)
+    assert (other.shadow.compared, other.shadow.unmatched_commands) == (1, 2)
     other.sample()
     assert other.commands() is None  # it has gone on commanding meanwhile
     assert other.shadow.compared == 2
@@ -273,40 +280,40 @@ def test_a_command_without_a_sample_of_its_own_is_not_compared(other: Other) -> 
 
 def test_a_command_of_which_a_part_is_lost_or_damaged_is_no_command(other: Other) -> None:
     other.sample()
-    other.shadow.hear(other.frames()[0])
+    other.shadow.on_foreign_frame(other.frames()[0])
     other.sample()
     first, second = other.frames()
-    other.shadow.hear(first)
-    other.shadow.hear(second._replace(data=bytes((second.data[0] ^ 1,)) + second.data[1:]))
+    other.shadow.on_foreign_frame(first)
+    other.shadow.on_foreign_frame(second._replace(data=bytes((second.data[0] ^ 1,)) + second.data[1:]))
     assert other.shadow.compare() is None
     assert other.shadow.compared == 0
-    assert other.shadow.summary()["drops"] == {"bad CRC STEER_COMMAND": 1}
+    assert other.shadow.summary().drops == {"bad CRC STEER_COMMAND": 1}
     other.sample()
-    other.shadow.hear(other.frames()[1])
+    other.shadow.on_foreign_frame(other.frames()[1])
     other.sample(dataclasses.replace(OURS, front_wheel_angle_rad=0.2))
     other.commands(front_wheel_angle_rad=0.2)
     assert other.shadow.compared == 1
-    assert other.shadow.front_wheel_angle_rad.summary()["max"] == 0.0
+    assert other.shadow.front_wheel_angle_rad.summary().max == 0.0
 
 
 def test_frames_that_are_no_commands_are_not_taken_for_any(other: Other) -> None:
     other.sample()
     for frame in other.frames():
-        other.shadow.hear(frame._replace(is_extended=True))
-        other.shadow.hear(frame._replace(can_id=0x180))
+        other.shadow.on_foreign_frame(frame._replace(is_extended=True))
+        other.shadow.on_foreign_frame(frame._replace(can_id=0x180))
     assert other.shadow.compare() is None
-    assert other.shadow.summary()["drops"] == {}
+    assert other.shadow.summary().drops == {}
 
 
 def test_the_limits_of_engaging_hold_until_the_vehicle_is_autonomous(other: Other) -> None:
-    assert other.shadow.is_taking_over
-    assert not other.shadow.see_status(VehicleStatus(stamp_ns=0, mode=VehicleMode.READY, gear=None))
+    assert at_present(other.shadow.is_taking_over)
+    assert not other.shadow.on_status(VehicleStatus(stamp_ns=0, mode=VehicleMode.READY, gear=None))
     other.sample()
     other.commands()
-    assert other.shadow.is_taking_over
-    assert other.shadow.see_status(VehicleStatus(stamp_ns=0, mode=VehicleMode.AUTONOMOUS, gear=None))
+    assert at_present(other.shadow.is_taking_over)
+    assert other.shadow.on_status(VehicleStatus(stamp_ns=0, mode=VehicleMode.AUTONOMOUS, gear=None))
     assert not other.shadow.is_taking_over
-    assert not other.shadow.see_status(VehicleStatus(stamp_ns=0, mode=VehicleMode.AUTONOMOUS, gear=None))
+    assert not other.shadow.on_status(VehicleStatus(stamp_ns=0, mode=VehicleMode.AUTONOMOUS, gear=None))
 
 
 def test_one_that_lets_go_takes_nothing_over(other: Other) -> None:
@@ -318,9 +325,9 @@ def test_one_that_lets_go_takes_nothing_over(other: Other) -> None:
 def test_after_a_lost_link_nothing_from_before_is_compared(other: Other) -> None:
     other.sample()
     first, second = other.frames()
-    other.shadow.hear(first)
-    other.shadow.forget()
-    other.shadow.hear(second)
+    other.shadow.on_foreign_frame(first)
+    other.shadow.reset()
+    other.shadow.on_foreign_frame(second)
     assert other.shadow.compare() is None
     assert other.shadow.compared == 0
     assert not other.shadow.is_taking_over
@@ -328,20 +335,19 @@ def test_after_a_lost_link_nothing_from_before_is_compared(other: Other) -> None
 
 @given(st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=300))
 def test_quantiles_are_those_of_the_sizes_within_a_bin(values: list[float]) -> None:
-    differences = Differences()
+    differences = DifferenceStats()
     for value in values:
         differences.add(value)
     sizes = sorted(abs(value) for value in values)
     found = differences.summary()
-    assert found["max"] == sizes[-1]
-    assert found["mean"] == pytest.approx(sum(sizes) / len(sizes))
-    for name, share in (("p50", 50), ("p95", 95)):
+    assert found.max == sizes[-1]
+    assert found.mean == pytest.approx(sum(sizes) / len(sizes))
+    for quantile, share in ((found.p50, 50), (found.p95, 95)):
         exact = sizes[-(-share * len(sizes) // 100) - 1]
-        assert min(exact, 16.0) <= found[name] * (1 + 1e-12)
-        assert found[name] <= max(exact * 1.05, 1e-6) or exact > 16.0
-    shares = [found[name] for name in ("p50", "p95", "max")]
-    assert all(a <= b for a, b in pairwise(shares))
+        assert min(exact, 16.0) <= quantile * (1 + 1e-12)
+        assert quantile <= max(exact * 1.05, 1e-6) or exact > 16.0
+    assert found.p50 <= found.p95 <= found.max
 
 
 def test_nothing_compared_is_no_difference() -> None:
-    assert Differences().summary() == {"mean": 0.0, "p50": 0.0, "p95": 0.0, "max": 0.0}
+    assert DifferenceStats().summary() == Spread(mean=0.0, p50=0.0, p95=0.0, max=0.0)

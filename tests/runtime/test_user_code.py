@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from harness import Drive, ms, reference, straight
 
+from tests.harness import Drive, ms, reference, straight
 from vehicle_iface import BehaviorConfig, Command, ControllerBase, Reason, StopSteering, Trajectory, VehicleState
 from vehicle_iface.codec.database import load_database
 from vehicle_iface.profile import load_profile
-from vehicle_iface.runtime.counts import Counts
-from vehicle_iface.runtime.telemetry import Snapshot
-from vehicle_iface.runtime.teller import Teller
+from vehicle_iface.runtime.counters import Counters
+from vehicle_iface.runtime.publisher import TelemetryPublisher
 from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.status import ControllerState
+from vehicle_iface.telemetry import Snapshot
 
 
 class _Handy(ControllerBase):
@@ -56,7 +57,7 @@ def test_a_trajectory_that_was_stamped_by_another_clock_is_rejected(
     drive = Drive(Ahead())
     drive.run_s(1.0)
     is_rejected = ahead_s > 10.0
-    assert (drive.loop.details()["loop"]["trajectories_rejected"] > 0) is is_rejected
+    assert (drive.loop.details().loop["trajectories_rejected"] > 0) is is_rejected
     assert ("ahead of time.monotonic_ns()" in caplog.text) is is_rejected
     assert (drive.loop.reason is Reason.NO_TRAJECTORY) is is_rejected
 
@@ -87,7 +88,7 @@ def test_the_first_thing_that_a_source_raises_is_logged_with_its_place_whatever_
 ) -> None:
     drive = Drive(_Worse())
     drive.run_s(1.0)
-    assert drive.loop.details()["loop"]["trajectories_rejected"] > 10
+    assert drive.loop.details().loop["trajectories_rejected"] > 10
     assert caplog.text.count("no new trajectory; the old one stays in force") == 1
     assert "raise ValueError(now_ns, state)" in caplog.text
 
@@ -119,8 +120,14 @@ class _Thinks(_Handy):
     drive: Drive | None = None
     takes_s = 0.0
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.ages_ns: list[int] = []
+        """Of the states that it was asked for a command for, when it was asked."""
+
     def compute_command_impl(self, state: VehicleState) -> Command:
         if self.drive is not None:
+            self.ages_ns.append(self.drive.clock.t_ns - state.stamp_ns)
             self.drive.stall(self.takes_s)
         return super().compute_command_impl(state)
 
@@ -134,19 +141,20 @@ def test_with_a_controller_that_takes_most_of_its_budget_nothing_is_driven_by_an
     send = drive.line.send
 
     def heard(*frames: Any) -> int:
-        if drive.loop._answer is not None and len(frames) == 2:
-            safe = drive.loop._answer.safe
+        if drive.loop._cycle.last is not None and len(frames) == 2:
+            safe = drive.loop._cycle.last.permitted
             ages_ns.setdefault(safe.reason, []).append(drive.clock.t_ns - safe.stamp_ns)
         return send(*frames)
 
     monkeypatch.setattr(drive.line, "send", heard)
     controller.drive, controller.takes_s = drive, 0.045
-    too_old = drive.loop.details()["loop"]["too_old_to_answer"]
+    too_old = drive.loop.details().loop["samples_expired"]
     drive.run_s(1.0)
     assert ages_ns[Reason.STATE_STALE]
     assert max(ages_ns[Reason.NOMINAL]) <= ms(100)
     assert max(ages_ns[Reason.STATE_STALE]) > ms(100)
-    assert drive.loop.details()["loop"]["too_old_to_answer"] > too_old
+    assert ms(90) < max(controller.ages_ns) <= ms(100)  # those that grow older behind the others are not answered
+    assert drive.loop.details().loop["samples_expired"] > too_old
 
 
 @pytest.mark.parametrize("error", [SystemExit(0), asyncio.CancelledError()], ids=["exit", "cancelled"])
@@ -163,7 +171,7 @@ def test_a_source_or_hook_that_wants_to_end_the_program_does_not(
     monkeypatch.setattr(drive.controller, "check_new_trajectory", ends)
     drive.source.restart()
     drive.run_s(0.1)
-    assert drive.loop.details()["loop"]["trajectories_rejected"] >= 11
+    assert drive.loop.details().loop["trajectories_rejected"] >= 11
     assert drive.loop.reason is Reason.NOMINAL
 
 
@@ -173,7 +181,7 @@ def test_a_tracking_hook_that_wants_to_end_the_program_is_a_straight_stop(monkey
 
     drive = Drive(controller=_Handy(BehaviorConfig(stop_steering=StopSteering.TRACK))).engage(3.0)
     monkeypatch.setattr(drive.controller, "stop_steering_impl", ends)
-    drive.loop.request_end()
+    drive.loop.shutdown.request()
     drive.run_s(0.5)
     assert (drive.last()["SAFE_STOP"], drive.last()["FRONT_WHEEL_ANGLE_REQUEST"]) == (1, 0.0)
 
@@ -215,18 +223,22 @@ def test_whatever_a_controllers_look_ahead_is_it_is_drawn_or_said_once(
 ) -> None:
     controller, page = _Looks(), _Page()
     controller.set_trajectory(straight())
-    teller = Teller(page, controller, Counts())  # type: ignore[arg-type]
+    publisher = TelemetryPublisher(page, controller, Counters())  # type: ignore[arg-type]
     for point, is_drawn in ((None, 0), ((7.0, -2), 1), (nonsense, 0), (nonsense, 0)):
         controller.point = point
-        _tell(teller)
+        _publish(publisher)
         assert page.newest.has_lookahead == is_drawn
         assert (page.newest.lookahead_x_m, page.newest.lookahead_y_m) == ((7.0, -2.0) if is_drawn else (0.0, 0.0))
-    assert [record.message for record in caplog.records] == ["lookahead_point is no place; none is drawn (said once)"]
+    assert [record.message for record in caplog.records] == [
+        "lookahead_point is not a pair of finite numbers; not drawn (logged once)"
+    ]
 
 
-def _tell(teller: Teller) -> None:
+def _publish(publisher: TelemetryPublisher) -> None:
     state = VehicleState(stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0)
-    teller.tell(0, controller_state=Mode.ENGAGED, reason=Reason.NOMINAL, state=state, status=None, answer=None)  # type: ignore[arg-type]
+    publisher.publish_snapshot(
+        0, controller_state=ControllerState.ENGAGED, reason=Reason.NOMINAL, state=state, status=None, decision=None
+    )
 
 
 def test_a_count_or_index_that_its_signal_cannot_say_is_said_as_its_greatest(tmp_path: Path) -> None:
@@ -243,7 +255,7 @@ def test_a_count_or_index_that_its_signal_cannot_say_is_said_as_its_greatest(tmp
     drive = Drive(database=load_database(load_profile(tmp_path / "few.toml"))).engage(3.0)
     said = [report.frame.data for report in drive.named("CONTROLLER_STATUS")]
     assert (min(data[3] & 0x3F for data in said), said[-1][7]) == (1, 0)
-    drive.loop._counts.answered_late = 1000
+    drive.loop._counters.commands_late = 1000
     drive.run_s(20.0)
     last = drive.named("CONTROLLER_STATUS")[-1].frame.data
     assert (last[3] & 0x3F, last[7]) == (60, 127)

@@ -1,57 +1,78 @@
 """Who drives: the table row by row, the conditions that raise the events, and what no sequence can bring about."""
 
+from itertools import chain
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.narrowing import at_present
 from vehicle_iface import Reason
 from vehicle_iface.safety.engagement import TABLE, Engagement, EngagementTiming, Event, Mode
 from vehicle_iface.status import ControllerState, Gear, VehicleMode, VehicleStatus
 
 MS = 1_000_000
 TIMING = EngagementTiming(
-    fresh_ns=500 * MS,
+    settle_ns=500 * MS,
     stale_ns=50 * MS,
     lost_ns=500 * MS,
-    give_up_ns=3000 * MS,
+    engage_timeout_ns=3000 * MS,
     end_ns=10_000 * MS,
     steer_torque_nm=3.0,
 )
-ENABLING = {Mode.ENGAGING, Mode.ENGAGED, Mode.ENDING}
+ENABLING = {Mode.ENGAGING, Mode.ENGAGED, Mode.HALTING, Mode.HALTED, Mode.ENDING}
+LATCHED_STOP = {Mode.HALTING, Mode.HALTED}
 LATCHED = {Mode.OVERRIDDEN, Mode.FAULT, Mode.SILENT, Mode.RELEASED}
 
 ROWS = """
-HEARING    NOBODY_DRIVES       STARTING   NOT_ENGAGED
-HEARING    LINK_DOWN           SILENT     LINK_DOWN
-HEARING    DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
+OBSERVING    NO_OTHER_DRIVER       STARTING   NOT_ENGAGED
+OBSERVING    LINK_DOWN           SILENT     LINK_DOWN
+OBSERVING    DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 STARTING   FRESH               STANDBY    NOT_ENGAGED
 STARTING   LINK_DOWN           SILENT     LINK_DOWN
 STARTING   DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 STARTING   END                 RELEASED   SHUTDOWN
 STANDBY    STALE               STARTING   NOT_ENGAGED
-STARTING   STATUS_LOST         HEARING    NOT_ENGAGED
-STANDBY    STATUS_LOST         HEARING    NOT_ENGAGED
+STARTING   STATUS_LOST         OBSERVING    NOT_ENGAGED
+STANDBY    STATUS_LOST         OBSERVING    NOT_ENGAGED
 STANDBY    VEHICLE_READY       ENGAGING   NOMINAL
 STANDBY    LINK_DOWN           SILENT     LINK_DOWN
 STANDBY    DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 STANDBY    END                 RELEASED   SHUTDOWN
 ENGAGING   VEHICLE_AUTONOMOUS  ENGAGED    NOMINAL
-ENGAGING   GAVE_UP             FAULT      VEHICLE_NOT_AUTONOMOUS
+ENGAGING   ENGAGE_TIMEOUT             FAULT      VEHICLE_NOT_AUTONOMOUS
 ENGAGING   OVERRIDE            OVERRIDDEN DRIVER_OVERRIDE
 ENGAGING   VEHICLE_FAULT       FAULT      VEHICLE_FAULT
 ENGAGING   STATE_LOST          SILENT     STATE_STALE
 ENGAGING   LINK_DOWN           SILENT     LINK_DOWN
 ENGAGING   DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 ENGAGING   END                 ENDING     SHUTDOWN
-ENGAGED    VEHICLE_LEFT        FAULT      VEHICLE_NOT_AUTONOMOUS
+ENGAGED    VEHICLE_DISENGAGED        FAULT      VEHICLE_NOT_AUTONOMOUS
 ENGAGED    OVERRIDE            OVERRIDDEN DRIVER_OVERRIDE
 ENGAGED    VEHICLE_FAULT       FAULT      VEHICLE_FAULT
 ENGAGED    STATE_LOST          SILENT     STATE_STALE
 ENGAGED    LINK_DOWN           SILENT     LINK_DOWN
 ENGAGED    DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 ENGAGED    END                 ENDING     SHUTDOWN
+ENGAGING   STOP_LATCHED        HALTING    FRAME_MISMATCH
+ENGAGED    STOP_LATCHED        HALTING    FRAME_MISMATCH
+HALTING    STANDSTILL          HALTED     -
+HALTING    VEHICLE_DISENGAGED        FAULT      VEHICLE_NOT_AUTONOMOUS
+HALTING    OVERRIDE            OVERRIDDEN DRIVER_OVERRIDE
+HALTING    VEHICLE_FAULT       FAULT      VEHICLE_FAULT
+HALTING    STATE_LOST          SILENT     STATE_STALE
+HALTING    LINK_DOWN           SILENT     LINK_DOWN
+HALTING    DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
+HALTING    END                 ENDING     SHUTDOWN
+HALTED     ARMED               ENGAGED    NOMINAL
+HALTED     VEHICLE_DISENGAGED        FAULT      VEHICLE_NOT_AUTONOMOUS
+HALTED     OVERRIDE            OVERRIDDEN DRIVER_OVERRIDE
+HALTED     VEHICLE_FAULT       FAULT      VEHICLE_FAULT
+HALTED     STATE_LOST          SILENT     STATE_STALE
+HALTED     LINK_DOWN           SILENT     LINK_DOWN
+HALTED     DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
+HALTED     END                 ENDING     SHUTDOWN
 OVERRIDDEN ARMED               STARTING   NOT_ENGAGED
 OVERRIDDEN LINK_DOWN           SILENT     LINK_DOWN
 OVERRIDDEN DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
@@ -60,26 +81,29 @@ FAULT      ARMED               STARTING   NOT_ENGAGED
 FAULT      LINK_DOWN           SILENT     LINK_DOWN
 FAULT      DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 FAULT      END                 RELEASED   SHUTDOWN
-SILENT     ARMED               HEARING    NOT_ENGAGED
+SILENT     ARMED               OBSERVING    NOT_ENGAGED
 ENDING     STANDSTILL          RELEASED   SHUTDOWN
 ENDING     OVERRIDE            RELEASED   DRIVER_OVERRIDE
-ENDING     VEHICLE_LEFT        RELEASED   SHUTDOWN
+ENDING     VEHICLE_DISENGAGED        RELEASED   SHUTDOWN
 ENDING     VEHICLE_FAULT       RELEASED   VEHICLE_FAULT
 ENDING     STATE_LOST          SILENT     STATE_STALE
 ENDING     LINK_DOWN           SILENT     LINK_DOWN
 ENDING     DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 RELEASED   DUPLICATE_COMMANDER SILENT     DUPLICATE_COMMANDER
 """
+STOP_REASON = Reason.FRAME_MISMATCH
+"""Of the latched stop in the rows above; – keeps the reason that there was."""
 EXPECTED = {
-    (Mode[mode], Event[event]): (Mode[then], Reason[reason])
+    (Mode[mode], Event[event]): (Mode[then], Reason[reason] if reason != "-" else None)
     for mode, event, then, reason in (line.split() for line in ROWS.strip().splitlines())
 }
 ALL_PAIRS = [(mode, event) for mode in Mode for event in Event]
 
 
 def in_mode(mode: Mode) -> Engagement:
-    engagement = Engagement(TIMING, armed=mode is not Mode.LISTENING)
+    engagement = Engagement(TIMING, armed=mode is not Mode.SHADOW)
     engagement.mode = mode
+    engagement.latched_fault = Reason.LINK_DOWN if mode.latched else None
     return engagement
 
 
@@ -101,10 +125,10 @@ class Run:
         for _ in range(duration // 10):
             self.now_ns += 10 * MS
             if samples:
-                self.engagement.see_sample(self.now_ns, self.now_ns)
+                self.engagement.on_sample(self.now_ns, self.now_ns)
             if report is not None:
-                self.engagement.see_status(report, self.now_ns)
-            self.engagement.see_time(self.now_ns)
+                self.engagement.on_status(report, self.now_ns)
+            self.engagement.on_tick(self.now_ns)
         return self
 
     def until_engaged(self) -> "Run":
@@ -120,19 +144,32 @@ class Run:
 def test_every_event_in_every_mode_does_what_the_table_says_or_nothing(mode: Mode, event: Event) -> None:
     engagement = in_mode(mode)
     before = engagement.reason
-    changed = engagement.happened(event, 7)
-    assert (engagement.mode, engagement.reason) == EXPECTED.get((mode, event), (mode, before))
+    changed = engagement.apply(event, 7, STOP_REASON)
+    then, reason = EXPECTED.get((mode, event), (mode, before))
+    if reason is None:
+        reason = STOP_REASON
+    assert (engagement.mode, engagement.reason) == (then, reason)
     assert changed is ((mode, event) in EXPECTED)
     assert engagement.transitions == ([(7, engagement.mode, engagement.reason)] if changed else [])
 
 
+def test_a_stop_that_latches_keeps_its_reason_at_standstill() -> None:
+    engagement = in_mode(Mode.ENGAGED)
+    engagement.apply(Event.STOP_LATCHED, 1, Reason.STATE_INVALID)
+    engagement.apply(Event.STANDSTILL, 2)
+    assert (engagement.mode, engagement.reason) == (Mode.HALTED, Reason.STATE_INVALID)
+
+
 def test_the_program_has_no_row_that_is_not_here() -> None:
-    assert TABLE == EXPECTED
+    kept = {
+        pair: (then, reason) if reason is not STOP_REASON else (then, None) for pair, (then, reason) in EXPECTED.items()
+    }
+    assert kept == TABLE
 
 
 def test_nothing_leads_out_of_listening() -> None:
-    assert not any(mode is Mode.LISTENING for mode, _ in TABLE)
-    assert not any(mode is Mode.LISTENING for mode, _ in TABLE.values())
+    assert not any(mode is Mode.SHADOW for mode, _ in TABLE)
+    assert not any(mode is Mode.SHADOW for mode, _ in TABLE.values())
 
 
 def test_out_of_what_is_latched_only_arming_leads_to_where_commands_may_follow() -> None:
@@ -146,20 +183,21 @@ def test_out_of_what_is_latched_only_arming_leads_to_where_commands_may_follow()
 
 def test_who_is_not_armed_sends_nothing_whatever_comes() -> None:
     run = Run(armed=False).for_ms(1000, status()).for_ms(1000, status(VehicleMode.AUTONOMOUS))
-    run.engagement.happened(Event.ARMED, run.now_ns)
+    run.engagement.apply(Event.ARMED, run.now_ns)
     run.for_ms(2000, status())
-    assert run.mode() is Mode.LISTENING
-    assert not run.engagement.sends
-    assert not run.engagement.enables
+    assert run.mode() is Mode.SHADOW
+    assert not run.engagement.mode.may_send
+    assert not run.engagement.mode.enables
 
 
 def test_what_cannot_be_armed_says_why_and_what_the_vehicle_lacks() -> None:
     said = {mode: in_mode(mode).refusal_to_arm(None) for mode in Mode if (mode, Event.ARMED) not in TABLE}
-    assert "--arm" in said[Mode.LISTENING]
-    assert "somebody else" in said[Mode.HEARING]
+    assert "--arm" in said[Mode.SHADOW]
+    assert "somebody else" in said[Mode.OBSERVING]
     assert "samples" in said[Mode.STARTING]
     assert said[Mode.STANDBY] == "it is armed, and waits for the vehicle to be READY"
-    assert len({said[mode] for mode in (Mode.ENGAGING, Mode.ENGAGED, Mode.ENDING)}) == 3
+    assert len({said[mode] for mode in (Mode.ENGAGING, Mode.ENGAGED, Mode.HALTING, Mode.ENDING)}) == 4
+    assert "does not stand yet" in said[Mode.HALTING]
     standby = in_mode(Mode.STANDBY)
     manual = standby.refusal_to_arm(status(VehicleMode.MANUAL, driver_brake=True))
     assert manual == f"{said[Mode.STANDBY]}; it is MANUAL, and the driver acts"
@@ -172,14 +210,14 @@ def hearing(before: Mode | None = None) -> Engagement:
     if before is None:
         return Engagement(TIMING, armed=True)
     engagement = in_mode(before)
-    engagement.see_sample(0, 0)
-    engagement.see_status(status(VehicleMode.MANUAL), 0)
+    engagement.on_sample(0, 0)
+    engagement.on_status(status(VehicleMode.MANUAL), 0)
     if before is Mode.SILENT:
-        engagement.happened(Event.ARMED, 0)
-    engagement.see_time(500 * MS)
-    assert engagement.mode is (Mode.HEARING if before is Mode.SILENT else Mode.STARTING)
-    engagement.see_time(500 * MS + 1)
-    assert engagement.mode is Mode.HEARING
+        engagement.apply(Event.ARMED, 0)
+    engagement.on_tick(500 * MS)
+    assert engagement.mode is (Mode.OBSERVING if before is Mode.SILENT else Mode.STARTING)
+    engagement.on_tick(500 * MS + 1)
+    assert engagement.mode is Mode.OBSERVING
     return engagement
 
 
@@ -188,28 +226,28 @@ HEARERS = [None, Mode.SILENT, Mode.STARTING, Mode.STANDBY]
 
 @pytest.mark.parametrize("before", HEARERS)
 @pytest.mark.parametrize("first", ["sample", "status"])
-@pytest.mark.parametrize(("after_ns", "then"), [(200 * MS, Mode.HEARING), (200 * MS + 1, Mode.STARTING)])
+@pytest.mark.parametrize(("after_ns", "then"), [(200 * MS, Mode.OBSERVING), (200 * MS + 1, Mode.STARTING)])
 def test_a_vehicle_is_heard_for_200_ms_to_the_nanosecond_from_its_first_word_before_it_is_answered(
     before: Mode | None, first: str, after_ns: int, then: Mode
 ) -> None:
     engagement = hearing(before)
-    engagement.see_time(10**18)  # a bus on which nothing is heard says nothing
-    assert engagement.mode is Mode.HEARING
+    engagement.on_tick(10**18)  # a bus on which nothing is heard says nothing
+    assert at_present(engagement.mode) is Mode.OBSERVING
     for later_ns in (0, 150 * MS):
         if first == "sample":
-            engagement.see_sample(10**18 + later_ns, 10**18 + later_ns)
+            engagement.on_sample(10**18 + later_ns, 10**18 + later_ns)
         else:
-            engagement.see_status(status(VehicleMode.AUTONOMOUS), 10**18 + later_ns)
-    engagement.see_time(10**18 + after_ns)
+            engagement.on_status(status(VehicleMode.AUTONOMOUS), 10**18 + later_ns)
+    engagement.on_tick(10**18 + after_ns)
     assert engagement.mode is then
-    assert engagement.sends is (then is Mode.STARTING)
+    assert engagement.mode.may_send is (then is Mode.STARTING)
 
 
 @pytest.mark.parametrize("mode", list(VehicleMode))
 def test_it_hears_no_longer_than_until_the_vehicle_says_that_nobody_drives_it(mode: VehicleMode) -> None:
     engagement = hearing()
-    engagement.see_status(status(mode), 0)
-    assert engagement.mode is (Mode.HEARING if mode is VehicleMode.AUTONOMOUS else Mode.STARTING)
+    engagement.on_status(status(mode), 0)
+    assert engagement.mode is (Mode.OBSERVING if mode is VehicleMode.AUTONOMOUS else Mode.STARTING)
 
 
 @pytest.mark.parametrize("heard", ["nothing", "sample", "status"])
@@ -218,40 +256,40 @@ def test_where_there_is_no_vehicle_it_reports_after_200_ms_and_no_more_when_ther
     heard: str, after_ns: int, reports: bool
 ) -> None:
     engagement = hearing()
-    assert not engagement.reports(10**18)
-    engagement.see_time(10**18)
+    assert not engagement.may_report(10**18)
+    engagement.on_tick(10**18)
     if heard == "sample":
-        engagement.see_sample(10**18 + after_ns, 10**18 + after_ns)
+        engagement.on_sample(10**18 + after_ns, 10**18 + after_ns)
     elif heard == "status":
-        engagement.see_status(status(VehicleMode.AUTONOMOUS), 10**18 + after_ns)
-    assert engagement.reports(10**18 + after_ns) is (reports and heard == "nothing")
-    assert not engagement.sends
+        engagement.on_status(status(VehicleMode.AUTONOMOUS), 10**18 + after_ns)
+    assert engagement.may_report(10**18 + after_ns) is (reports and heard == "nothing")
+    assert not engagement.mode.may_send
 
 
 def test_out_of_hearing_it_reports_where_it_sends() -> None:
-    for mode in set(Mode) - {Mode.HEARING}:
-        assert in_mode(mode).reports(10**18) is in_mode(mode).sends
+    for mode in set(Mode) - {Mode.OBSERVING}:
+        assert in_mode(mode).may_report(10**18) is in_mode(mode).mode.may_send
 
 
 def test_a_fault_is_forgotten_only_when_it_speaks_again() -> None:
-    assert not hearing().latched
-    assert not hearing(Mode.STANDBY).latched
+    assert not hearing().ends_in_fault
+    assert not hearing(Mode.STANDBY).ends_in_fault
     again = hearing(Mode.SILENT)
-    assert again.latched
-    again.see_status(status(), 0)
-    assert not again.latched
-    again.happened(Event.STATUS_LOST, 0)
-    assert again.mode is Mode.HEARING
-    assert not again.latched
+    assert at_present(again.ends_in_fault)
+    again.on_status(status(), 0)
+    assert not at_present(again.ends_in_fault)
+    again.apply(Event.STATUS_LOST, 0)
+    assert again.mode is Mode.OBSERVING
+    assert not again.ends_in_fault
 
 
 @pytest.mark.parametrize("missing_ns", [0, 1])
 def test_it_takes_half_a_second_of_fresh_samples_to_the_nanosecond(missing_ns: int) -> None:
     engagement = in_mode(Mode.STARTING)
     for i in range(50):
-        engagement.see_sample(i * 10 * MS, i * 10 * MS)
+        engagement.on_sample(i * 10 * MS, i * 10 * MS)
     assert engagement.mode is Mode.STARTING
-    engagement.see_sample(500 * MS - missing_ns, 500 * MS)
+    engagement.on_sample(500 * MS - missing_ns, 500 * MS)
     assert engagement.mode is (Mode.STARTING if missing_ns else Mode.STANDBY)
 
 
@@ -261,20 +299,20 @@ def test_a_gap_longer_than_50_ms_begins_the_half_second_anew(gap_ns: int, starts
     last_ns = 0
     for i in range(40):
         last_ns = i * 10 * MS
-        engagement.see_sample(last_ns, last_ns)
+        engagement.on_sample(last_ns, last_ns)
     resumed_ns = last_ns + gap_ns
     for i in range(12):
-        engagement.see_sample(resumed_ns + i * 10 * MS, resumed_ns + i * 10 * MS)
+        engagement.on_sample(resumed_ns + i * 10 * MS, resumed_ns + i * 10 * MS)
     assert engagement.mode is (Mode.STARTING if starts_anew else Mode.STANDBY)
 
 
 def test_a_gap_that_was_noticed_counts_also_when_the_samples_were_only_held_up() -> None:
     engagement = in_mode(Mode.STARTING)
     for i in range(40):
-        engagement.see_sample(i * 10 * MS, i * 10 * MS)
-    engagement.see_time(450 * MS)
+        engagement.on_sample(i * 10 * MS, i * 10 * MS)
+    engagement.on_tick(450 * MS)
     for i in range(40, 60):
-        engagement.see_sample(i * 10 * MS, 600 * MS)
+        engagement.on_sample(i * 10 * MS, 600 * MS)
     assert engagement.mode is Mode.STARTING
 
 
@@ -309,10 +347,10 @@ def test_it_engages_once_for_each_arming() -> None:
     assert run.mode() is Mode.OVERRIDDEN
     run.for_ms(5000, status())
     assert run.mode() is Mode.OVERRIDDEN
-    run.engagement.happened(Event.ARMED, run.now_ns)
+    run.engagement.apply(Event.ARMED, run.now_ns)
     assert run.mode() is Mode.STARTING
     run.for_ms(480, status())
-    assert not run.engagement.enables
+    assert not run.engagement.mode.enables
     run.for_ms(40, status())
     assert run.mode() is Mode.ENGAGING
 
@@ -335,7 +373,7 @@ def test_it_engages_once_for_each_arming() -> None:
 def test_feet_and_hands_take_over_from_their_thresholds_on(driver: dict[str, Any], leaves: bool) -> None:
     run = Run().until_engaged().for_ms(10, status(VehicleMode.AUTONOMOUS, **driver))
     assert run.mode() is (Mode.OVERRIDDEN if leaves else Mode.ENGAGED)
-    assert run.engagement.enables is not leaves
+    assert run.engagement.mode.enables is not leaves
     assert not leaves or run.engagement.reason is Reason.DRIVER_OVERRIDE
 
 
@@ -358,7 +396,7 @@ def test_a_vehicle_that_leaves_by_itself_is_let_go_for_good(mode: VehicleMode, t
 @pytest.mark.parametrize(("gap_ns", "then"), [(500 * MS, Mode.ENGAGED), (500 * MS + 1, Mode.SILENT)])
 def test_half_a_second_without_a_sample_silences_to_the_nanosecond(gap_ns: int, then: Mode) -> None:
     run = Run().until_engaged()
-    run.engagement.see_time(run.now_ns + gap_ns)
+    run.engagement.on_tick(run.now_ns + gap_ns)
     assert run.mode() is then
 
 
@@ -367,7 +405,7 @@ def test_silence_stays_when_samples_come_back() -> None:
     assert run.mode() is Mode.SILENT
     run.for_ms(5000, status())
     assert run.mode() is Mode.SILENT
-    assert not run.engagement.sends
+    assert not run.engagement.mode.may_send
 
 
 @pytest.mark.parametrize(("after_ns", "then"), [(3000 * MS, Mode.ENGAGING), (3000 * MS + 1, Mode.FAULT)])
@@ -375,24 +413,24 @@ def test_a_vehicle_that_does_not_engage_is_given_up_after_three_seconds(after_ns
     run = Run().for_ms(500, status()).for_ms(10, status())
     assert run.mode() is Mode.ENGAGING
     begun_ns = run.engagement.transitions[-1][0]
-    run.engagement.see_sample(begun_ns + after_ns, begun_ns + after_ns)
-    run.engagement.see_time(begun_ns + after_ns)
+    run.engagement.on_sample(begun_ns + after_ns, begun_ns + after_ns)
+    run.engagement.on_tick(begun_ns + after_ns)
     assert run.mode() is then
 
 
 @pytest.mark.parametrize(("after_ns", "then"), [(10_000 * MS, Mode.ENDING), (10_000 * MS + 1, Mode.RELEASED)])
 def test_a_stop_for_good_is_waited_for_ten_seconds(after_ns: int, then: Mode) -> None:
     run = Run().until_engaged()
-    run.engagement.happened(Event.END, run.now_ns)
+    run.engagement.apply(Event.END, run.now_ns)
     later_ns = run.now_ns + after_ns
-    run.engagement.see_sample(later_ns, later_ns)
-    run.engagement.see_time(later_ns)
+    run.engagement.on_sample(later_ns, later_ns)
+    run.engagement.on_tick(later_ns)
     assert run.mode() is then
 
 
 def test_without_any_sample_nothing_is_lost() -> None:
     engagement = in_mode(Mode.STARTING)
-    engagement.see_time(10**15)
+    engagement.on_tick(10**15)
     assert engagement.mode is Mode.STARTING
 
 
@@ -404,36 +442,52 @@ def test_every_mode_has_a_word_on_the_bus() -> None:
         assert isinstance(in_mode(mode).wire_state(stopping=False), ControllerState)
     assert in_mode(Mode.ENGAGED).wire_state(stopping=True) is ControllerState.STOPPING
     assert in_mode(Mode.ENGAGED).wire_state(stopping=False) is ControllerState.ENGAGED
-    assert in_mode(Mode.LISTENING).wire_state(stopping=True) is ControllerState.SHADOW
+    assert in_mode(Mode.SHADOW).wire_state(stopping=True) is ControllerState.SHADOW
 
 
-def test_only_faults_and_silence_are_latched() -> None:
-    assert {mode for mode in Mode if in_mode(mode).latched} == {Mode.FAULT, Mode.SILENT}
+def test_only_faults_silence_and_latched_stops_are_latched() -> None:
+    assert {mode for mode in Mode if in_mode(mode).ends_in_fault} == {Mode.FAULT, Mode.SILENT} | LATCHED_STOP
+    assert {mode for mode in Mode if mode.stops and not mode.ends} == LATCHED_STOP
 
 
-def test_commands_are_enabled_in_three_modes_and_sent_in_all_but_three() -> None:
-    assert {mode for mode in Mode if in_mode(mode).enables} == ENABLING
-    assert {mode for mode in Mode if not in_mode(mode).sends} == {Mode.LISTENING, Mode.HEARING, Mode.SILENT}
+def test_samples_whose_sources_disagree_engage_nobody() -> None:
+    run = Run().for_ms(520, status(VehicleMode.MANUAL))
+    assert run.mode() is Mode.STANDBY
+    run.engagement.on_sample(run.now_ns, run.now_ns, is_usable=False)
+    assert run.mode() is Mode.STARTING
+    run.for_ms(490, status())
+    assert run.mode() is Mode.STARTING
+    run.for_ms(40, status())
+    assert run.mode() is Mode.ENGAGING
+
+
+def test_commands_are_enabled_in_five_modes_and_sent_in_all_but_three() -> None:
+    assert {mode for mode in Mode if in_mode(mode).mode.enables} == ENABLING
+    assert {mode for mode in Mode if not in_mode(mode).mode.may_send} == {Mode.SHADOW, Mode.OBSERVING, Mode.SILENT}
 
 
 # What no sequence can bring about
 
 
+ENGAGES = [Event.NO_OTHER_DRIVER, Event.FRESH, Event.VEHICLE_READY]
+EVENTS = st.lists(st.one_of(st.sampled_from(list(Event)).map(lambda event: [event]), st.just(ENGAGES)), max_size=30)
+
+
 @settings(max_examples=300)
-@given(st.booleans(), st.lists(st.sampled_from(list(Event)), max_size=60))
-def test_no_sequence_of_events_enables_without_an_arming_before_it(armed: bool, events: list[Event]) -> None:
+@given(st.booleans(), EVENTS)
+def test_no_sequence_of_events_enables_without_an_arming_before_it(armed: bool, events: list[list[Event]]) -> None:
     engagement = Engagement(TIMING, armed=armed)
     may_enable = armed
-    for now_ns, event in enumerate(events):
-        before = engagement.mode
-        engagement.happened(event, now_ns)
-        if event is Event.ARMED and before is not Mode.LISTENING:
+    for now_ns, event in enumerate(chain.from_iterable(events)):
+        before, enabled = engagement.mode, engagement.mode.enables
+        engagement.apply(event, now_ns)
+        if event is Event.ARMED and before is not Mode.SHADOW:
             may_enable = True
-        if engagement.mode in LATCHED:
+        if engagement.mode in LATCHED or (enabled and not engagement.mode.enables):
             may_enable = False
-        assert not engagement.enables or may_enable
-        assert not engagement.enables or engagement.sends
-        assert armed or engagement.mode is Mode.LISTENING
+        assert not engagement.mode.enables or may_enable
+        assert not engagement.mode.enables or engagement.mode.may_send
+        assert armed or engagement.mode is Mode.SHADOW
 
 
 ANY_STATUS = st.builds(
@@ -461,9 +515,9 @@ def test_each_engaging_has_an_arming_of_its_own(armed: bool, acts: list[object])
     for act in acts:
         if act == "arm":
             armings += 1
-            run.engagement.happened(Event.ARMED, run.now_ns)
+            run.engagement.apply(Event.ARMED, run.now_ns)
         elif act == "end":
-            run.engagement.happened(Event.END, run.now_ns)
+            run.engagement.apply(Event.END, run.now_ns)
         elif isinstance(act, tuple):
             duration, report, samples = act
             run.for_ms(duration, report, samples=samples)

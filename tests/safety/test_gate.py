@@ -8,10 +8,10 @@ from typing import Any
 
 import msgspec
 import pytest
-from harness import reference, taken_apart
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.harness import reference, taken_apart
 from vehicle_iface import BehaviorConfig, Command, Reason, VehicleState
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.command import SafeCommand
@@ -34,13 +34,25 @@ NUMBERS = ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed
 LSB = {"accel_mps2": 0.001, "front_wheel_angle_rad": 1e-4, "rear_wheel_angle_rad": 1e-4, "speed_mps": 0.005}
 
 
-def new_gate(lsb: Mapping[str, float] | None = None, **limits: Any) -> Gate:
+class SendingGate(Gate):
+    """Whatever it permits is sent; what it only proposes is not."""
+
+    def permit(self, *given: Any, **more: Any) -> SafeCommand:
+        safe = self.propose(*given, **more)
+        self.commit()
+        return safe
+
+    def propose(self, *given: Any, **more: Any) -> SafeCommand:
+        return super().permit(*given, **more)
+
+
+def new_gate(lsb: Mapping[str, float] | None = None, **limits: Any) -> SendingGate:
     """The reference vehicle's, or one with other counts or limits."""
     profile = reference().profile
     changed = msgspec.structs.replace(profile.limits, **limits)
-    of_channels = gate_channels(changed, lambda field: (reference().resolutions | dict(lsb or {}))[field])
+    of_channels = gate_channels(changed, lambda field: {**reference().resolutions, **(lsb or {})}[field])
     stop = stop_shape(profile, BehaviorConfig())
-    return Gate(of_channels, changed, wheelbase_m=WHEELBASE_M, stop=stop)
+    return SendingGate(of_channels, changed, wheelbase_m=WHEELBASE_M, stop=stop)
 
 
 def state(front_wheel_angle_rad: float = 0.0, speed_mps: float = 0.0) -> VehicleState:
@@ -377,8 +389,7 @@ def test_at_a_steady_speed_no_sequence_of_wishes_breaks_a_lateral_limit(
 def test_a_permission_that_was_not_sent_does_not_move_the_rates() -> None:
     gate = new_gate()
     gate.start_from(state(), 0)
-    lost = gate.permit(wish(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
-    gate.take_back()
+    lost = gate.propose(wish(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
     again = gate.permit(wish(front_wheel_angle_rad=-0.6), state(), now_ns=10_000_000, reversing=False)
     assert -again.front_wheel_angle_rad == lost.front_wheel_angle_rad == pytest.approx(0.008)
 
@@ -400,8 +411,9 @@ def test_the_next_permission_is_counted_from_what_left_of_the_last_one(
     gate.start_from(state(), 0)
     most = wish(accel_mps2=3.0, front_wheel_angle_rad=0.6, rear_wheel_angle_rad=0.1)
     least = wish(accel_mps2=-6.0, front_wheel_angle_rad=-0.6, rear_wheel_angle_rad=-0.1)
-    gate.permit(most, state(), now_ns=10_000_000, reversing=False)
-    gate.take_back(left=left)
+    gate.propose(most, state(), now_ns=10_000_000, reversing=False)
+    if left:
+        gate.commit_fields(left)
     safe = gate.permit(least, state(), now_ns=20_000_000, reversing=False)
     assert safe.accel_mps2 == pytest.approx(accel_mps2)
     assert safe.front_wheel_angle_rad == pytest.approx(front_rad)
@@ -411,9 +423,8 @@ def test_the_next_permission_is_counted_from_what_left_of_the_last_one(
 def test_a_gate_that_nobody_told_where_to_start_counts_from_nothing_at_time_zero() -> None:
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
     everything = wish(accel_mps2=3.0, front_wheel_angle_rad=0.6, rear_wheel_angle_rad=0.1)
-    first = gate.permit(everything, state(), now_ns=0, reversing=False)
+    first = gate.propose(everything, state(), now_ns=0, reversing=False)
     assert (first.accel_mps2, first.front_wheel_angle_rad, first.rear_wheel_angle_rad) == (0.0, 0.0, 0.0)
-    gate.take_back()
     later = gate.permit(everything, state(), now_ns=10_000_000, reversing=False)
     assert later.front_wheel_angle_rad == pytest.approx(0.008)
 
@@ -512,12 +523,11 @@ def test_no_order_of_events_makes_a_stop_push_the_vehicle_along(
         now_ns += step_ns
         if begins and starts:
             gate.start_from(state(speed_mps=speed_mps), now_ns)
-        safe = gate.permit(command, state(speed_mps=speed_mps), now_ns=now_ns, reversing=speed_mps < 0.0)
+        decide = gate.propose if is_lost else gate.permit
+        safe = decide(command, state(speed_mps=speed_mps), now_ns=now_ns, reversing=speed_mps < 0.0)
         if safe.safe_stop:
             assert safe.accel_mps2 * speed_mps <= 0.0
             assert abs(safe.accel_mps2) <= min(3.0, abs(speed_mps) / 0.1) + 1e-9
-        if is_lost:
-            gate.take_back()
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -528,6 +538,46 @@ def test_how_hard_a_stop_brakes_is_not_up_to_who_wishes_it(wished_mps2: float, s
     expected = [-sign * min(0.3 * (k + 1), 3.0) for k in range(12)]
     assert [answer.accel_mps2 for answer in answers] == pytest.approx(expected)
     assert driven(new_gate(), stop, sign * 0.1, 12)[-1].accel_mps2 == pytest.approx(-sign * 0.5)
+
+
+@pytest.mark.parametrize("reversing", [False, True])
+@pytest.mark.parametrize("speed_mps", [0.0, 0.1, -0.1, 5.0, -5.0])
+def test_where_no_speed_is_known_a_stop_brakes_as_hard_as_it_may_and_goes_on(speed_mps: float, reversing: bool) -> None:
+    """What the sensors say of standstill and direction does not ease or turn the brake."""
+    gate, stop, accels_mps2 = new_gate(), wish(reason=Reason.STATE_INVALID), []
+    gate.start_from(state(), 0)
+    for tick in range(1, 101):
+        safe = gate.permit(
+            stop,
+            state(speed_mps=speed_mps),
+            now_ns=tick * 10_000_000,
+            reversing=reversing,
+            speed_mps=speed_mps,
+            speed_is_known=False,
+        )
+        accels_mps2.append(safe.accel_mps2)
+    sign = 1 if reversing else -1
+    assert accels_mps2 == pytest.approx([sign * min(0.3 * tick, 3.0) for tick in range(1, 101)])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_limits_go_by_the_speed_that_is_given_and_else_by_the_measured_one(sign: int) -> None:
+    """At 20 m/s nothing is added to the speed, 3 m/s² of lateral acceleration are a small angle, a stop brakes hard."""
+    slow = state(speed_mps=0.1 * sign)
+    drive, stop = wish(accel_mps2=1.0 * sign, front_wheel_angle_rad=0.05), wish(reason=Reason.STATE_STALE)
+    sent: dict[float | None, tuple[float, float, float]] = {}
+    for speed_mps in (None, 20.0 * sign):
+        gate = new_gate()
+        gate.start_from(slow, 0)
+        for tick in range(1, 101):
+            now_ns = tick * 10_000_000
+            driven_on = gate.permit(drive, slow, now_ns=now_ns, reversing=sign < 0, speed_mps=speed_mps)
+        for tick in range(101, 151):
+            now_ns = tick * 10_000_000
+            stopped = gate.permit(stop, slow, now_ns=now_ns, reversing=sign < 0, speed_mps=speed_mps)
+        sent[speed_mps] = (driven_on.accel_mps2, driven_on.front_wheel_angle_rad, stopped.accel_mps2)
+    assert sent[None] == pytest.approx((1.0 * sign, 0.05, -0.5 * sign))
+    assert sent[20.0 * sign] == pytest.approx((0.0, math.atan(3.0 / 20.0**2 * WHEELBASE_M), -3.0 * sign), abs=1e-4)
 
 
 def test_a_stop_is_not_counted_as_a_wish_that_was_cut() -> None:
@@ -555,8 +605,7 @@ def test_a_vehicle_that_stands_is_held_against_its_gear_where_the_profile_wants_
 def test_a_stop_that_was_not_sent_does_not_move_the_ramp() -> None:
     gate, stop = new_gate(), wish(reason=Reason.LINK_DOWN)
     gate.start_from(state(speed_mps=5.0), 0)
-    gate.permit(stop, state(speed_mps=5.0), now_ns=10_000_000, reversing=False)
-    gate.take_back()
+    gate.propose(stop, state(speed_mps=5.0), now_ns=10_000_000, reversing=False)
     again = gate.permit(stop, state(speed_mps=5.0), now_ns=20_000_000, reversing=False)
     assert again.accel_mps2 == pytest.approx(-0.6)
 
@@ -565,7 +614,8 @@ def test_after_a_stop_driving_begins_from_the_brake_that_was_on() -> None:
     gate = new_gate()
     driven(gate, wish(reason=Reason.STATE_STALE), 5.0, 12)
     on = gate.permit(wish(accel_mps2=1.0), state(speed_mps=5.0), now_ns=13 * 10_000_000, reversing=False)
-    assert (on.accel_mps2, on.safe_stop) == (pytest.approx(-2.7), False)
+    assert on.accel_mps2 == pytest.approx(-2.7)
+    assert on.safe_stop is False
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -699,3 +749,13 @@ def test_from_a_tenth_of_a_metre_per_second_on_the_lateral_jerk_counts(speed_mps
     assert answers[-1].front_wheel_angle_rad - answers[0].front_wheel_angle_rad == pytest.approx(
         granted_rad, abs=1.0001e-4
     )
+
+
+def test_a_release_that_is_sent_commits_nothing_that_was_only_proposed() -> None:
+    gate = new_gate()
+    gate.start_from(state(), 0)
+    gate.propose(wish(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
+    gate.release(stamp_ns=1, reason=Reason.NOT_ENGAGED)
+    gate.commit()
+    again = gate.permit(wish(front_wheel_angle_rad=-0.6), state(), now_ns=10_000_000, reversing=False)
+    assert again.front_wheel_angle_rad == pytest.approx(-0.008)

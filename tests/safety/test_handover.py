@@ -9,7 +9,7 @@ PLANNED_NS = 10_000
 
 
 def told(*, holds: bool = False, planned_ns: int | None = None) -> Handover:
-    handover = Handover(WARNING_NS, holds=holds)
+    handover = Handover(WARNING_NS, hold_until_warned=holds)
     if planned_ns is not None:
         handover.plan(planned_ns)
     return handover
@@ -17,7 +17,7 @@ def told(*, holds: bool = False, planned_ns: int | None = None) -> Handover:
 
 def test_without_an_end_nobody_is_warned() -> None:
     handover = told(planned_ns=None)
-    assert not handover.look(10**18, is_driven=True, is_ending=False)
+    assert not handover.update(10**18, is_driven=True, is_ending=False)
     assert not handover.warns
     assert handover.left_ns(10**18, is_ending=False) == handover.left_ns(0, is_ending=True) == 0
 
@@ -25,34 +25,34 @@ def test_without_an_end_nobody_is_warned() -> None:
 @pytest.mark.parametrize(("now_ns", "warns"), [(6_999, False), (7_000, True), (7_001, True), (10_000, True)])
 def test_before_a_planned_end_the_warning_begins_exactly_then_and_once(now_ns: int, warns: bool) -> None:
     handover = told(planned_ns=PLANNED_NS)
-    assert handover.look(now_ns, is_driven=True, is_ending=False) is warns
+    assert handover.update(now_ns, is_driven=True, is_ending=False) is warns
     assert handover.warns is warns
-    assert not handover.look(now_ns, is_driven=True, is_ending=False)
+    assert not handover.update(now_ns, is_driven=True, is_ending=False)
     assert handover.left_ns(now_ns, is_ending=False) == (PLANNED_NS - now_ns if warns else 0)
 
 
 def test_an_end_that_was_not_planned_is_warned_of_when_it_begins() -> None:
     handover = told()
-    assert handover.look(500, is_driven=True, is_ending=True)
+    assert handover.update(500, is_driven=True, is_ending=True)
     assert handover.warns
 
 
 @pytest.mark.parametrize("is_ending", [False, True])
 def test_who_drives_nothing_gives_nothing_back_and_a_new_drive_is_warned_anew(is_ending: bool) -> None:
     handover = told(planned_ns=PLANNED_NS)
-    assert not handover.look(8_000, is_driven=False, is_ending=is_ending)
+    assert not handover.update(8_000, is_driven=False, is_ending=is_ending)
     assert not handover.warns
-    assert handover.look(8_500, is_driven=True, is_ending=False)
-    assert not handover.look(8_600, is_driven=False, is_ending=False)
+    assert handover.update(8_500, is_driven=True, is_ending=False)
+    assert not handover.update(8_600, is_driven=False, is_ending=False)
     assert not handover.warns
-    assert handover.look(8_700, is_driven=True, is_ending=False)
+    assert handover.update(8_700, is_driven=True, is_ending=False)
 
 
 def test_a_vehicle_that_may_be_let_go_when_it_stands_is_not_held_up() -> None:
     handover = told()
-    assert handover.may_let_go(0)
-    handover.look(500, is_driven=True, is_ending=True)
-    assert handover.may_let_go(500)
+    assert handover.may_release(0)
+    handover.update(500, is_driven=True, is_ending=True)
+    assert handover.may_release(500)
     assert handover.left_ns(500, is_ending=True) == 0
 
 
@@ -61,24 +61,24 @@ def test_a_vehicle_that_may_be_let_go_when_it_stands_is_not_held_up() -> None:
 )
 def test_where_the_vehicle_is_held_it_is_let_go_when_the_warning_is_over(now_ns: int, may: bool, left_ns: int) -> None:
     handover = told(holds=True)
-    assert handover.may_let_go(0)
-    handover.look(500, is_driven=True, is_ending=True)
-    assert handover.may_let_go(now_ns) is may
+    assert handover.may_release(0)
+    handover.update(500, is_driven=True, is_ending=True)
+    assert handover.may_release(now_ns) is may
     assert handover.left_ns(now_ns, is_ending=True) == left_ns
 
 
 def test_a_warning_that_was_given_before_a_planned_end_is_not_given_again_after_it() -> None:
     handover = told(holds=True, planned_ns=PLANNED_NS)
-    handover.look(7_000, is_driven=True, is_ending=False)
+    handover.update(7_000, is_driven=True, is_ending=False)
     assert handover.left_ns(10_001, is_ending=False) == 0
-    assert not handover.look(PLANNED_NS, is_driven=True, is_ending=True)
-    assert handover.may_let_go(PLANNED_NS)
+    assert not handover.update(PLANNED_NS, is_driven=True, is_ending=True)
+    assert handover.may_release(PLANNED_NS)
 
 
 def test_an_end_before_the_planned_one_counts_from_the_warning() -> None:
     handover = told(holds=True, planned_ns=PLANNED_NS)
-    handover.look(7_000, is_driven=True, is_ending=False)
-    handover.look(8_000, is_driven=True, is_ending=True)
+    handover.update(7_000, is_driven=True, is_ending=False)
+    handover.update(8_000, is_driven=True, is_ending=True)
     assert handover.left_ns(8_000, is_ending=True) == 2_000
-    assert not handover.may_let_go(9_999)
-    assert handover.may_let_go(10_000)
+    assert not handover.may_release(9_999)
+    assert handover.may_release(10_000)

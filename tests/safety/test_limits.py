@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface.errors import InvalidValueError
-from vehicle_iface.safety.limits import Channel, brought_into, by_speed, counts_between, limited_raw
+from vehicle_iface.safety.limits import Channel, clamp_interval, interpolate_by_speed, limit_raw, raw_range
 
 ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -28,7 +28,7 @@ def channels(draw: st.DrawFn) -> Channel:
 
 @given(channels(), ANY_FLOAT, st.integers(-(10**9), 10**9), st.floats(-1.0, 10.0))
 def test_whatever_is_wanted_the_result_is_in_range(c: Channel, wanted: float, last_raw: int, dt_s: float) -> None:
-    raw = limited_raw(c, wanted, last_raw, dt_s)
+    raw = limit_raw(c, wanted, last_raw, dt_s)
     assert type(raw) is int
     assert c.lowest_raw <= raw <= c.highest_raw
     assert c.lowest - 2e-6 * c.lsb <= raw * c.lsb <= c.highest + 2e-6 * c.lsb
@@ -39,7 +39,7 @@ def test_from_a_value_in_range_no_step_is_greater_than_the_rate_grants(
     c: Channel, wanted: float, data: st.DataObject, dt_s: float
 ) -> None:
     last_raw = data.draw(st.integers(c.lowest_raw, c.highest_raw))
-    step = abs(limited_raw(c, wanted, last_raw, dt_s) - last_raw)
+    step = abs(limit_raw(c, wanted, last_raw, dt_s) - last_raw)
     assert step * c.lsb <= c.rate_per_s * max(0.0, dt_s) + 2e-6 * c.lsb or math.isinf(c.rate_per_s)
 
 
@@ -48,7 +48,7 @@ def test_no_value_that_was_allowed_is_nearer_to_the_wanted_one(
     c: Channel, wanted: float, data: st.DataObject, dt_s: float
 ) -> None:
     last_raw = data.draw(st.integers(c.lowest_raw, c.highest_raw))
-    raw = limited_raw(c, wanted, last_raw, dt_s)
+    raw = limit_raw(c, wanted, last_raw, dt_s)
     step = c.step_raw(dt_s)
     for other in (raw - 1, raw + 1):
         allowed = c.lowest_raw <= other <= c.highest_raw and abs(other - last_raw) <= step
@@ -57,8 +57,8 @@ def test_no_value_that_was_allowed_is_nearer_to_the_wanted_one(
 
 @pytest.mark.parametrize("wanted", [math.nan, math.inf, -math.inf])
 def test_what_is_not_finite_asks_for_zero_and_never_for_full_lock(wanted: float) -> None:
-    assert limited_raw(channel(), wanted, 0, 1.0) == 0
-    assert limited_raw(channel(), wanted, 500, 0.01) == 420
+    assert limit_raw(channel(), wanted, 0, 1.0) == 0
+    assert limit_raw(channel(), wanted, 500, 0.01) == 420
 
 
 @pytest.mark.parametrize("offset", [-3, -2, -1, 0, 1, 2, 3])
@@ -66,7 +66,7 @@ def test_what_is_not_finite_asks_for_zero_and_never_for_full_lock(wanted: float)
 def test_around_each_limit_every_count_is_cut_where_it_must_be(limit: int, offset: int) -> None:
     for fraction in (-0.5, -0.49, 0.0, 0.49, 0.5):
         wanted = (limit + offset + fraction) * 1e-4
-        raw = limited_raw(channel(rate_per_s=math.inf), wanted, 0, 0.0)
+        raw = limit_raw(channel(rate_per_s=math.inf), wanted, 0, 0.0)
         assert raw == max(-6000, min(6000, round(wanted / 1e-4)))
 
 
@@ -74,17 +74,17 @@ def test_around_each_limit_every_count_is_cut_where_it_must_be(limit: int, offse
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_around_the_greatest_step_every_count_is_cut_where_it_must_be(sign: int, offset: int) -> None:
     wanted = sign * (80 + offset) * 1e-4
-    assert limited_raw(channel(), wanted, 0, 0.01) == sign * min(80, 80 + offset)
+    assert limit_raw(channel(), wanted, 0, 0.01) == sign * min(80, 80 + offset)
 
 
 @pytest.mark.parametrize("dt_s", [0.0, -1e-9, -1.0, -math.inf])
 def test_without_time_nothing_moves(dt_s: float) -> None:
-    assert limited_raw(channel(), 0.6, 17, dt_s) == 17
+    assert limit_raw(channel(), 0.6, 17, dt_s) == 17
 
 
 def test_a_start_value_out_of_range_comes_back_into_it_at_once() -> None:
-    assert limited_raw(channel(), 0.7, 7000, 0.0) == 6000
-    assert limited_raw(channel(), 0.0, -7000, 0.01) == -5920
+    assert limit_raw(channel(), 0.7, 7000, 0.0) == 6000
+    assert limit_raw(channel(), 0.0, -7000, 0.01) == -5920
 
 
 @pytest.mark.parametrize(("lsb", "highest", "counts"), [(1e-4, 0.6, 6000), (0.005, 20.0, 4000), (0.1, 0.3, 3)])
@@ -117,22 +117,22 @@ def test_a_channel_that_could_not_stop_or_is_no_number_is_refused_by_name(change
 
 def test_an_interval_beyond_the_range_leads_to_the_end_of_the_range_and_no_further() -> None:
     c = channel(rate_per_s=math.inf)
-    assert limited_raw(c, 0.0, 0, 0.01, within=(7000, 8000)) == 6000
-    assert limited_raw(c, 0.0, 0, 0.01, within=(-8000, -7000)) == -6000
+    assert limit_raw(c, 0.0, 0, 0.01, within=(7000, 8000)) == 6000
+    assert limit_raw(c, 0.0, 0, 0.01, within=(-8000, -7000)) == -6000
 
 
 @pytest.mark.parametrize(("wanted", "raw"), [(0.6, 30), (0.003, 30), (0.0025, 25), (0.002, 20), (-0.6, 20)])
 def test_what_is_wanted_is_cut_to_the_interval(wanted: float, raw: int) -> None:
-    assert limited_raw(channel(), wanted, 10, 0.01, within=(20, 30)) == raw
+    assert limit_raw(channel(), wanted, 10, 0.01, within=(20, 30)) == raw
 
 
 def test_what_is_outside_the_interval_goes_there_as_fast_as_the_rate_lets_it() -> None:
-    assert limited_raw(channel(), -0.6, 500, 0.01, within=(20, 30)) == 420
-    assert limited_raw(channel(), 0.6, -500, 0.01, within=(20, 30)) == -420
+    assert limit_raw(channel(), -0.6, 500, 0.01, within=(20, 30)) == 420
+    assert limit_raw(channel(), 0.6, -500, 0.01, within=(20, 30)) == -420
 
 
 def test_after_a_time_without_end_the_whole_range_is_one_step() -> None:
-    assert limited_raw(channel(), 0.6, -6000, math.inf) == 6000
+    assert limit_raw(channel(), 0.6, -6000, math.inf) == 6000
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ def test_a_table_holds_its_first_value_before_its_first_row_and_its_last_one_bey
     speed_mps: float, expected: float
 ) -> None:
     table = ((5.0, 0.4), (10.0, 0.2), (20.0, 0.1))
-    assert by_speed(table, speed_mps) == pytest.approx(expected)
+    assert interpolate_by_speed(table, speed_mps) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_a_table_holds_its_first_value_before_its_first_row_and_its_last_one_bey
 def test_of_two_intervals_that_do_not_meet_the_end_of_the_outer_one_that_is_nearer_counts(
     inner: tuple[int, int], both: tuple[int, int]
 ) -> None:
-    assert brought_into(inner, (0, 3)) == both
+    assert clamp_interval(inner, (0, 3)) == both
 
 
 @pytest.mark.parametrize(
@@ -183,4 +183,4 @@ def test_of_two_intervals_that_do_not_meet_the_end_of_the_outer_one_that_is_near
 def test_between_two_values_are_the_counts_inside_or_the_nearest_one(
     lowest: float, highest: float, counts: tuple[int, int]
 ) -> None:
-    assert counts_between(channel(lsb=0.1), lowest, highest) == counts
+    assert raw_range(channel(lsb=0.1), lowest, highest) == counts

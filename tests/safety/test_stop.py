@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.safety.limits import Channel
-from vehicle_iface.safety.stop import StopShape, braked_raw
+from vehicle_iface.safety.stop import StopShape, stop_accel_raw
 
 LSB = 0.001
 BRAKE = Channel(name="brake", lsb=LSB, lowest=-3.0, highest=6.0, rate_per_s=30.0)
@@ -20,7 +20,7 @@ FIGURES: dict[str, float] = {
     "deceleration_mps2": 3.0,
     "time_step_s": 0.1,
     "jerk_mps3": JERK_MPS3,
-    "ease_s": 0.2,
+    "release_time_constant_s": 0.2,
     "hold_mps2": 0.0,
 }
 ANY_SPEED = st.one_of(
@@ -41,7 +41,7 @@ def after(
 ) -> float:
     """What follows on `last_mps2`, in SI."""
     last_raw = round(last_mps2 / LSB)
-    return LSB * braked_raw(shape(**changes), BRAKE, last_raw, speed_mps, dt_s, reversing=reversing)
+    return LSB * stop_accel_raw(shape(**changes), BRAKE, last_raw, speed_mps, dt_s, reversing=reversing)
 
 
 def coming(speed_mps: float, count: int, *, last_mps2: float = 0.0, **more: Any) -> list[float]:
@@ -67,7 +67,7 @@ def test_whatever_comes_a_stop_is_finite_in_range_and_never_along_the_motion(
     stop, raw = shape(hold_mps2=hold_mps2, jerk_mps3=jerk_mps3), 0
     for speed_mps, dt_s, reversing, is_interrupted, other_raw in steps:
         last = other_raw if is_interrupted else raw
-        raw = braked_raw(stop, BRAKE, last, speed_mps, dt_s, reversing=reversing)
+        raw = stop_accel_raw(stop, BRAKE, last, speed_mps, dt_s, reversing=reversing)
         assert type(raw) is int
         assert abs(raw) <= 6000
         if speed_mps == 0.0:
@@ -83,7 +83,7 @@ def test_no_step_is_greater_than_the_jerk_grants_from_what_a_stop_may_go_on_with
     last_raw: int, speed_mps: float, dt_s: float, reversing: bool, jerk_mps3: float
 ) -> None:
     """Not with drive, not with more than the safe deceleration, and not with what would turn the motion round."""
-    raw = braked_raw(shape(jerk_mps3=jerk_mps3), BRAKE, last_raw, speed_mps, dt_s, reversing=reversing)
+    raw = stop_accel_raw(shape(jerk_mps3=jerk_mps3), BRAKE, last_raw, speed_mps, dt_s, reversing=reversing)
     is_backwards = speed_mps < 0.0 or (reversing and not speed_mps > 0.0)
     most_mps2 = min(3.0, abs(speed_mps) / 0.1)
     braked_mps2 = min(most_mps2, max(0.0, LSB * (last_raw if is_backwards else -last_raw)))
@@ -99,7 +99,7 @@ def test_a_vehicle_that_obeys_at_once_comes_to_rest_and_is_never_pulled_backward
     sign, raw, stop = -1.0 if backwards else 1.0, 0, shape(hold_mps2=hold_mps2)
     v, took_s, sent = sign * speed_mps, 0.0, [0.0]
     while abs(v) > 0.005:
-        raw = braked_raw(stop, BRAKE, raw, v, 0.01, reversing=backwards)
+        raw = stop_accel_raw(stop, BRAKE, raw, v, 0.01, reversing=backwards)
         v += raw * LSB * 0.01
         took_s += 0.01
         sent.append(raw * LSB)
@@ -130,7 +130,7 @@ def test_the_brake_is_let_up_with_the_speed(speed_mps: float, asked_mps2: float,
 
 
 def test_where_the_ease_is_shorter_than_the_time_step_the_time_step_counts() -> None:
-    assert coming(0.1, 30, ease_s=0.01)[-1] == pytest.approx(-1.0)
+    assert coming(0.1, 30, release_time_constant_s=0.01)[-1] == pytest.approx(-1.0)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -193,7 +193,7 @@ def test_a_signal_whose_counts_are_coarse_against_the_jerk_brakes_all_the_same()
     coarse = Channel(name="brake", lsb=0.5, lowest=-3.0, highest=6.0, rate_per_s=30.0)
     raw = 0
     for _ in range(10):
-        raw = braked_raw(shape(jerk_mps3=15.0), coarse, raw, 5.0, 0.01, reversing=False)
+        raw = stop_accel_raw(shape(jerk_mps3=15.0), coarse, raw, 5.0, 0.01, reversing=False)
     assert raw == -6
 
 

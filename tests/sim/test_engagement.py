@@ -3,17 +3,17 @@
 import itertools
 
 import pytest
+from vehicle_bus_contract.reference import AUTONOMOUS, EMERGENCY_STOP, FAULT, MANUAL, READY
 
 from vehicle_iface.sim.engagement import TRANSITIONS, WATCHDOG_NS, CommandWatch, Event
-from vehicle_iface.sim.vehicle import Driver
+from vehicle_iface.sim.parameters import Driver
 
-from .bench import Bench
-from .contract import AUTONOMOUS, EMERGENCY_STOP, FAULT, MANUAL, READY
+from .harness import VehicleHarness
 
 MODES = (MANUAL, READY, AUTONOMOUS, FAULT, EMERGENCY_STOP)
 WRITTEN = {
     Event.PAIRS_RECEIVED: {READY: AUTONOMOUS},
-    Event.LET_GO: {AUTONOMOUS: READY},
+    Event.RELEASED: {AUTONOMOUS: READY},
     Event.OVERRIDE: {AUTONOMOUS: MANUAL},
     Event.COMMANDS_LOST: {AUTONOMOUS: FAULT},
     Event.FAULT: {MANUAL: FAULT, READY: FAULT, AUTONOMOUS: FAULT},
@@ -32,9 +32,9 @@ def test_every_mode_answers_every_event_as_written(event: Event, mode: int) -> N
 @pytest.mark.parametrize("line", ["brake 1", "throttle 1", "steer 9", "ready", "reset", "fault 1", "emergency_stop"])
 def test_no_driver_action_leads_to_autonomous(line: str) -> None:
     for mode in MODES:
-        bench = Bench(mode=type(Bench().vehicle.mode)(mode))
-        bench.say(line)
-        assert bench.vehicle.mode != AUTONOMOUS or mode == AUTONOMOUS
+        harness = VehicleHarness(mode=type(VehicleHarness().vehicle.mode)(mode))
+        harness.say(line)
+        assert harness.vehicle.mode != AUTONOMOUS or mode == AUTONOMOUS
 
 
 def test_a_driver_at_rest_is_the_default() -> None:

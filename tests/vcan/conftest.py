@@ -1,5 +1,7 @@
 """Real programs on a real vcan0: started, watched, ended, and their words shown when a test fails."""
 
+import atexit
+import functools
 import gc
 import os
 import re
@@ -14,36 +16,29 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from vehicle_bus_contract.cable import LOOP_END, VEHICLE_END, Cable
 
 from . import peer
-from .cable import LOOP_END, VEHICLE_END, Cable
-from .contract import CHANNEL, PATIENCE_S, Observer
+from .fork_server import Forked, ForkServer
+from .observer import CHANNEL, PATIENCE_S, Observer
 from .peer import Vehicle
 from .standstill import Standstill, Witness
 from .verdict import breaches
 
 ROOT = Path(__file__).resolve().parents[2]
 IFF_UP = 1
+WITH_BROWSER = "test_end_to_end.py"
 _HOW = "run it through tools/vcan: tools/vcan python -m pytest tests/vcan"
 
 
 class Program:
     """One process of the program; every line that it says is kept."""
 
-    def __init__(self, name: str, command: list[str], environment: dict[str, str]) -> None:
+    def __init__(self, name: str, process: subprocess.Popen[str] | Forked) -> None:
         self.name = name
         self.lines: list[str] = []
         self._news = threading.Condition()
-        self._process = subprocess.Popen(
-            command,
-            cwd=ROOT,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
+        self._process = process
         self._reader = threading.Thread(target=self._read, name=f"reads {name}")
         self._reader.start()
 
@@ -118,14 +113,26 @@ class Programs:
 
     def start(self, *arguments: str) -> Program:
         """`vehicle-iface ARGUMENTS…`."""
-        return self.start_python("-m", "vehicle_iface", *arguments, name=arguments[0])
+        process = _fork_server().start(list(arguments), self._environment, ROOT)
+        return self._keep(Program(arguments[0], process))
 
     def start_python(self, *arguments: str, name: str) -> Program:
         """This Python, with the project at hand."""
-        environment = os.environ | {"PYTHONUNBUFFERED": "1", "PYTHONPATH": str(ROOT)}
-        program = Program(name, [sys.executable, *arguments], environment)
-        self.started.append(program)
-        return program
+        return self.start_command(sys.executable, *arguments, name=name)
+
+    def start_command(self, *command: str, name: str) -> Program:
+        """Any command, with the project at hand."""
+        process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env=self._environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        return self._keep(Program(name, process))
 
     def run(self, *arguments: str) -> Program:
         """The loop, with its summary in the test's folder."""
@@ -139,9 +146,24 @@ class Programs:
         self._memory.cleanup()
 
     @property
+    def _environment(self) -> dict[str, str]:
+        return os.environ | {"PYTHONUNBUFFERED": "1", "PYTHONPATH": f"{ROOT}:{ROOT / 'tools'}"}
+
+    def _keep(self, program: Program) -> Program:
+        self.started.append(program)
+        return program
+
+    @property
     def text(self) -> str:
         """Who said what."""
         return "\n".join(f"── {program.name}\n{program.text}" for program in self.started)
+
+
+@functools.cache
+def _fork_server() -> ForkServer:
+    server = ForkServer(ROOT)
+    atexit.register(server.close)
+    return server
 
 
 def set_link(state: str) -> None:
@@ -169,13 +191,17 @@ def _link_is_up() -> bool:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--part", default="1/1", metavar="N/M", help="only every M-th test on vcan, from the N-th")
+    parser.addoption(
+        "--defer-to", type=Path, metavar="FILE", help="where tests go that failed on a machine standing still"
+    )
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     with suppress(PermissionError):  # without the right to go first nobody can say that the machine stood still
         witness = Witness()
         session.config.add_cleanup(witness.close)
-        session.config.pluginmanager.register(Standstill(lambda: [*witness.news(), *peer.news()], _unit))
+        defer_to: Path | None = session.config.getoption("--defer-to")
+        session.config.pluginmanager.register(Standstill(lambda: [*witness.news(), *peer.news()], _unit, defer_to))
     gc.disable()  # with all that a test has heard it takes 0.1 s, and for so long the test's own vehicle is silent
 
 
@@ -193,7 +219,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         units.setdefault(_unit(item), []).append(item)
     kept = {item for unit in list(units.values())[part - 1 :: parts] for item in unit}
     config.hook.pytest_deselected(items=[item for item in items if item not in kept])
-    items[:] = [item for item in items if item in kept]
+    # A browser holds up the other kernel, too, so that the bench there would find itself late: it comes last.
+    items[:] = sorted((item for item in items if item in kept), key=lambda item: item.path.name == WITH_BROWSER)
 
 
 def _unit(item: pytest.Item) -> str:

@@ -4,16 +4,21 @@ import json
 from pathlib import Path
 from typing import Any
 
+from vehicle_bus_contract.judge import Record
+from vehicle_bus_contract.reference import AUTONOMOUS, CONTROLLER_SENDS, DecodedFrame
+
 from .conftest import Program, Programs
-from .contract import AUTONOMOUS, CONTROLLER_SENDS, Observer, Record, Told
+from .observer import Observer
 
 FAST_ENOUGH_MPS = 1.0
 
 
-def line_file(folder: Path, *, length_m: float = 300.0, speed_mps: float = 3.0, last_s: float = 100.0) -> str:
-    """A CSV trajectory along +x from the origin, its last point due after `last_s`."""
+def line_file(
+    folder: Path, *, length_m: float = 300.0, speed_mps: float = 3.0, last_s: float = 100.0, first_m: float = 0.0
+) -> str:
+    """A CSV trajectory along +x from `first_m` on, its last point due after `last_s`."""
     path, count = folder / "line.csv", round(length_m * 2)
-    rows = (f"{last_s * i / count:.6f},{i / 2:.3f},0,0,{speed_mps}" for i in range(count + 1))
+    rows = (f"{last_s * i / count:.6f},{first_m + i / 2:.3f},0,0,{speed_mps}" for i in range(count + 1))
     path.write_text("time_s,x_m,y_m,heading_rad,speed_mps\n" + "\n".join(rows) + "\n")
     return str(path)
 
@@ -33,12 +38,12 @@ def wait_until_driven(bus: Observer, since: int = 0) -> int:
     return index
 
 
-def is_moving(told: Told) -> bool:
+def is_moving(told: DecodedFrame) -> bool:
     """Whether it says that the vehicle is well on its way."""
     return told.name == "MOTION" and told["SPEED"] >= FAST_ENOUGH_MPS
 
 
-def is_standing(told: Told) -> bool:
+def is_standing(told: DecodedFrame) -> bool:
     """Whether it says that the vehicle stands."""
     return told.name == "MOTION" and abs(told["SPEED"]) < 0.01
 

@@ -7,7 +7,10 @@ import random
 import sys
 import time
 
-from contract import Frame, intact, raw_socket, send
+from vehicle_bus_contract.reference import Frame, intact
+from vehicle_bus_contract.socketcan import open_socket, send
+
+from tests.vcan.observer import CHANNEL
 
 BURST_S = 0.01
 
@@ -19,7 +22,7 @@ def main(count: str, rate_hz: str, *can_ids: str) -> None:
     frames = [garbage(dice, numbers[i % len(numbers)]) for i in range(int(count))]
     burst = max(1, round(float(rate_hz) * BURST_S))
     begin_s = time.monotonic()
-    with raw_socket(can_ids=()) as raw:
+    with open_socket(CHANNEL, can_ids=()) as raw:
         for i in range(0, len(frames), burst):
             for frame in frames[i : i + burst]:
                 send(raw, frame)

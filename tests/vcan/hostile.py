@@ -10,6 +10,7 @@ import sys
 import msgspec
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
 LONG_BYTES = 5_000_000
 FLOOD = 700
@@ -23,7 +24,7 @@ HOSTILE = [
     {"type": "ShareUrlRequest"},
     {"type": "ThereIsNoSuchMessage"},
 ]
-SENSELESS = [b"\xc1", b"\x91" * 10_000, b"", "text", b"\0" * LONG_BYTES]
+SENSELESS: list[str | bytes] = [b"\xc1", b"\x91" * 10_000, b"", "text", b"\0" * LONG_BYTES]
 
 
 def main(port: str, token: str) -> None:
@@ -55,7 +56,7 @@ def status(port: str, token: str, headers: dict[str, str]) -> int:
 def joined(port: str, token: str) -> ClientConnection:
     """A websocket as the page opens it."""
     address = f"ws://127.0.0.1:{port}/?token={token}"
-    return connect(address, max_size=None, compression=None, subprotocols=["viser-v1.1.1"])
+    return connect(address, max_size=None, compression=None, subprotocols=[Subprotocol("viser-v1.1.1")])
 
 
 if __name__ == "__main__":

@@ -12,13 +12,11 @@ from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
 
-from .contract import (
+from vehicle_bus_contract.reference import (
     AUTONOMOUS,
-    CHANNEL,
     COUNTERS,
     DRIVE,
     FAULT,
-    GEAR_CHANGE_MPS,
     GREATEST_STEP,
     LAYOUT,
     MANUAL,
@@ -30,15 +28,15 @@ from .contract import (
     READY,
     REVERSE,
     SAMPLE,
+    DecodedFrame,
     Frame,
     S,
-    Told,
-    drained,
     intact,
     pack,
-    raw_socket,
-    send,
 )
+from vehicle_bus_contract.socketcan import open_socket, receive_frames, send
+
+from .observer import CHANNEL, GEAR_CHANGE_MPS
 
 PERIOD_NS = 10 * MS
 WATCHDOG_NS = 100 * MS
@@ -84,16 +82,20 @@ class Vehicle:
         self.pose_frame, self.pose_valid = MAP, True
         self.driver_brake = self.driver_throttle = False
         self.driver_torque_nm = 0.0
+        self.push_mps2 = self.slide_mps = 0.0
+        """What a hill or ice does to it: an acceleration along the body, and a speed to the left."""
+        self.steers_by_itself_rad: float | None = None
+        """Where its wheels are, whatever is commanded."""
         self.engages = self.watches = True
         self.faults = Faults(crc=Counter(), muted=Counter())
-        self._wish: dict[str, Told] = {}
+        self._wish: dict[str, DecodedFrame] = {}
         self._last: dict[str, int] = {}
         self._seen_ns: dict[str, int] = {}
         self._half = ""
         self._row = 0
         self._counters = Counter(dict.fromkeys(NAMES.values(), 0))
         self._channel = channel
-        self._raws = [raw_socket(channel, PAIR_IDS)]
+        self._raws = [open_socket(channel, PAIR_IDS)]
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._live, name="vehicle")
 
@@ -111,7 +113,7 @@ class Vehicle:
 
     def reconnect(self) -> None:
         """Use the interface that has the name now: the one before it was deleted."""
-        self._raws.append(raw_socket(self._channel, PAIR_IDS))
+        self._raws.append(open_socket(self._channel, PAIR_IDS))
 
     def mute(self, samples: int) -> None:
         """Lose the next samples on their way."""
@@ -137,7 +139,7 @@ class Vehicle:
             before_ns, now_ns = now_ns, time.monotonic_ns()
             if now_ns - before_ns > PERIOD_NS + LATE_NS:
                 _late_s.append((now_ns - before_ns - PERIOD_NS) / S)
-            for frame in drained(self._raws[-1]):
+            for frame in receive_frames(self._raws[-1]):
                 self._hear(frame, now_ns)
             self._judge(now_ns)
             self._move(PERIOD_NS / S)
@@ -195,16 +197,22 @@ class Vehicle:
         elif self.mode == FAULT:
             self.wheel_rad = 0.0
         forward = {DRIVE: 1.0, REVERSE: -1.0}.get(self.gear, 0.0)
+        if self.steers_by_itself_rad is not None:
+            self.wheel_rad = self.steers_by_itself_rad
+        if self.push_mps2 and self.mode == AUTONOMOUS:
+            accel_mps2, holds = self.push_mps2, False
+            forward = math.copysign(1.0, self.push_mps2)
         after_mps = before_mps + accel_mps2 * dt_s
-        against = accel_mps2 * before_mps < 0.0
+        against = accel_mps2 * before_mps < 0.0 and not self.push_mps2
         if (against and after_mps * before_mps <= 0.0) or (not against and (holds or accel_mps2 * forward <= 0.0)):
             after_mps = 0.0 if against or before_mps == 0.0 else before_mps
         self.speed_mps = after_mps
         self.accel_mps2 = (after_mps - before_mps) / dt_s if after_mps else 0.0
         mean_mps = (before_mps + after_mps) / 2.0
         turn_rad = mean_mps * math.tan(self.wheel_rad) / WHEELBASE_M * dt_s
-        self.x_m += mean_mps * dt_s * math.cos(self.heading_rad + turn_rad / 2.0)
-        self.y_m += mean_mps * dt_s * math.sin(self.heading_rad + turn_rad / 2.0)
+        cos, sin = math.cos(self.heading_rad + turn_rad / 2.0), math.sin(self.heading_rad + turn_rad / 2.0)
+        self.x_m += (mean_mps * cos - self.slide_mps * sin) * dt_s
+        self.y_m += (mean_mps * sin + self.slide_mps * cos) * dt_s
         self.heading_rad = math.remainder(self.heading_rad + turn_rad, math.tau)
 
     def _accelerates(self) -> tuple[float, bool]:
@@ -245,7 +253,13 @@ class Vehicle:
         )
         yaw_radps = self.speed_mps * math.tan(self.wheel_rad) / WHEELBASE_M
         self._say("MOTION", counter, HEADING=self.heading_rad, SPEED=self.speed_mps, YAW_RATE=yaw_radps)
-        self._say("CHASSIS", counter, ACCEL=self.accel_mps2, FRONT_WHEEL_ANGLE=self.wheel_rad)
+        self._say(
+            "CHASSIS",
+            counter,
+            ACCEL=self.accel_mps2,
+            LATERAL_SPEED=self.slide_mps,
+            FRONT_WHEEL_ANGLE=self.wheel_rad,
+        )
 
     def _say(self, name: str, counter: int, **signals: float) -> None:
         faults = self.faults

@@ -4,14 +4,17 @@ import sys
 import time
 from pathlib import Path
 
-from contract import Frame, raw_socket, send
+from vehicle_bus_contract.reference import Frame
+from vehicle_bus_contract.socketcan import open_socket, send
+
+from tests.vcan.observer import CHANNEL
 
 
 def main(file: str, times: str = "1") -> None:
     """Each frame at its time, from the first on, and end."""
     lines = [line.split() for line in Path(file).read_text().splitlines()]
     log = [(float(at_s), Frame(0, int(can_id, 16), bytes.fromhex(data))) for at_s, can_id, data in lines]
-    with raw_socket(can_ids=()) as raw:
+    with open_socket(CHANNEL, can_ids=()) as raw:
         for _ in range(int(times)):
             begin_s = time.monotonic() - log[0][0]
             for at_s, frame in log:

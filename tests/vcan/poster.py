@@ -14,21 +14,24 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from contract import NAMES, drained, intact, raw_socket
+from vehicle_bus_contract.reference import NAMES, DecodedFrame, intact
+from vehicle_bus_contract.socketcan import open_socket, receive_frames
 
+from tests.vcan.observer import CHANNEL
 from vehicle_iface import VehicleState, clock
 from vehicle_iface.trajectories import RecedingRoute, make_route
-from vehicle_iface.trajectories.mailbox import post
+from vehicle_iface.trajectories.mailbox import publish_trajectory
 from vehicle_iface.trajectory import Trajectory
 
 POINTS, MILLION_BYTES = 40, 64_000_000
-BAD = {
+BAD: dict[str, dict[str, tuple[int | slice, float]]] = {
     "no number in x": {"x_m": (7, np.nan)},
     "an infinite speed": {"speed_mps": (7, np.inf)},
     "time that goes back": {"time_from_start_ns": (7, 0)},
     "too fast": {"speed_mps": (7, 20.5)},
     "too far turned wheels": {"front_wheel_angle_rad": (7, -0.61)},
     "a corner": {"y_m": (slice(20, None), 3.0)},
+    "a step back": {"x_m": (20, 9.495)},
 }
 """What is wrong with a line of 40 points: where, and what stands there."""
 
@@ -45,7 +48,7 @@ def main(file: str, kind: str, length_m: str = "0", last_s: str = "0", times: st
         follow(file, length_m)
         return
     if kind == "empty":
-        post(file, Trajectory.empty(stamp_ns=clock.monotonic_ns()))
+        publish_trajectory(file, Trajectory.empty(stamp_ns=clock.monotonic_ns()))
         return
     spacing_m = 0.016 if kind == "long" else 0.5
     length_m, last_s = ("300", "100") if kind in ("long", "far") else (length_m, last_s)
@@ -54,7 +57,7 @@ def main(file: str, kind: str, length_m: str = "0", last_s: str = "0", times: st
         x_m = np.append(np.arange(0.0, 300.0, 0.5), 1e12)
     zeros = np.zeros_like(x_m)
     for left in range(int(times), 0, -1):
-        post(
+        publish_trajectory(
             file,
             Trajectory(
                 stamp_ns=clock.monotonic_ns(),
@@ -70,7 +73,7 @@ def main(file: str, kind: str, length_m: str = "0", last_s: str = "0", times: st
 
 
 def put(file: str, content: bytes, size: int = 0) -> None:
-    """Leave these bytes at once, as `post` does, whatever they are; and a hole behind them up to this size."""
+    """Write any bytes at once, as `publish_trajectory` does, and a hole behind them up to this size."""
     fresh = Path(file).with_suffix(".fresh")
     with fresh.open("wb") as out:
         out.write(content)
@@ -79,7 +82,7 @@ def put(file: str, content: bytes, size: int = 0) -> None:
 
 
 def bad_posts() -> Iterator[tuple[str, bytes]]:
-    """Name and bytes of each; written here, since `post` takes trajectories, and none of these is one."""
+    """Name and bytes of each; written here, since `publish_trajectory` takes trajectories, and none of these is one."""
     for name, changes in BAD.items():
         columns = line_columns()
         for column, (where, value) in changes.items():
@@ -113,10 +116,11 @@ def packed(columns: dict[str, np.ndarray]) -> bytes:
 
 def follow(file: str, name: str) -> None:
     """Post the next seconds of a route, from where the vehicle says that it is, until somebody ends this."""
-    route, heard = RecedingRoute(make_route(name)), {}
-    with raw_socket(can_ids=NAMES) as raw:
+    route = RecedingRoute(make_route(name))
+    heard: dict[str, DecodedFrame] = {}
+    with open_socket(CHANNEL, can_ids=NAMES) as raw:
         while True:
-            heard |= {told.name: told for frame in drained(raw) if (told := intact(frame))}
+            heard |= {told.name: told for frame in receive_frames(raw) if (told := intact(frame))}
             if {"POSE", "MOTION"} <= heard.keys():
                 pose, motion, now_ns = heard["POSE"], heard["MOTION"], clock.monotonic_ns()
                 state = VehicleState(
@@ -128,7 +132,7 @@ def follow(file: str, name: str) -> None:
                 )
                 trajectory = route.next(now_ns, state)
                 if trajectory is not None:
-                    post(file, trajectory)
+                    publish_trajectory(file, trajectory)
             time.sleep(0.01)
 
 

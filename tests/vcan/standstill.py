@@ -1,5 +1,8 @@
 """A test that fails while the machine itself stands still is run again: then it has said nothing about the program.
 
+With `--defer-to FILE`, such a test is not reported but written to the file, a node id a line: `tools/test` runs those
+again when no other kernel runs, and that run decides.
+
 In a kernel of `tools/vcan` a busy host takes the processor away for 50 ms and more, and to stop is right then. Who says
 so is `witness.py`, which nothing in that kernel can hold up, or the test's own vehicle, whose thread may only be kept
 waiting by the test itself; without them, or without their word, a failure is a failure.
@@ -51,9 +54,11 @@ class Witness:
 class Standstill:
     """Runs a test again that failed in a unit of tests within which the machine stood still."""
 
-    def __init__(self, news: Callable[[], list[float]], unit: Callable[[pytest.Item], str]) -> None:
+    def __init__(
+        self, news: Callable[[], list[float]], unit: Callable[[pytest.Item], str], defer_to: Path | None = None
+    ) -> None:
         """`unit` names what shares a setting-up: what went wrong there shows in a later test of it."""
-        self._news, self._unit = news, unit
+        self._news, self._unit, self._defer_to = news, unit, defer_to
         self._now = ""
         self._longest_s = 0.0
         self._attempts = 0
@@ -71,7 +76,10 @@ class Standstill:
         item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
         self._longest_s = max([self._longest_s, *self._news()])
-        if any(report.failed for report in reports) and self._longest_s and self._attempts < ATTEMPTS:
+        is_excused = any(report.failed for report in reports) and self._longest_s > 0.0
+        if is_excused and self._defer_to is not None:
+            self._defer(item, reports, self._defer_to)
+        elif is_excused and self._attempts < ATTEMPTS:
             self._run_again(item, reports)
         else:
             for report in reports:
@@ -84,10 +92,18 @@ class Standstill:
         for line in self.again:
             terminalreporter.write_line(line)
 
-    def _run_again(self, item: pytest.Item, reports: list[pytest.TestReport]) -> None:
+    def _defer(self, item: pytest.Item, reports: list[pytest.TestReport], file: Path) -> None:
+        self._note("deferred", item, reports)
+        with open(file, "a", encoding="utf-8") as deferred:
+            deferred.write(f"{item.nodeid}\n")
+
+    def _note(self, what: str, item: pytest.Item, reports: list[pytest.TestReport]) -> None:
         reason = next(report.longreprtext for report in reports if report.failed)
-        self.again.append(f"run again, the machine stood still for {self._longest_s * 1e3:.0f} ms: {item.nodeid}")
+        self.again.append(f"{what}, the machine stood still for {self._longest_s * 1e3:.0f} ms: {item.nodeid}")
         self.again += [f"  {line}" for line in reason.splitlines() if line.startswith("E ")]
+
+    def _run_again(self, item: pytest.Item, reports: list[pytest.TestReport]) -> None:
+        self._note("run again", item, reports)
         self._attempts += 1
         self._longest_s = 0.0
         item.session._setupstate.teardown_exact(None)  # what it shares with others was there when the machine stood

@@ -9,22 +9,13 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+from vehicle_bus_contract.cable import LOOP_END, VEHICLE_END, Cable
+from vehicle_bus_contract.judge import Record
+from vehicle_bus_contract.reference import AUTONOMOUS, CONTROLLER_SENDS, COUNTERS, FAULT, GREATEST_STEP, SAMPLE
 
-from .cable import LOOP_END, VEHICLE_END, Cable
 from .conftest import Program, Programs
-from .contract import (
-    AUTONOMOUS,
-    CONTROLLER_SENDS,
-    COUNTERS,
-    FAULT,
-    GREATEST_STEP,
-    SAMPLE,
-    Observer,
-    Record,
-    decided,
-    reasons,
-)
 from .driving import driven, own_faults, summary, wait_until_driven
+from .observer import Observer, decided, reasons
 from .peer import Vehicle
 
 STATE_IDS = (0x110, 0x7FC)
@@ -56,7 +47,7 @@ def test_one_state_frame_in_a_hundred_that_is_lost_is_counted_and_the_vehicle_dr
     loop, moving = driven(cable_programs, loop_end)
     cable.queue(VEHICLE_END, "netem", "loss", "1%")
     loop_end.wait_samples(400)
-    cable.mend(VEHICLE_END)
+    cable.remove_queue(VEHICLE_END)
     end = loop_end.wait_samples(20)
     found = drops(cable_programs, loop)
     assert decided(loop_end.record(moving, end)) == ["NOMINAL"]
@@ -73,7 +64,7 @@ def test_state_frames_that_come_twice_are_dropped_as_repeated_and_answered_once(
     loop, moving = driven(cable_programs, loop_end)
     cable.queue(VEHICLE_END, "netem", "duplicate", "10%")
     loop_end.wait_samples(150)
-    cable.mend(VEHICLE_END)
+    cable.remove_queue(VEHICLE_END)
     end = loop_end.wait_samples(20)
     found = drops(cable_programs, loop)
     assert decided(loop_end.record(moving, end)) == ["NOMINAL"]
@@ -90,7 +81,7 @@ def test_state_frames_that_overtake_each_other_are_dropped_as_out_of_sequence(
     loop, moving = driven(cable_programs, loop_end)
     cable.queue(VEHICLE_END, "netem", "delay", "20ms", "reorder", "10%")
     loop_end.wait_samples(150)
-    cable.mend(VEHICLE_END)
+    cable.remove_queue(VEHICLE_END)
     end = loop_end.wait_samples(30)
     found = drops(cable_programs, loop)
     record = loop_end.record(moving, end)
@@ -108,9 +99,9 @@ def test_damaged_state_frames_are_dropped_by_cause_and_the_vehicle_drives_on(
     cable_programs: Programs, cable: Cable, loop_end: Observer
 ) -> None:
     loop, moving = driven(cable_programs, loop_end)
-    cable.spoil(VEHICLE_END, *STATE_IDS, "corrupt", "5%")
+    cable.queue_some(VEHICLE_END, *STATE_IDS, "corrupt", "5%")
     loop_end.wait_samples(200)
-    cable.mend(VEHICLE_END)
+    cable.remove_queue(VEHICLE_END)
     end = loop_end.wait_samples(20)
     found = drops(cable_programs, loop)
     record = loop_end.record()
@@ -132,7 +123,7 @@ def test_commands_that_are_lost_doubled_and_damaged_on_their_way_are_made_up_for
     begin = loop_end.now()
     cable.queue(LOOP_END, "netem", "loss", "1%", "duplicate", "1%", "corrupt", "1%")
     vehicle_end.wait_samples(300)
-    cable.mend(LOOP_END)
+    cable.remove_queue(LOOP_END)
     end = vehicle_end.wait_samples(20)
     arrived = vehicle_end.record(moving, end)
     assert any(steps(arrived, name).keys() - {1} for name in CONTROLLER_SENDS)  # it was a bad cable

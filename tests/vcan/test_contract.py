@@ -1,19 +1,25 @@
 """The judge is judged: a faultless record is found faultless, and each fault put into it is found."""
 
 import json
+import re
+import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
+from vehicle_bus_contract.candump import candump_line, read_candump
+from vehicle_bus_contract.judge import examine, lateral_errors_m
+from vehicle_bus_contract.reference import COUNTERS, DRIVE, MS, SAMPLE, Frame, S, pack
+from vehicle_bus_contract.socketcan import open_socket, receive_frames, send
 
-from .conftest import ROOT
-from .contract import COUNTERS, DRIVE, MS, SAMPLE, Frame, S, examine, lateral_errors_m, pack
+from tests.tools.running import run_module
+
+from .conftest import mtu, set_mtu
+from .observer import CHANNEL, Observer
 from .verdict import breaches
 
 BEGIN_NS = 1_700_000_000 * S
-CHECK_DRIVE = str(ROOT / "tools" / "check_drive.py")
 Frames = list[Frame]
 
 
@@ -280,13 +286,9 @@ def test_check_drive_reads_a_log_and_says_what_is_wrong_with_it(tmp_path: Path) 
     statuses, worst = [], []
     for frames in (good, bad):
         log = tmp_path / "log.candump"
-        log.write_text("".join(f"({_stamp(f)}) vcan0 {f.can_id:03X}#{f.data.hex().upper()}\n" for f in frames))
-        done = subprocess.run(
-            [sys.executable, CHECK_DRIVE, str(log), "--route", "line", "--lateral-limit", "41", "--json"],
-            check=False,
-            capture_output=True,
-            text=True,
-        )
+        log.write_text("".join(f"{candump_line(frame, CHANNEL)}\n" for frame in frames))
+        options = ["--route", "line", "--lateral-limit", "41", "--json"]
+        done = run_module("drive_checks.check_drive", str(log), *options)
         statuses.append(done.returncode)
         worst.append(json.loads(done.stdout))
     assert statuses == [0, 1]
@@ -296,12 +298,42 @@ def test_check_drive_reads_a_log_and_says_what_is_wrong_with_it(tmp_path: Path) 
 
 def test_check_drive_refuses_what_is_no_log_with_the_line(tmp_path: Path) -> None:
     (tmp_path / "no.log").write_text("(1700000000.000001) vcan0 080#0011223344556677\nhello\n")
-    done = subprocess.run(
-        [sys.executable, CHECK_DRIVE, str(tmp_path / "no.log")], check=False, capture_output=True, text=True
-    )
+    done = run_module("drive_checks.check_drive", str(tmp_path / "no.log"))
     assert done.returncode == 2
     assert "line 2" in done.stderr
 
 
-def _stamp(frame: Frame) -> str:
-    return f"{frame.stamp_ns // S}.{frame.stamp_ns % S // 1000:06d}"
+def test_a_log_written_here_is_what_candump_writes(bus: Observer, tmp_path: Path) -> None:
+    bus.is_strangers = lambda _: True  # nobody drives here
+    candump, before, log = shutil.which("candump"), mtu(), tmp_path / "log.candump"
+    assert candump is not None
+    set_mtu(72)
+    try:
+        with (
+            open_socket(CHANNEL) as raw,
+            log.open("wb") as out,
+            subprocess.Popen([candump, "-L", CHANNEL], stdout=out) as process,
+        ):
+            while not log.stat().st_size:  # until candump receives
+                assert send(raw, Frame(0, 0x001, b""))
+                assert process.poll() is None
+            with open_socket(CHANNEL) as ear:
+                for frame in (
+                    Frame(0, 0x080, bytes(range(8))),
+                    Frame(0, 0x111, b""),
+                    Frame(0, 0x1ABCDEF0, b"\xff", is_extended=True),
+                    Frame(0, 0x110, bytes(range(32)), is_fd=True),
+                    Frame(0, 0x112, b"", is_remote=True),
+                    Frame(0, 0x7FF, b""),
+                ):
+                    assert send(raw, frame)
+                while b"7FF#\n" not in log.read_bytes():
+                    assert process.poll() is None
+                process.terminate()
+                lines = [candump_line(frame, CHANNEL) for frame in receive_frames(ear)]
+        assert len(lines) == 6
+        written = re.sub("##[0-9A-F]", "##1", log.read_text()).splitlines()  # a frame keeps no flags of CAN FD
+        assert [line for line in written if " 001#" not in line] == lines
+        assert [candump_line(frame, CHANNEL) for frame in read_candump(log)][-6:] == lines
+    finally:
+        set_mtu(before)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from .contract import CHANNEL
+from .observer import CHANNEL
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -68,7 +68,7 @@ def test_an_interface_that_is_down_is_missing_and_its_command_brings_it_up(inter
     answer = doctor("--channel", interface)
     assert answer.status == 2
     assert answer.verdict(interface) == "missing"
-    run(answer[interface]["mend"])
+    run(answer[interface]["fix"])
     assert doctor("--channel", interface).status == 0
 
 
@@ -79,7 +79,7 @@ def test_an_interface_that_is_not_there_is_missing_and_its_command_makes_it(vcan
     assert answer.verdict("vcan") == "ok"
     try:
         # Where the tests run the module is there, though not always where modprobe looks for it.
-        run(answer["vcan7"]["mend"].removeprefix("sudo modprobe vcan && "))
+        run(answer["vcan7"]["fix"].removeprefix("sudo modprobe vcan && "))
         assert doctor("--channel", "vcan7").status == 0
     finally:
         ip("link del vcan7")
@@ -88,7 +88,7 @@ def test_an_interface_that_is_not_there_is_missing_and_its_command_makes_it(vcan
 def test_a_real_interface_that_is_not_there_sends_to_the_adapter(vcan0: None) -> None:  # noqa: ARG001
     answer = doctor("--channel", "can7")
     assert answer.status == 2
-    run(answer["can7"]["mend"])
+    run(answer["can7"]["fix"])
 
 
 def test_an_interface_without_can_is_none(vcan0: None) -> None:  # noqa: ARG001
@@ -105,7 +105,7 @@ def test_an_mtu_of_classical_frames_is_enough_for_a_classical_vehicle_only(inter
     answer = doctor("--channel", interface, "--profile", "reference_fd")
     assert answer.status == 2
     assert answer.verdict("MTU") == "missing"
-    run(answer["MTU"]["mend"])
+    run(answer["MTU"]["fix"])
     assert doctor("--channel", interface, "--profile", "reference_fd").status == 0
 
 
@@ -114,7 +114,7 @@ def test_a_long_transmit_queue_is_warned_of_and_its_command_shortens_it(interfac
     answer = doctor("--channel", interface)
     assert answer.status == 0
     assert answer.verdict("txqueuelen") == "warn"
-    run(answer["txqueuelen"]["mend"])
+    run(answer["txqueuelen"]["fix"])
     assert doctor("--channel", interface).verdict("txqueuelen") == "ok"
     ip(f"link set {interface} txqueuelen 2")
     assert "one pass sends up to" in doctor("--channel", interface)["txqueuelen"]["text"]
@@ -127,7 +127,7 @@ def test_a_small_receive_buffer_is_warned_of_and_its_command_enlarges_it(vcan0: 
         limit.write_text("212992")
         answer = doctor()
         assert answer.verdict("rmem_max") == "warn"
-        run(answer["rmem_max"]["mend"])
+        run(answer["rmem_max"]["fix"])
         assert doctor().verdict("rmem_max") == "ok"
     finally:
         limit.write_text(before)

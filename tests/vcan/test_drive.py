@@ -6,12 +6,14 @@ import urllib.request
 from dataclasses import dataclass
 
 import pytest
+from vehicle_bus_contract.judge import Record, lateral_errors_m
+from vehicle_bus_contract.reference import NAMES, S
 
 from vehicle_iface.trajectories.shapes import make_route
 
 from .conftest import Program, Programs
-from .contract import NAMES, Observer, Record, S, decided, lateral_errors_m
 from .driving import own_faults, summary, wait_until_driven
+from .observer import Observer, decided
 from .peer import Vehicle
 
 DRIVE_S = 60
@@ -68,7 +70,7 @@ def drive(vcan0: None, tmp_path_factory: pytest.TempPathFactory) -> Drive:  # no
 def _drive(bus: Observer, programs: Programs) -> Drive:
     x_m, y_m, heading_rad = make_route("figure8").start
     start = f"--start={x_m:.6f},{y_m:.6f},{heading_rad:.6f}"
-    programs.start("sim", start, "--pedals", str(programs.folder / "pedals.sock"))
+    programs.start("sim", start, "--driver-socket", str(programs.folder / "pedals.sock"))
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     viewer = view(programs)
     loop = programs.run("--arm", "--route", "figure8")

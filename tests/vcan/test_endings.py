@@ -6,10 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from vehicle_bus_contract.reference import AUTONOMOUS, FAULT, MS, READY
 
 from .conftest import Programs, set_link
-from .contract import AUTONOMOUS, FAULT, MS, READY, Observer, decided, reasons
 from .driving import driven, is_standing, line_file, own_faults, summary, wait_until_driven
+from .observer import Observer, decided, reasons
 from .peer import Vehicle
 
 WATCHDOG_NS = 100 * MS
@@ -58,7 +59,7 @@ def test_told_twice_the_loop_lets_go_at_once_with_one_pair(
 def test_when_its_time_is_over_the_loop_stops_the_vehicle_and_ends(
     programs: Programs, bus: Observer, is_told: bool
 ) -> None:
-    programs.start("sim", "--pedals", str(programs.folder / "pedals.sock"))
+    programs.start("sim", "--driver-socket", str(programs.folder / "pedals.sock"))
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     loop, moving = driven(programs, bus, "--trajectory", line_file(programs.folder), "--duration", "2.5")
     if is_told:
@@ -72,7 +73,7 @@ def test_when_its_time_is_over_the_loop_stops_the_vehicle_and_ends(
 
 
 def test_a_killed_loop_sends_nothing_more_and_the_vehicle_brakes_by_itself(programs: Programs, bus: Observer) -> None:
-    programs.start("sim", "--pedals", str(programs.folder / "pedals.sock"))
+    programs.start("sim", "--driver-socket", str(programs.folder / "pedals.sock"))
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     loop, moving = driven(programs, bus)
     loop.kill()
@@ -89,7 +90,7 @@ def test_a_killed_loop_sends_nothing_more_and_the_vehicle_brakes_by_itself(progr
 def test_a_killed_vehicle_makes_the_loop_stop_fall_silent_and_end_in_status_4(
     programs: Programs, bus: Observer
 ) -> None:
-    sim = programs.start("sim", "--pedals", str(programs.folder / "pedals.sock"))
+    sim = programs.start("sim", "--driver-socket", str(programs.folder / "pedals.sock"))
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     loop, moving = driven(programs, bus)
     sim.kill()
@@ -107,7 +108,7 @@ def test_a_killed_vehicle_makes_the_loop_stop_fall_silent_and_end_in_status_4(
 def test_a_summary_that_cannot_be_written_changes_neither_the_status_4_nor_the_table(
     programs: Programs, bus: Observer
 ) -> None:
-    sim = programs.start("sim", "--pedals", str(programs.folder / "pedals.sock"))
+    sim = programs.start("sim", "--driver-socket", str(programs.folder / "pedals.sock"))
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     loop, _ = driven(programs, bus, "--trajectory", line_file(programs.folder), "--summary", "/dev/full")
     sim.kill()

@@ -4,10 +4,12 @@ import signal
 import struct
 
 import pytest
+from vehicle_bus_contract.reference import FAULT
+from vehicle_bus_contract.socketcan import open_socket
 
 from .conftest import Programs
-from .contract import FAULT, Observer, raw_socket
 from .driving import driven, own_faults, summary, wait_until_driven
+from .observer import CHANNEL, Observer
 from .peer import Vehicle
 
 pytestmark = pytest.mark.usefixtures("vehicle")
@@ -31,7 +33,7 @@ CLASSES = {
 
 def report(error_class: int, controller: int = 0) -> None:
     """Put one error frame on the bus, as a driver does."""
-    with raw_socket() as raw:
+    with open_socket(CHANNEL) as raw:
         raw.send(struct.pack("=IB3x8s", ERROR | error_class, 8, bytes([0, controller]).ljust(8, b"\0")))
 
 

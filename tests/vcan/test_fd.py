@@ -12,23 +12,15 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from bus_contract_fd import COUNTERS, LAYOUT, NAMES, intact, pack
+from vehicle_bus_contract.judge import Sample, lateral_errors_m
+from vehicle_bus_contract.reference import AUTONOMOUS, DecodedFrame, Frame, S
+from vehicle_bus_contract.reference_fd import COUNTERS, LAYOUT, NAMES, intact, pack
+from vehicle_bus_contract.socketcan import open_socket, receive_frames, send
 
 from vehicle_iface.trajectories.shapes import make_route
 
 from .conftest import Programs, mtu, set_mtu
-from .contract import (
-    AUTONOMOUS,
-    PATIENCE_S,
-    Frame,
-    S,
-    Sample,
-    Told,
-    lateral_errors_m,
-    raw_socket,
-    receive,
-    send,
-)
+from .observer import CHANNEL, PATIENCE_S
 
 FD_MTU = 72
 LATERAL_LIMIT_M = 0.3
@@ -42,9 +34,9 @@ class Record:
     """Every frame on vcan0 from a thread of its own, each of them of the contract and intact."""
 
     def __init__(self) -> None:
-        self.told: list[Told] = []
+        self.decoded: list[DecodedFrame] = []
         self.wrong: list[str] = []
-        self._raw = raw_socket()
+        self._raw = open_socket(CHANNEL)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="record")
         self._thread.start()
@@ -55,17 +47,17 @@ class Record:
         self._thread.join()
         self._raw.close()
 
-    def of(self, name: str, since: int = 0) -> list[Told]:
+    def of(self, name: str, since: int = 0) -> list[DecodedFrame]:
         """All frames of a message."""
-        return [told for told in self.told[since:] if told.name == name]
+        return [told for told in self.decoded[since:] if told.name == name]
 
     def wait_for(self, what: str, name: str, since: int = 0, **wanted: float) -> int:
         """The index after the first frame with these values; fails, naming `what`, when it does not come."""
         deadline_s = time.monotonic() + PATIENCE_S
         index = since
         while time.monotonic() < deadline_s:
-            while index < len(self.told):
-                told, index = self.told[index], index + 1
+            while index < len(self.decoded):
+                told, index = self.decoded[index], index + 1
                 if told.name == name and all(told[signal] == value for signal, value in wanted.items()):
                     return index
             time.sleep(0.05)  # a test that looks more often takes time from the programs that it watches
@@ -80,10 +72,10 @@ class Record:
     def _watch(self) -> None:
         while not self._over.is_set():
             select.select([self._raw], [], [], 0.2)
-            for frame in iter(lambda: receive(self._raw), None):
+            for frame in receive_frames(self._raw):
                 told = intact(frame)
                 if told is not None:
-                    self.told.append(told)
+                    self.decoded.append(told)
                 else:
                     self.wrong.append(str(frame))
 
@@ -118,16 +110,16 @@ def start_vehicle(programs: Programs, record: Record) -> None:
     """The simulated vehicle at the route's start."""
     x_m, y_m, heading_rad = make_route("figure8").start
     start = f"--start={x_m:.6f},{y_m:.6f},{heading_rad:.6f}"
-    programs.start("sim", "--profile", "reference_fd", start, "--pedals", str(programs.folder / "pedals.sock"))
+    programs.start("sim", "--profile", "reference_fd", start, "--driver-socket", str(programs.folder / "pedals.sock"))
     record.wait_for("the vehicle's first sample", "STATE")
 
 
-def steps(told: list[Told]) -> set[int]:
+def steps(told: list[DecodedFrame]) -> set[int]:
     """By how much a counter has stepped."""
     return {(after.counter - before.counter) % COUNTERS for before, after in pairwise(told)}
 
 
-def unreasonable(record: Record, since: int) -> list[Told]:
+def unreasonable(record: Record, since: int) -> list[DecodedFrame]:
     """Commands that neither drive nor stop for a sample that was late on the wire."""
     samples = [told.stamp_ns for told in record.of("STATE")]
     late = [after for before, after in pairwise(samples) if after - before > TIMELY_NS]
@@ -151,16 +143,16 @@ def test_two_processes_drive_the_figure_of_eight_on_can_fd(fd_programs: Programs
     route = make_route("figure8")
     samples = [
         Sample(told.stamp_ns, told["POS_X"], told["POS_Y"], told["HEADING"], told["SPEED"])
-        for told in record.told[begin:end]
+        for told in record.decoded[begin:end]
         if told.name == "STATE"
     ]
     assert max(lateral_errors_m(samples, route.x_m.tolist(), route.y_m.tolist())) < LATERAL_LIMIT_M
     assert sum(sample.speed_mps for sample in samples) * 0.01 > 30.0
     assert record.wrong == []
-    assert {told.name for told in record.told} == set(LAYOUT)
+    assert {told.name for told in record.decoded} == set(LAYOUT)
     for name in LAYOUT:
         assert steps(record.of(name)) == {1}
-    driven = [told for told in record.told[begin:end] if told.name == "COMMAND"]
+    driven = [told for told in record.decoded[begin:end] if told.name == "COMMAND"]
     assert abs(len(driven) - len(samples)) <= 0.05 * len(samples)
     assert all(told["ENABLE"] == 1 for told in driven)
     assert [told for told in unreasonable(record, begin) if told.reason != "SHUTDOWN"] == []
@@ -176,7 +168,7 @@ def test_frames_of_another_kind_or_a_wrong_checksum_change_nothing(fd_programs: 
     loop = fd_programs.run("--profile", "reference_fd", "--arm", "--route", "figure8")
     begin = record.wait_for("the vehicle engages", "VEHICLE_STATUS", MODE=AUTONOMOUS)
     begin = record.wait_samples(200, begin)
-    raw = raw_socket()
+    raw = open_socket(CHANNEL)
     with suppress(OSError):
         raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_RECV_OWN_MSGS, 0)
     for count in range(50):

@@ -10,11 +10,13 @@ from pathlib import Path
 
 import defects
 import pytest
-from hil import result
-from hil.bus import Bus
-from hil.result import Evidence, Run, Verdict
+from hil_bench import result
+from hil_bench.bus import Bus
+from hil_bench.result import Evidence, Run, Verdict
+from vehicle_bus_contract.reference import Frame
+from vehicle_bus_contract.socketcan import open_socket, receive_frames, send
 
-from .contract import CHANNEL, Frame, drained, raw_socket, send
+from .observer import CHANNEL
 
 ROOT = Path(__file__).resolve().parents[2]
 MINIMAL = f"{sys.executable} {ROOT}/tests/hil/minimal_controller.py --channel {{channel}} --route {{trajectory}}"
@@ -26,15 +28,15 @@ LONGEST_S = 480.0
 DEFECTS = {
     "timeout_removed": ("state-lost", "a stop with STATE_STALE"),
     "crc_unchecked": ("crc-always-wrong", "a stop with STATE_STALE"),
-    "steer_sign_swapped": ("drive-from-the-side", "comes to the end"),
-    "nan_path": ("drive-from-the-side", "comes to the end"),
-    "limit_off_by_10_percent": ("drive-from-the-side", "every value within the limits"),
+    "steer_sign_swapped": ("drive-from-the-side", "reaches the end"),
+    "nan_path": ("drive-from-the-side", "reaches the end"),
+    "limit_off_by_10_percent": ("drive-from-the-side", "every value is within the limits"),
     "jerk_unlimited": ("end-of-space", "steering, lateral acceleration, braking and jerk"),
     "stop_swerves": ("pose-invalid-in-a-bend", "steering, lateral acceleration, braking and jerk"),
-    "counter_repeated_with_fresh_crc": ("end-of-space", "its counters step by one"),
+    "counter_repeated_with_fresh_crc": ("end-of-space", "its counters advance by one"),
     "stop_without_brake": ("crc-always-wrong", "a stop brakes"),
     "stop_without_reason": ("state-lost", "a stop with STATE_STALE"),
-    "late_by_30_ms": ("latency-at-0-percent-load", "a sample that is left out"),
+    "late_by_30_ms": ("latency-at-0-percent-load", "a dropped sample"),
     "commands_after_override": ("driver-brakes", "ENABLE = 0 with DRIVER_OVERRIDE"),
     "diary_blocks": ("recorder-stopped", "drives on: no stop"),
     "diary_matters": ("recorder-disk-full", "drives on: no stop"),
@@ -64,7 +66,7 @@ def test_there_is_a_case_for_every_defect() -> None:
 
 
 @pytest.mark.timeout(LONGEST_S)
-def test_a_sound_controller_that_shares_no_code_with_the_program_passes_where_each_defect_does_not(
+def test_an_independent_sound_controller_passes_every_case_that_detects_a_defect(
     tmp_path: Path,
 ) -> None:
     cases = dict.fromkeys(case for case, _ in DEFECTS.values())
@@ -76,7 +78,7 @@ def test_a_sound_controller_that_shares_no_code_with_the_program_passes_where_ea
 
 @pytest.mark.timeout(LONGEST_S)
 @pytest.mark.parametrize("defect", DEFECTS)
-def test_a_defect_turns_the_bench_red_in_the_case_that_is_there_for_it(tmp_path: Path, defect: str) -> None:
+def test_each_defect_fails_its_case(tmp_path: Path, defect: str) -> None:
     case, must = DEFECTS[defect]
     broken = f" --defect {defect}"
     status, run, said = bench(tmp_path, [case], device=ARMED + broken, recording=RECORDING + broken, viewer=VIEWER)
@@ -88,7 +90,7 @@ def test_a_defect_turns_the_bench_red_in_the_case_that_is_there_for_it(tmp_path:
 
 @pytest.mark.timeout(LONGEST_S)
 def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> None:
-    cases = ["state-lost", "killed", "link-blip", "recorder-disk-full", "viewer-flooded", "not-armed"]
+    cases = ["state-lost", "killed", "link-blip", "recorder-disk-full", "viewer-stopped", "not-armed"]
     cases += ["trajectory-with-nan"]
     status, run, said = bench(tmp_path, cases)
     assert {case.name: case.verdict for case in run.cases} == dict.fromkeys(cases, Verdict.PASS), said
@@ -102,7 +104,7 @@ def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> Non
 
 
 @pytest.mark.timeout(LONGEST_S)
-def test_told_to_end_in_the_middle_of_a_case_it_ends_the_device_puts_everything_back_and_reports_what_it_has(
+def test_sigterm_in_a_case_ends_the_device_restores_the_link_and_writes_the_report(
     tmp_path: Path,
 ) -> None:
     command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
@@ -120,7 +122,7 @@ def test_told_to_end_in_the_middle_of_a_case_it_ends_the_device_puts_everything_
         bench.kill()
         subprocess.run(["ip", "link", "set", CHANNEL, "up"], check=True)
     run = result.read(tmp_path / "report" / "results.json")
-    assert "interrupted in case 1 of 2; everything is put back" in said
+    assert "interrupted in case 1 of 2; links, clock, cables and disks are restored" in said
     assert (run.verdict, [case.verdict for case in run.cases]) == (Verdict.NOT_EXECUTED, [Verdict.NOT_EXECUTED])
     assert "interrupted in case 1 of 2" in (tmp_path / "report" / "index.html").read_text()
     assert bench.returncode == 130
@@ -133,7 +135,7 @@ def _is_up() -> bool:
     return bool(int(Path(f"/sys/class/net/{CHANNEL}/flags").read_text(), 16) & 1)
 
 
-def test_on_a_bus_that_is_not_quiet_it_only_listens(tmp_path: Path) -> None:
+def test_on_a_bus_with_traffic_the_bench_only_listens(tmp_path: Path) -> None:
     sim = subprocess.Popen([sys.executable, "-m", "vehicle_iface", "sim", "--channel", CHANNEL], cwd=ROOT)
     try:
         command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
@@ -155,25 +157,25 @@ def test_on_a_bus_that_is_not_quiet_it_only_listens(tmp_path: Path) -> None:
     assert done.returncode == 3
 
 
-def test_beside_a_real_vehicle_it_only_listens_however_quiet_the_bus_is(vcan0: None, tmp_path: Path) -> None:  # noqa: ARG001
+def test_with_a_real_vehicle_the_bench_only_listens(vcan0: None, tmp_path: Path) -> None:  # noqa: ARG001
     command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
-    with raw_socket() as ear:
+    with open_socket(CHANNEL) as ear:
         done = subprocess.run(
             [*command, "--real-vehicle", "--duration", "1"], capture_output=True, timeout=60, check=False, cwd=ROOT
         )
-        heard = drained(ear)
+        heard = receive_frames(ear)
     run = result.read(tmp_path / "report" / "results.json")
     assert [case.name for case in run.cases] == ["listen-only"]
     assert (done.returncode, run.verdict, heard) == (3, Verdict.NOT_EXECUTED, [])
 
 
-def test_frames_of_its_own_that_were_under_way_when_it_opened_the_bus_anew_are_no_strangers(vcan0: None) -> None:  # noqa: ARG001
+def test_own_frames_in_flight_during_a_reopen_are_still_own(vcan0: None) -> None:  # noqa: ARG001
     frame = Frame(0, 0x110, bytes(range(8)))
     own = Bus(CHANNEL, None)
     try:
         assert own.send(frame)
         own.reopen()
-        with raw_socket() as other:
+        with open_socket(CHANNEL) as other:
             assert send(other, frame)
             assert send(other, frame)
         heard = list(own.drain())

@@ -4,8 +4,8 @@ import signal
 import urllib.request
 
 from .conftest import ROOT, Programs
-from .contract import Observer, decided
 from .driving import driven, line_file, wait_until_driven
+from .observer import Observer, decided
 from .peer import Vehicle
 from .verdict import breaches
 
@@ -13,7 +13,7 @@ VCAN = ROOT / "tests" / "vcan"
 TOKEN = "sixteen-characters-and-more"
 SECOND_VIEWERS = """
 import sys
-from viewer.__main__ import main
+from vehicle_iface_viewer.__main__ import main
 assert main(["--port", sys.argv[1]]) == main(["--port", "0", "--host", "0.0.0.0"]) == 2
 """
 
@@ -31,7 +31,7 @@ def test_a_page_that_is_attacked_flooded_and_told_nonsense_changes_nothing_on_th
     assert "--allow-remote and --token" in remote
     posted = programs.folder / "<img src=x onerror=alert(1)>"
     programs.start_python(str(VCAN / "poster.py"), str(posted), "far", name="poster")
-    loop, moving = driven(programs, bus, "--trajectory-post", str(posted))
+    loop, moving = driven(programs, bus, "--trajectory-mailbox", str(posted))
 
     attacker = programs.start_python(str(VCAN / "hostile.py"), port, TOKEN, name="hostile")
     assert attacker.ends(60.0) == 0

@@ -4,19 +4,22 @@ import signal
 from collections.abc import Callable, Iterator
 
 import pytest
+from vehicle_bus_contract.judge import Record
+from vehicle_bus_contract.reference import CONTROLLER_SENDS, FAULT, MS, SAMPLE
 
 from .conftest import Programs
-from .contract import CONTROLLER_SENDS, FAULT, MS, SAMPLE, Observer, Record, decided, reasons
-from .driving import driven, own_faults, summary, wait_until_driven
+from .driving import driven, line_file, own_faults, summary, wait_until_driven
+from .observer import Observer, decided, reasons
 from .peer import ALWAYS, Vehicle
 
 JUMP_M, FAR_M = 5.0, 50.0
-SLIP_M, SPIN_RAD, BRAKE_MPS, PUSH_MPS = 0.06, 0.025, 0.35, 0.4
-"""What each sample changes by: little enough to be true of a vehicle."""
+SLIDE_MPS, WHEEL_RAD, PUSH_MPS2 = 3.0, 0.5, 15.0
+"""What ice, a steering that turns by itself, and a steep hill do: no more than can be true of a vehicle."""
 LONG_ENOUGH = 150
 """Samples, until whatever strays is far off."""
 STOP_WITHIN_NS = 150 * MS
 SLACK_NS = 60 * MS
+AHEAD_M = 300.0
 
 
 class Doubtful(Vehicle):
@@ -138,11 +141,13 @@ def test_a_vehicle_that_sends_at_half_its_rate_is_driven_and_what_lacks_is_count
     assert found["drops"] == {}
 
 
+@pytest.mark.parametrize("status_frames_lost", [0, ALWAYS], ids=["by its status", "by its place"])
 def test_a_second_vehicle_on_the_bus_is_not_taken_for_the_first_and_the_drive_ends(
-    programs: Programs, bus: Observer, vehicle: Vehicle
+    programs: Programs, bus: Observer, vehicle: Vehicle, status_frames_lost: int
 ) -> None:
     _, moving = driven(programs, bus)
     second = Doubtful(x_m=FAR_M)
+    second.faults.muted["VEHICLE_STATUS"] = status_frames_lost
     second.count_like(vehicle, ahead=2)
     second.start()
     _, seen = bus.wait_until("the second vehicle", lambda told: told.name == "POSE" and told["POS_X"] >= FAR_M)
@@ -155,29 +160,29 @@ def test_a_second_vehicle_on_the_bus_is_not_taken_for_the_first_and_the_drive_en
 
 def slips(vehicle: Vehicle) -> None:
     """On ice, to the left."""
-    vehicle.y_m += SLIP_M
+    vehicle.slide_mps = SLIDE_MPS
 
 
-def spins(vehicle: Vehicle) -> None:
-    """On ice, about itself, faster than it can be steered back."""
-    vehicle.heading_rad += SPIN_RAD
+def turns_away(vehicle: Vehicle) -> None:
+    """Its steering turns by itself."""
+    vehicle.steers_by_itself_rad = WHEEL_RAD
 
 
 def rolls_back(vehicle: Vehicle) -> None:
     """Down a hill that the brakes do not hold it on."""
-    vehicle.speed_mps = max(-2.0, vehicle.speed_mps - BRAKE_MPS)
+    vehicle.push_mps2 = -PUSH_MPS2 if vehicle.speed_mps > -2.0 else 0.0
 
 
 def runs_away(vehicle: Vehicle) -> None:
     """Down a hill, faster than it may go."""
-    vehicle.speed_mps = min(25.0, vehicle.speed_mps + PUSH_MPS)
+    vehicle.push_mps2 = PUSH_MPS2 if vehicle.speed_mps < 25.0 else 0.0
 
 
 @pytest.mark.parametrize(
     ("strays", "finding"),
     [
         (slips, "off the path"),
-        (spins, "heading away from the path"),
+        (turns_away, "heading away from the path"),
         (rolls_back, "rolling against the direction of travel"),
         (runs_away, "faster than the vehicle may go"),
     ],
@@ -204,3 +209,19 @@ def test_a_vehicle_that_leaves_its_path_or_its_heading_rolls_back_or_runs_away_i
     found = summary(programs)
     assert found["deviations"][finding] >= 1
     assert not any(found["implausible"].values())
+
+
+def test_a_vehicle_whose_path_begins_300_m_ahead_is_held_where_it_stands(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
+    loop = programs.run("--arm", "--trajectory", line_file(programs.folder, first_m=AHEAD_M))
+    loop.says(rf"deviation at point 0: off the path: distance_m = {AHEAD_M:.0f}, limit 3")
+    index, _ = bus.wait_for("the vehicle is held", "DRIVE_COMMAND", REASON="DEVIATION", ENABLE=1, SAFE_STOP=1)
+    record = bus.record(index, bus.wait_samples(150, since=index))
+    assert decided(record) == ["DEVIATION"]
+    assert all(pair.is_enabled and pair.is_stop for pair in record.pairs)
+    assert not own_faults(record)
+    assert vehicle.x_m == 0.0
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    assert summary(programs)["deviations"]["off the path"] >= 150

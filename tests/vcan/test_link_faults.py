@@ -9,10 +9,11 @@ import time
 from typing import Any
 
 import pytest
+from vehicle_bus_contract.reference import FAULT, DecodedFrame, S
 
 from .conftest import IFF_UP, Program, Programs
-from .contract import CHANNEL, FAULT, Observer, S, Told
 from .driving import driven, summary, wait_until_driven
+from .observer import CHANNEL, Observer
 from .peer import Vehicle
 
 NOTICED_WITHIN_S = 0.1
@@ -47,7 +48,7 @@ def _ip(*arguments: str) -> None:
     subprocess.run(["ip", *arguments], check=True, capture_output=True)
 
 
-def noticed_s(found: dict[str, Any], first: Told, cut_ns: int) -> float:
+def noticed_s(found: dict[str, Any], first: DecodedFrame, cut_ns: int) -> float:
     """How long after the fault the loop noted it; its clock is tied to ours by its first enabled command."""
     engaged_s = next(change["at_s"] for change in found["transitions"] if change["mode"] == "ENGAGING")
     silent_s = next(change["at_s"] for change in found["transitions"] if change["mode"] == "SILENT")

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -12,15 +11,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from bus_contract import Contract
-from check_drive import PROFILES, judge, read_candump
+from drive_checks.check_drive import PROFILES, judge
+from vehicle_bus_contract.candump import read_candump
+from vehicle_bus_contract.reference import Contract, Frame
 
 from .conftest import ROOT, Program, Programs, mtu, set_mtu
-from .contract import CHANNEL, Frame, Observer, raw_socket, send
 from .driving import wait_until_driven
+from .observer import Observer
 
 TOOLS = ROOT / "tools"
-LONG_DRIVE = str(TOOLS / "_long_drive.py")
+LONG_DRIVE = ("-P", "-m", "drive_checks.long_drive")
 DRIVE_S = 15
 PLACE = -400
 """A command well before the stop at the end: of the stalls of a slow machine few come after it."""
@@ -56,12 +56,12 @@ def drive(request: pytest.FixtureRequest, vcan0: None, tmp_path_factory: pytest.
     folder, before = tmp_path_factory.mktemp("drive") / "results", mtu()
     options = ["--profile", request.param, "--duration", str(DRIVE_S), "--out", str(folder)]
     done = subprocess.run(
-        [sys.executable, LONG_DRIVE, *options],
+        [sys.executable, *LONG_DRIVE, *options],
         check=False,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        env=os.environ | {"PYTHONPATH": f"{ROOT}:{TOOLS}"},
     )
     yield Drive(PROFILES[request.param], folder, done.returncode, done.stdout)
     set_mtu(before)
@@ -131,7 +131,7 @@ def test_a_fault_planted_into_the_record_is_found(
 def begun(programs: Programs, bus: Observer) -> tuple[Program, Path]:
     """A drive that is to last, under way, and where it will leave its results."""
     folder = programs.folder / "results"
-    program = programs.start_python(LONG_DRIVE, "--duration", "600", "--out", str(folder), name="long_drive")
+    program = programs.start_python(*LONG_DRIVE, "--duration", "600", "--out", str(folder), name="long_drive")
     wait_until_driven(bus)
     return program, folder
 
@@ -151,7 +151,7 @@ def test_ctrl_c_stops_the_vehicle_first_and_the_drive_counts_for_nothing(program
 @pytest.mark.timeout(180)
 def test_a_viewer_that_dies_ends_the_drive_in_order_and_the_verdict_names_it(programs: Programs, bus: Observer) -> None:
     program, folder = begun(programs, bus)
-    os.kill(child(program, "viewer"), signal.SIGKILL)
+    os.kill(child(program, "vehicle_iface_viewer"), signal.SIGKILL)
     assert program.ends(60.0) == 1
     record = bus.record()
     assert not record.pairs[-1].is_enabled
@@ -166,46 +166,3 @@ def child(program: Program, module: str) -> int:
         if module.encode() in Path(f"/proc/{each}/cmdline").read_bytes().split(b"\0"):
             return int(each)
     raise AssertionError(f"{program.name} has no child that runs {module}")
-
-
-def test_the_own_recorder_writes_what_candump_writes(programs: Programs, bus: Observer) -> None:
-    bus.is_strangers = lambda _: True  # nobody drives here
-    before = mtu()
-    set_mtu(72)
-    candump = shutil.which("candump")
-    assert candump is not None
-    recorders = {"candump": [candump, "-L", CHANNEL], "own": [sys.executable, str(TOOLS / "_recorder.py"), CHANNEL]}
-    outs = {name: (programs.folder / name).open("wb") for name in recorders}
-    running = {name: subprocess.Popen(command, stdout=outs[name]) for name, command in recorders.items()}
-    raw = raw_socket()
-    last = Frame(0, 0x7FF, b"")
-    try:
-        for name in recorders:  # both hear by the time at which both have written something
-            while not (programs.folder / name).stat().st_size:
-                assert send(raw, Frame(0, 0x001, b""))
-                assert running[name].poll() is None
-        for frame in (
-            Frame(0, 0x080, bytes(range(8))),
-            Frame(0, 0x111, b""),
-            Frame(0, 0x1ABCDEF0, b"\xff", is_extended=True),
-            Frame(0, 0x110, bytes(range(32)), is_fd=True),
-            Frame(0, 0x112, b"", is_remote=True),
-            last,
-        ):
-            assert send(raw, frame)
-        for name in recorders:
-            while b"7FF#\n" not in (programs.folder / name).read_bytes():
-                assert running[name].poll() is None
-    finally:
-        for name, process in running.items():
-            process.terminate()
-            process.wait()
-            outs[name].close()
-        raw.close()
-        set_mtu(before)
-    lines = [
-        [line for line in (programs.folder / name).read_text().splitlines() if " 001#" not in line]
-        for name in recorders
-    ]
-    assert lines[0] == lines[1]
-    assert len(lines[0]) == 6

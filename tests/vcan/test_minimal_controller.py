@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 from defects import DEFECTS
+from vehicle_bus_contract.judge import lateral_errors_m
+from vehicle_bus_contract.reference import AUTONOMOUS, MANUAL
 
 from .conftest import ROOT, Program, Programs
-from .contract import AUTONOMOUS, MANUAL, Observer, decided, lateral_errors_m, reasons
 from .driving import line_file, own_faults, wait_until_driven
+from .observer import Observer, decided, reasons
 from .peer import Vehicle
 
 CONTROLLER = str(ROOT / "tests" / "hil" / "minimal_controller.py")

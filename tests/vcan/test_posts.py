@@ -4,12 +4,13 @@ import signal
 from itertools import pairwise
 
 import pytest
+from vehicle_bus_contract.judge import lateral_errors_m
 
 from vehicle_iface.trajectories.shapes import make_route
 
 from .conftest import ROOT, Programs
-from .contract import Observer, decided, lateral_errors_m
 from .driving import driven, own_faults, summary
+from .observer import Observer, decided
 from .peer import Vehicle
 
 POSTER = str(ROOT / "tests" / "vcan" / "poster.py")
@@ -39,6 +40,7 @@ REFUSED_TAKING = [
     r"trajectory rejected, .*: speed_mps\[7\] = 20.5: must be in \[-20.0, 20.0\]",
     r"trajectory rejected, .*: front_wheel_angle_rad\[7\] = -0.61: must be in \[-0.6, 0.6\]",
     r"trajectory rejected, .*: the path turns by .* rad/m at point \d+: must be at most",
+    r"trajectory rejected, .*: point 20 lies 0.005 m behind point 19 in the direction of travel, .*drop_backward_steps",
 ]
 TAKEN_REFUSED = len(REFUSED_TAKING) + 2
 """And those two that the controller refuses."""
@@ -55,7 +57,7 @@ def test_a_bad_or_unwanted_trajectory_changes_nothing_and_a_long_one_is_driven(
     file, picky = str(programs.folder / "posted"), programs.folder / "picky.py"
     picky.write_text(PICKY)
     programs.start_python(POSTER, file, "line", "300", "100", name="poster")
-    loop, moving = driven(programs, bus, "--trajectory-post", file, "--controller", f"{picky}:Picky")
+    loop, moving = driven(programs, bus, "--trajectory-mailbox", file, "--controller", f"{picky}:Picky")
     poster = programs.start_python(POSTER, file, "bad", name="poster")
     assert poster.ends() == 0
     for said in (*REFUSED_READING, *REFUSED_TAKING):
@@ -86,7 +88,7 @@ def test_a_hairpin_that_another_process_tells_anew_ten_times_a_second_is_driven_
     try:
         file = str(programs.folder / "posted")
         programs.start_python(POSTER, file, "route", "u_turn", name="poster")
-        loop, moving = driven(programs, bus, "--trajectory-post", file)
+        loop, moving = driven(programs, bus, "--trajectory-mailbox", file)
         end, _ = bus.wait_until(
             "the way back", lambda told: told.name == "MOTION" and told["HEADING"] > HAIRPIN_RAD, since=moving
         )

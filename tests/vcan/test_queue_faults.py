@@ -3,11 +3,13 @@
 import signal
 
 import pytest
+from vehicle_bus_contract.cable import CLOSED, LOOP_END, OPEN, Cable
+from vehicle_bus_contract.judge import examine
+from vehicle_bus_contract.reference import AUTONOMOUS, FAULT, NAMES, PAIR, Frame
 
-from .cable import CLOSED, LOOP_END, OPEN, Cable
 from .conftest import Programs
-from .contract import AUTONOMOUS, FAULT, NAMES, PAIR, Frame, Observer, decided, examine
 from .driving import driven, is_standing, own_faults, summary, wait_until_driven
+from .observer import Observer, decided
 from .peer import Vehicle
 
 SLOW = ("tbf", "rate", "8kbit", "burst", "32", "limit", "4000")
@@ -37,7 +39,7 @@ def test_a_queue_that_does_not_empty_silences_the_loop_and_hands_over_at_most_on
     if mend == "changed":
         cable.queue(LOOP_END, *OPEN)
     else:
-        cable.mend(LOOP_END)
+        cable.remove_queue(LOOP_END)
     after = vehicle_end.wait_samples(50, since=before)
     late = vehicle_end.record(before, after)
     assert sum(pair.is_enabled for pair in late.pairs) <= 1

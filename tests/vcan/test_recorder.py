@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
-from vehicle_iface.runtime.telemetry import TelemetryReader
+from vehicle_iface.telemetry import TelemetryReader
 
 from .conftest import Program, Programs
-from .contract import CHANNEL, Observer, decided
 from .driving import driven, own_faults, summary
+from .observer import CHANNEL, Observer, decided
 from .peer import Vehicle
 
 TOO_LONG_S = 6.5
@@ -127,7 +127,7 @@ def test_a_full_disk_costs_the_recording_and_nothing_else(
     folder = disk("size=400k") / "drive"
     loop, _ = recorded(programs, bus, memory, folder)
     begin = bus.now()
-    loop.says(r"recorder: \S+: (No space left on device|no room for all of it); what comes now is lost and counted")
+    loop.says(r"recorder: \S+: (No space left on device|no room for all of it); new lines are lost and counted")
     assert_driven_as_ever(bus, begin, bus.wait_samples(150))
     found = ended(programs, loop)
     lost = found["recorder"]["lost"]
@@ -183,7 +183,7 @@ def test_a_recorder_that_is_held_up_loses_what_it_missed_and_a_killed_one_what_c
     assert lost["snapshots"] > 50
     assert lost["frames"] > 1000
     os.kill(pid, signal.SIGKILL)
-    loop.says("the recorder is gone")
+    loop.says("the recorder exited")
     assert_driven_as_ever(bus, begin, bus.wait_samples(50))
     found = ended(programs, loop)["recorder"]
-    assert "what came then is LOST" in found["text"]
+    assert "later data is LOST" in found["text"]

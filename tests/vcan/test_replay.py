@@ -9,23 +9,12 @@ import signal
 from itertools import pairwise
 
 import pytest
+from vehicle_bus_contract.judge import examine
+from vehicle_bus_contract.reference import AUTONOMOUS, COUNTERS, GREATEST_STEP, MS, PAIR, SAMPLE, Frame, S
 
 from .conftest import ROOT, Program, Programs
-from .contract import (
-    AUTONOMOUS,
-    CONTROLLER_IDS,
-    COUNTERS,
-    GREATEST_STEP,
-    MS,
-    PAIR,
-    SAMPLE,
-    Frame,
-    Observer,
-    S,
-    examine,
-    reasons,
-)
 from .driving import driven, line_file, own_faults, summary
+from .observer import CONTROLLER_IDS, Observer, reasons
 from .peer import Vehicle
 
 PLAYER = str(ROOT / "tests" / "vcan" / "player.py")

@@ -5,9 +5,9 @@ import signal
 
 import pytest
 
-from .conftest import ROOT, Programs
+from .conftest import Programs
 
-SOAK = str(ROOT / "tools" / "_soak.py")
+SOAK = ("-P", "-m", "drive_checks.soak")
 FLAPS = 2
 
 
@@ -15,7 +15,7 @@ FLAPS = 2
 def test_a_drive_over_a_bad_cable_whose_link_goes_down_twice_is_found_clean(programs: Programs) -> None:
     path = programs.folder / "soak.json"
     timing = ["--duration", "37", "--flap-every", "13"]  # the last flap well before the last ten seconds
-    soak = programs.start_python(SOAK, *timing, "--json", str(path), name="soak")
+    soak = programs.start_python(*SOAK, *timing, "--json", str(path), name="soak")
     assert soak.ends(120.0) == 0, soak.text
     found = json.loads(path.read_text())
     assert found["wrong"] == []
@@ -31,7 +31,7 @@ def test_a_drive_over_a_bad_cable_whose_link_goes_down_twice_is_found_clean(prog
 
 
 def test_a_soak_that_is_interrupted_stops_the_vehicle_and_proves_nothing(programs: Programs) -> None:
-    soak = programs.start_python(SOAK, "--duration", "600", name="soak")
+    soak = programs.start_python(*SOAK, "--duration", "600", name="soak")
     soak.says("soaking circle for 600 s: loss 1%")
     soak.tell(signal.SIGINT)
     assert soak.ends(60.0) == 130

@@ -5,8 +5,9 @@ import signal
 import threading
 import time
 
+from vehicle_bus_contract.reference import READY
+
 from . import peer
-from .contract import READY
 from .peer import Vehicle
 from .standstill import Witness
 

@@ -3,10 +3,11 @@
 from itertools import pairwise
 
 import pytest
+from vehicle_bus_contract.reference import AUTONOMOUS, MAP, MS, ODOM, S
 
 from .conftest import ROOT, Programs
-from .contract import AUTONOMOUS, MAP, MS, ODOM, Observer, S, decided
 from .driving import driven, is_standing, line_file, own_faults, wait_until_driven
+from .observer import Observer, decided
 from .peer import Vehicle
 
 POSTER = str(ROOT / "tests" / "vcan" / "poster.py")
@@ -36,7 +37,7 @@ def stops(bus: Observer, reason: str, since: int, *, hazard_lights: bool) -> int
 def test_without_a_trajectory_the_vehicle_is_taken_over_and_held(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
-    programs.run("--arm", "--trajectory-post", str(programs.folder / "nothing-here"))
+    programs.run("--arm", "--trajectory-mailbox", str(programs.folder / "nothing-here"))
     index, _ = bus.wait_for("the vehicle engages", "VEHICLE_STATUS", MODE=AUTONOMOUS)
     stops(bus, "NO_TRAJECTORY", index, hazard_lights=True)
     assert vehicle.x_m == 0.0
@@ -46,7 +47,7 @@ def test_without_a_trajectory_the_vehicle_is_taken_over_and_held(
 def test_an_empty_trajectory_from_another_process_stops_the_vehicle(programs: Programs, bus: Observer) -> None:
     file = str(programs.folder / "posted")
     programs.start_python(POSTER, file, "line", "300", "100", name="poster")
-    _, moving = driven(programs, bus, "--trajectory-post", file)
+    _, moving = driven(programs, bus, "--trajectory-mailbox", file)
     programs.start_python(POSTER, file, "empty", name="poster")
     stops(bus, "EMPTY_TRAJECTORY", moving, hazard_lights=True)
 
@@ -55,7 +56,7 @@ def test_an_empty_trajectory_from_another_process_stops_the_vehicle(programs: Pr
 def test_past_the_end_in_space_the_vehicle_stops_without_alarm(programs: Programs, bus: Observer) -> None:
     file = str(programs.folder / "posted")
     programs.start_python(POSTER, file, "line", "6", "60", name="poster")
-    _, moving = driven(programs, bus, "--trajectory-post", file)
+    _, moving = driven(programs, bus, "--trajectory-mailbox", file)
     end = stops(bus, "PAST_END_SPACE", moving, hazard_lights=False)
     assert bus.record(end - 40, end).samples[-1].x_m > 5.0
 
@@ -91,7 +92,7 @@ def test_an_invalid_pose_stops_the_vehicle_until_it_is_valid(
 def test_trajectories_from_another_process_at_10_hz_do_not_disturb_the_drive(programs: Programs, bus: Observer) -> None:
     file = str(programs.folder / "posted")
     poster = programs.start_python(POSTER, file, "line", "300", "100", "60", name="poster")
-    loop, moving = driven(programs, bus, "--trajectory-post", file)
+    loop, moving = driven(programs, bus, "--trajectory-mailbox", file)
     bus.wait_samples(150, since=moving)
     assert poster.is_running
     end = bus.now()

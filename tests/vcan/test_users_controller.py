@@ -2,18 +2,26 @@
 
 import signal
 import textwrap
+from collections.abc import Callable
+from itertools import combinations, groupby
 
 import pytest
+from vehicle_bus_contract.judge import Pair, Record
+from vehicle_bus_contract.reference import FAULT, MS, S
 
 from .conftest import Programs
-from .contract import FAULT, MS, Observer, decided, reasons
 from .driving import driven, is_standing, line_file, own_faults, summary
+from .observer import Observer, decided, reasons
 from .peer import Vehicle
 
 WATCHDOG_NS = 100 * MS
 STATUS_PERIOD_NS = 20 * MS
 SLACK_NS = 60 * MS
 LATCHED_FAULT = 4
+ACCEL_RATE_MPS3, FRONT_RATE_RADPS = 30.0, 0.8
+"""Of the reference vehicle's profile."""
+JITTER_NS = 20 * MS
+"""Between the instant for which a command was computed and its stamp on the wire."""
 CONTROLLER = """
 import time
 from dataclasses import replace
@@ -61,13 +69,36 @@ def test_a_controller_that_raises_or_says_no_number_stops_the_vehicle_and_is_nam
     assert summary(programs)["counts"]["controller_errors"] > 30
 
 
+def runs_that_drive(record: Record) -> list[list[Pair]]:
+    """The pairs that drive, parted where a stop came between: a stop drops at once what drives."""
+    return [list(pairs) for reason, pairs in groupby(record.pairs, lambda pair: pair.reason) if reason == "NOMINAL"]
+
+
+def too_fast(pairs: list[Pair], rate_per_s: float, value_of: Callable[[Pair], float]) -> list[str]:
+    """Where a value changes by more than its rate allows, be it from one pair to the next or over many of them."""
+    return [
+        f"{value_of(before):.4f} to {value_of(after):.4f} in {(after.stamp_ns - before.stamp_ns) / MS:.1f} ms"
+        for before, after in combinations(pairs, 2)
+        if abs(value_of(after) - value_of(before)) > rate_per_s * (after.stamp_ns - before.stamp_ns + JITTER_NS) / S
+    ]
+
+
 @pytest.mark.usefixtures("vehicle")
 def test_a_controller_far_out_of_limits_is_limited_on_the_bus_and_counted(programs: Programs, bus: Observer) -> None:
-    mood = "return replace(wish, accel_mps2=1e6, front_wheel_angle_rad=1e6, speed_mps=1e6)"
+    mood = (
+        "sign = 1.0 if state.stamp_ns // 400_000_000 % 2 else -1.0\n"
+        "return replace(wish, accel_mps2=1e6 * sign, front_wheel_angle_rad=1e6 * sign, speed_mps=1e6)"
+    )
     loop, moving = driven(programs, bus, *arguments(programs, mood))
-    record = bus.record(moving, bus.wait_samples(150, since=moving))
+    record = bus.record(moving, bus.wait_samples(300, since=moving))
     assert set(decided(record)) <= {"NOMINAL", "DEVIATION"}
     assert not own_faults(record)
+    longest = max(runs_that_drive(record), key=len)
+    accels_mps2 = {pair.drive["ACCEL_REQUEST"] for pair in longest}
+    assert max(accels_mps2) - min(accels_mps2) > 3.0  # far enough to tell at what rate
+    for pairs in runs_that_drive(record):
+        assert not too_fast(pairs, ACCEL_RATE_MPS3, lambda pair: pair.drive["ACCEL_REQUEST"])
+        assert not too_fast(pairs, FRONT_RATE_RADPS, lambda pair: pair.steer["FRONT_WHEEL_ANGLE_REQUEST"])
     loop.tell(signal.SIGTERM)
     assert loop.ends() == 0
     limited = summary(programs)["limited"]

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from .conftest import Program, Programs, set_link
-from .contract import Observer
 from .driving import line_file, wait_until_driven
+from .observer import Observer
 
 NO_BUS = 3
 
@@ -57,5 +57,5 @@ def test_told_to_end_when_the_bus_has_come_and_the_recorder_begins_it_sends_noth
         time.sleep(0.001)
     loop.tell(signal.SIGTERM)
     assert loop.ends() == 0
-    loop.says("told to end before the loop had begun")
+    loop.says("interrupted before the loop started")
     assert bus.sent_by_controller() == []

@@ -6,7 +6,8 @@ The other rules of the contract, such as one answer to each sample, hold only wh
 from bisect import bisect
 from collections.abc import Iterable, Iterator, Sequence
 
-from .contract import CONTROLLER_SENDS, MS, Frame, Record, S, examine
+from vehicle_bus_contract.judge import Record, examine
+from vehicle_bus_contract.reference import CONTROLLER_SENDS, MS, Frame, S
 
 OLDEST_DRIVEN_NS = 250 * MS
 """An older sample is never driven by: 100 ms until it is looked at, 50 ms for a controller, and a slow machine."""

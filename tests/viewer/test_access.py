@@ -4,6 +4,7 @@ import contextlib
 import http.client
 import socket
 from collections.abc import Iterator
+from typing import Any
 
 import msgspec
 import pytest
@@ -14,10 +15,11 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.http11 import Request
 from websockets.sync.client import ClientConnection, connect
+from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
 
 from vehicle_iface.errors import ConfigError
-from viewer.access import MAX_MESSAGE_BYTES, Access, open_server
+from vehicle_iface_viewer.access import MAX_MESSAGE_BYTES, Access, open_server
 
 TOKEN = "0123456789abcdef"
 
@@ -50,12 +52,12 @@ def status(server: viser.ViserServer, path: str = "/", **headers: str) -> http.c
         return response
 
 
-def joined(server: viser.ViserServer, **options: object) -> ClientConnection:
+def joined(server: viser.ViserServer, **options: Any) -> ClientConnection:
     """A client of viser's own protocol."""
     name = Subprotocol(f"viser-v{viser.__version__}")
     return connect(
         f"ws://127.0.0.1:{server.get_port()}/", subprotocols=[name], max_size=None, compression=None, **options
-    )  # type: ignore[arg-type]
+    )
 
 
 def packed(message: _messages.Message) -> bytes:
@@ -157,7 +159,7 @@ def test_a_token_shown_once_is_kept_as_a_cookie(guarded: viser.ViserServer) -> N
 def test_another_address_needs_a_flag_and_a_token(host: str) -> None:
     for options in ({}, {"allow_remote": True}, {"token": TOKEN}):
         with pytest.raises(ConfigError, match=r"others could watch; .*--allow-remote and --token"):
-            Access(host=host, **options)  # type: ignore[arg-type]
+            Access(host=host, **options)
     assert not Access(host=host, allow_remote=True, token=TOKEN).is_local
 
 
@@ -168,7 +170,7 @@ def test_a_remote_viewer_is_known_by_address_and_needs_the_token() -> None:
         ("192.0.2.7:8080", "/", 401),
         ("rebound.example:8080", f"/?token={TOKEN}", 403),
     ):
-        assert access.refusal(Request(path, Headers(Host=host))) == expected
+        assert access.rejection(Request(path, Headers(Host=host))) == expected
 
 
 def test_a_short_token_is_refused() -> None:
@@ -220,7 +222,8 @@ def test_too_long_and_senseless_messages_close_that_client_alone(server: viser.V
     with joined(server) as bystander:
         bystander.recv(timeout=10)
         too_long = packed(_messages.GuiUpdateMessage("box", {"value": "x" * MAX_MESSAGE_BYTES}))
-        for senseless in (too_long, bytes(50_000_000), b"\xc1", b"\x91" * 10_000, b"", "text"):
+        longer_than_any = packed(_messages.GuiUpdateMessage("box", {"value": "x" * 100_000}))
+        for senseless in (too_long, longer_than_any, bytes(50_000_000), b"\xc1", b"\x91" * 10_000, b"", "text"):
             with joined(server) as client:
                 with contextlib.suppress(ConnectionClosed):  # of the longest not all is taken
                     client.send(senseless)
@@ -239,18 +242,18 @@ def test_a_connection_that_says_nothing_does_not_hold_up_the_end() -> None:
     assert not thread.is_alive()
 
 
-def wait_for_client(server: viser.ViserServer, client: ClientConnection) -> None:
+def wait_for_client(server: viser.ViserServer, client: Connection) -> None:
     """Until the server has heard of the client's camera."""
     while not server.get_clients():
         wait_for_answer(client)
 
 
-def wait_until_closed(client: ClientConnection) -> None:
+def wait_until_closed(client: Connection) -> None:
     with contextlib.suppress(ConnectionClosed):
         while True:
             client.recv(timeout=10)
 
 
-def wait_for_answer(client: ClientConnection) -> None:
+def wait_for_answer(client: Connection) -> None:
     """Until the server has answered a ping, having read what was sent before it."""
     assert client.ping().wait(timeout=10)

@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from vehicle_iface import Trajectory
-from vehicle_iface.runtime.telemetry import SessionInfo, Snapshot, TelemetryReader, TelemetryWriter, WriterState
+from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryReader, TelemetryWriter, WriterState
+from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
 from vehicle_iface.units import NS_PER_MS, NS_PER_S
-from viewer.feed import Feed
+from vehicle_iface_viewer.feed import Feed
 
 INFO = SessionInfo(channel="vcan0", bus="SocketCAN vcan0")
 ZEROS = np.zeros(3)
 PATH = Trajectory(stamp_ns=0, time_from_start_ns=np.arange(3), x_m=ZEROS, y_m=ZEROS, heading_rad=ZEROS, speed_mps=ZEROS)
+
+
+def counted(samples: int) -> LiveDetails:
+    return LiveDetails(link=LinkDetails(state="UP"), loop={"samples": samples})
 
 
 @pytest.fixture
@@ -29,22 +34,22 @@ def feed(writer: TelemetryWriter) -> Iterator[Feed]:
 
 def test_without_a_loop_the_view_says_so(tmp_path_factory: pytest.TempPathFactory) -> None:
     with TelemetryReader(str(tmp_path_factory.mktemp("feed") / "loop")) as reader:
-        view = Feed(reader).view(5)
-    assert (view.link, view.snapshot, view.is_stale) == (WriterState.ABSENT, None, True)
+        view = Feed(reader).read(5)
+    assert (view.writer_state, view.snapshot, view.is_stale) == (WriterState.ABSENT, None, True)
 
 
 def test_rates_are_counts_over_the_time_between(writer: TelemetryWriter, feed: Feed) -> None:
     for k in range(200):
         now_ns = k * 10 * NS_PER_MS
         writer.publish(Snapshot(now_ns, 3, 0, samples=k, commands=k // 2))
-        view = feed.view(now_ns)
+        view = feed.read(now_ns)
     assert view.sample_rate_hz == pytest.approx(100.0)
     assert view.command_rate_hz == pytest.approx(50.0, abs=1.0)
 
 
 def test_data_grows_old_and_keeps_being_shown(writer: TelemetryWriter, feed: Feed) -> None:
     writer.publish(Snapshot(NS_PER_S, 3, 0, has_state=True, stamp_ns=NS_PER_S - 7 * NS_PER_MS, samples=1))
-    young, old = feed.view(NS_PER_S), feed.view(NS_PER_S + 1200 * NS_PER_MS)
+    young, old = feed.read(NS_PER_S), feed.read(NS_PER_S + 1200 * NS_PER_MS)
     assert (young.is_stale, old.is_stale) == (False, True)
     assert old.data_age_s == pytest.approx(1.2)
     assert old.state_age_s == pytest.approx(1.207)
@@ -54,38 +59,38 @@ def test_data_grows_old_and_keeps_being_shown(writer: TelemetryWriter, feed: Fee
 
 def test_what_came_since_the_page_looked_at_the_clock_is_of_now(writer: TelemetryWriter, feed: Feed) -> None:
     writer.publish(Snapshot(NS_PER_S, 3, 0, has_state=True, stamp_ns=NS_PER_S - 7 * NS_PER_MS, samples=1))
-    view = feed.view(NS_PER_S - 8 * NS_PER_MS)
+    view = feed.read(NS_PER_S - 8 * NS_PER_MS)
     assert (view.data_age_s, view.state_age_s) == (0.0, 0.007)
 
 
 def test_the_trajectory_is_that_of_the_snapshot(writer: TelemetryWriter, feed: Feed) -> None:
     writer.publish(Snapshot(1, 3, 0))
-    assert feed.view(1).trajectory is None
+    assert feed.read(1).trajectory is None
     version = writer.publish_trajectory(PATH)
     writer.publish(Snapshot(2, 3, 0, trajectory_version=version))
-    first = feed.view(2).trajectory
+    first = feed.read(2).trajectory
     assert first is not None
     assert first.version == version
-    assert feed.view(3).trajectory is first
+    assert feed.read(3).trajectory is first
 
 
 def test_a_new_session_starts_afresh(writer: TelemetryWriter, feed: Feed) -> None:
     writer.publish(Snapshot(1, 3, 0, trajectory_version=writer.publish_trajectory(PATH)))
-    first = feed.view(1)
+    first = feed.read(1)
     writer.close()
-    assert feed.view(2).link is WriterState.ENDED
-    assert feed.view(2).snapshot == first.snapshot
+    assert feed.read(2).writer_state is WriterState.ENDED
+    assert feed.read(2).snapshot == first.snapshot
     with TelemetryWriter(writer.address, INFO) as successor:
-        again = feed.view(3)
-        assert (again.link, again.snapshot, again.trajectory) == (WriterState.LIVE, None, None)
+        again = feed.read(3)
+        assert (again.writer_state, again.snapshot, again.trajectory) == (WriterState.LIVE, None, None)
         assert again.session != first.session
         successor.publish(Snapshot(4, 1, 0))
-        assert feed.view(4).snapshot == Snapshot(4, 1, 0, sequence=1)
+        assert feed.read(4).snapshot == Snapshot(4, 1, 0, sequence=1)
 
 
 def test_details_are_read_now_and_then(writer: TelemetryWriter, feed: Feed) -> None:
-    writer.publish_details({"a": 1})
-    assert feed.view(0).details == {"a": 1}
-    writer.publish_details({"a": 2})
-    assert feed.view(1).details == {"a": 1}
-    assert feed.view(NS_PER_S).details == {"a": 2}
+    writer.publish_details(counted(1))
+    assert feed.read(0).details == counted(1)
+    writer.publish_details(counted(2))
+    assert feed.read(1).details == counted(1)
+    assert feed.read(NS_PER_S).details == counted(2)

@@ -2,20 +2,28 @@
 
 import html
 import math
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface import Reason
-from vehicle_iface.runtime.telemetry import DrawnTrajectory, SessionInfo, Snapshot, WriterState
 from vehicle_iface.status import ControllerState, Gear
+from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot, WriterState
+from vehicle_iface.telemetry.details import LinkDetails, LiveDetails, ShadowSummary, Spread
 from vehicle_iface.units import NS_PER_S
-from viewer import panels
-from viewer.feed import View
+from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.panels.banner import banner_html
+from vehicle_iface_viewer.panels.counters import counters_html
+from vehicle_iface_viewer.panels.legend import legend_html
+from vehicle_iface_viewer.panels.numbers import numbers_html
+from vehicle_iface_viewer.panels.plots import PLOTS
+from vehicle_iface_viewer.panels.text import plain
 
 
 class _Words(HTMLParser):
@@ -36,17 +44,17 @@ class _Words(HTMLParser):
 
 
 def view(
-    snapshot: Snapshot | None, *, text: str = "plain", link: WriterState = WriterState.LIVE, age_s: float = 0.0
+    snapshot: Snapshot | None, *, text: str = "plain", writer_state: WriterState = WriterState.LIVE, age_s: float = 0.0
 ) -> View:
     return View(
         now_ns=NS_PER_S + round(age_s * NS_PER_S),
         address=text,
-        link=link,
+        writer_state=writer_state,
         problem=text,
         info=SessionInfo(channel=text, bus=text, bus_hint=text, profile=text, route=text, arming=text),
         snapshot=snapshot,
         trajectory=path(frame_id=text),
-        details={text: {text: text}, "list": [text]},
+        details=LiveDetails(link=LinkDetails(state=text), drops={text: 1, "list": 2}),
     )
 
 
@@ -67,7 +75,7 @@ def path(frame_id: str = "map", speed_mps: float = 3.0) -> DrawnTrajectory:
 
 
 def whole_page(of: View) -> str:
-    return "".join((panels.banner_html(of), panels.numbers_html(of), panels.legend_html(of), panels.details_html(of)))
+    return "".join((banner_html(of), numbers_html(of), legend_html(of), counters_html(of)))
 
 
 def driving(**changes: object) -> Snapshot:
@@ -79,35 +87,48 @@ def driving(**changes: object) -> Snapshot:
 @given(
     text=st.text(st.characters(codec="utf-8"), min_size=1) | st.sampled_from(("<b>", "'\"><script>x</script>", "&lt;"))
 )
-@pytest.mark.parametrize("link", list(WriterState))
-def test_no_text_becomes_markup(text: str, link: WriterState) -> None:
+@pytest.mark.parametrize("writer_state", list(WriterState))
+def test_no_text_becomes_markup(text: str, writer_state: WriterState) -> None:
     for snapshot in (None, driving(frame_id="?" + text)):
-        expected = _Words(whole_page(view(snapshot, link=link)))
-        assert _Words(whole_page(view(snapshot, text=text, link=link))).tags == expected.tags
+        expected = _Words(whole_page(view(snapshot, writer_state=writer_state)))
+        assert _Words(whole_page(view(snapshot, text=text, writer_state=writer_state))).tags == expected.tags
 
 
 def test_markup_is_shown_as_it_was_written() -> None:
-    words = _Words(panels.banner_html(view(driving(), text="<b onclick=x>&amp;")))
+    words = _Words(banner_html(view(driving(), text="<b onclick=x>&amp;")))
     assert words.text.count("<b onclick=x>&amp;") >= 4
 
 
 def test_long_texts_are_cut_and_lines_joined() -> None:
-    assert len(panels.plain("x" * 10_000)) < 200
-    assert "\n" not in panels.plain("a\nb")
+    assert len(plain("x" * 10_000)) < 200
+    assert "\n" not in plain("a\nb")
 
 
 def test_a_shadow_says_how_far_another_commander_is_from_it() -> None:
-    found = {"compared": 812, "accel_mps2": {"p95": 0.0204}, "front_wheel_angle_rad": {"p95": 0.00031}}
+    found = ShadowSummary(
+        compared=812,
+        takeovers=1,
+        unmatched_commands=0,
+        drops={},
+        mismatches={},
+        accel_mps2=Spread(mean=0.01, p50=0.011, p95=0.0204, max=0.03),
+        front_wheel_angle_rad=Spread(mean=0.0001, p50=0.00011, p95=0.00031, max=0.0005),
+    )
     of = view(driving(controller_state=ControllerState.SHADOW))
-    told = panels.banner_html(replace(of, details={"shadow": found}))
-    assert "another commander: 812 commands, 95 % within 0.020 m/s², 0.0003 rad of ours" in _Words(told).text
-    for other in ({}, found | {"compared": 0}, found | {"accel_mps2": "<b>"}, {"compared": "<b>"}, "<b>"):
-        assert "another commander" not in panels.banner_html(replace(of, details={"shadow": other}))
+    link = LinkDetails(state="UP")
+    told = banner_html(replace(of, details=LiveDetails(link=link, shadow=found)))
+    assert "other commander: 812 commands, 95 % differ by at most 0.020 m/s², 0.0003 rad" in _Words(told).text
+    for other in (
+        None,
+        LiveDetails(link=link),
+        LiveDetails(link=link, shadow=msgspec.structs.replace(found, compared=0)),
+    ):
+        assert "other commander" not in banner_html(replace(of, details=other))
 
 
 @pytest.mark.parametrize("state", list(ControllerState))
 def test_the_banner_names_state_and_reason(state: ControllerState) -> None:
-    content = panels.banner_html(view(driving(controller_state=state, reason=Reason.DEVIATION)))
+    content = banner_html(view(driving(controller_state=state, reason=Reason.DEVIATION)))
     words = _Words(content).text
     assert state.name in words
     assert "DEVIATION" in words
@@ -117,54 +138,54 @@ def test_the_banner_names_state_and_reason(state: ControllerState) -> None:
 def test_engaged_stopping_fault_shadow_and_old_differ_in_colour() -> None:
     states = (ControllerState.ENGAGED, ControllerState.STOPPING, ControllerState.FAULT, ControllerState.SHADOW)
     views = [view(driving(controller_state=s)) for s in states] + [view(driving(), age_s=1.0)]
-    assert len({panels.banner_html(v).split("background:")[1][:7] for v in views}) == 5
+    assert len({banner_html(v).split("background:")[1][:7] for v in views}) == 5
 
 
 @pytest.mark.parametrize(("left_ns", "when"), [(2_140_000_000, "in 2.1 s at the earliest"), (0, "at standstill")])
 def test_who_has_to_take_over_is_told_so(left_ns: int, when: str) -> None:
-    shown = driving(hands_over=True, handover_ns=left_ns)
-    assert f"TAKE OVER: control is given back {when}" in _Words(panels.banner_html(view(shown))).text
-    assert "TAKE OVER" not in _Words(panels.banner_html(view(shown, age_s=1.0))).text
-    assert "TAKE OVER" not in _Words(panels.banner_html(view(driving(handover_ns=left_ns)))).text
+    shown = driving(handover_pending=True, handover_in_ns=left_ns)
+    assert f"TAKE OVER: control is returned {when}" in _Words(banner_html(view(shown))).text
+    assert "TAKE OVER" not in _Words(banner_html(view(shown, age_s=1.0))).text
+    assert "TAKE OVER" not in _Words(banner_html(view(driving(handover_in_ns=left_ns)))).text
 
 
 def test_old_data_is_called_old() -> None:
-    words = _Words(panels.banner_html(view(driving(), age_s=1.2))).text
+    words = _Words(banner_html(view(driving(), age_s=1.2))).text
     assert "no data for 1.2 s" in words
     assert "ENGAGED" in words
 
 
 @pytest.mark.parametrize(
-    ("link", "words"),
+    ("writer_state", "words"),
     [(WriterState.ENDED, "LOOP ENDED"), (WriterState.DEAD, "LOOP GONE"), (WriterState.ABSENT, "NO LOOP")],
 )
-def test_a_loop_that_is_gone_is_called_gone(link: WriterState, words: str) -> None:
-    assert f"{words}: no data for 0.0 s" in _Words(panels.banner_html(view(driving(), link=link))).text
-    assert words in _Words(panels.banner_html(view(None, link=link))).text
+def test_a_loop_that_is_gone_is_called_gone(writer_state: WriterState, words: str) -> None:
+    assert f"{words}: no data for 0.0 s" in _Words(banner_html(view(driving(), writer_state=writer_state))).text
+    assert words in _Words(banner_html(view(None, writer_state=writer_state))).text
 
 
 def test_codes_that_this_version_does_not_know_are_shown_as_numbers() -> None:
-    words = _Words(panels.banner_html(view(driving(controller_state=77, reason=-3)))).text
+    words = _Words(banner_html(view(driving(controller_state=77, reason=-3)))).text
     assert "ControllerState 77" in words
     assert "Reason -3" in words
 
 
 def test_what_was_never_received_has_no_figure() -> None:
     nothing = Snapshot(NS_PER_S, ControllerState.STARTING, Reason.NOT_ENGAGED)
-    assert "0.00 m" not in _Words(panels.numbers_html(view(nothing))).text
+    assert "0.00 m" not in _Words(numbers_html(view(nothing))).text
 
 
 @pytest.mark.parametrize(("gear", "shown"), [(Gear.REVERSE, "gear REVERSE"), (Gear.NO_REQUEST, "gear –")])
 def test_a_vehicle_that_does_not_say_its_gear_has_a_dash_for_it(gear: Gear, shown: str) -> None:
-    words = _Words(panels.numbers_html(view(driving(has_status=True, gear=gear)))).text
+    words = _Words(numbers_html(view(driving(has_status=True, gear=gear)))).text
     assert shown in " ".join(words.split())
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])
 def test_impossible_numbers_are_named_not_drawn(bad: float) -> None:
     content = whole_page(view(driving(x_m=bad, y_m=bad, heading_rad=bad, speed_mps=bad)))
-    assert "not a number to show" in content
-    panels.legend_html(View(now_ns=0, address="a", link=WriterState.LIVE, trajectory=path(speed_mps=bad)))
+    assert "out of range" in content
+    legend_html(View(now_ns=0, address="a", writer_state=WriterState.LIVE, trajectory=path(speed_mps=bad)))
 
 
 @given(stamp_ns=st.integers(-(2**63), 2**63 - 1), numbers=st.integers(-(2**63), 2**63 - 1))
@@ -173,24 +194,62 @@ def test_any_stamps_and_counters_can_be_shown(stamp_ns: int, numbers: int) -> No
 
 
 def test_trajectory_and_vehicle_in_different_frames_are_not_drawn_together_and_it_says_so() -> None:
-    words = _Words(panels.banner_html(view(driving(frame_id="odom"), text="map"))).text
+    words = _Words(banner_html(view(driving(frame_id="odom"), text="map"))).text
     assert "trajectory in frame map, vehicle in odom" in words
 
 
 def test_counters_without_end_are_cut() -> None:
-    many = View(now_ns=0, address="a", link=WriterState.LIVE, details={str(k): {"x": k} for k in range(5000)})
-    assert "more than can be shown" in panels.details_html(many)
-    assert panels.details_html(many).count("<tr>") <= 101
+    many = View(
+        now_ns=0,
+        address="a",
+        writer_state=WriterState.LIVE,
+        details=LiveDetails(link=LinkDetails(state="UP"), drops={str(k): k for k in range(5000)}),
+    )
+    assert "more, not shown" in counters_html(many)
+    assert counters_html(many).count("<tr>") <= 101
 
 
 @pytest.mark.parametrize("state", ["DEGRADED", "DOWN", "GONE", "RECOVERING", "<b>"])
 def test_a_link_that_is_not_up_is_said_in_the_banner(state: str) -> None:
-    shown = panels.banner_html(replace(view(Snapshot(0, 3, 0)), details={"link": {"state": state}}))
+    shown = banner_html(replace(view(Snapshot(0, 3, 0)), details=LiveDetails(link=LinkDetails(state=state))))
     assert f"link {html.escape(state)}" in shown
 
 
 def test_the_banner_has_the_bus_load_and_nothing_about_a_link_that_is_up() -> None:
-    link = {"state": "UP", "load_percent": 14.6, "frames_per_s": 612.0, "rates_hz": {}}
-    shown = panels.banner_html(replace(view(Snapshot(0, 3, 0)), details={"link": link}))
+    link = LinkDetails(state="UP", load_percent=14.6, frames_per_s=612.0, rates_hz={})
+    shown = banner_html(replace(view(Snapshot(0, 3, 0)), details=LiveDetails(link=link)))
     assert "bus load 14.6 % · 612 frames/s" in shown
     assert 'id="link"' not in shown
+
+
+def test_every_number_and_curve_of_the_page_shows_the_field_that_it_names() -> None:
+    fields = {name: float(place) for place, name in enumerate(Snapshot._fields, 1)}
+    fields |= dict.fromkeys(
+        (name for name in fields if name.startswith("has_") or name in ("sent", "handover_pending")), 1
+    )
+    snapshot = Snapshot(**fields)._replace(  # type: ignore[arg-type]
+        spatial_index=91, temporal_index=92, commands=93, drops=94, deadline_misses=95, frame_id="odom", gear=Gear.DRIVE
+    )
+    shown = dict(re.findall(r'id="n-([a-z-]+)"[^>]*>([^<]*)<', numbers_html(view(snapshot))))
+    assert shown["x"] == f"{fields['x_m']:.2f} m"
+    assert shown["y"] == f"{fields['y_m']:.2f} m"
+    assert shown["heading"] == f"{math.degrees(fields['heading_rad']):.1f} °"
+    assert shown["speed"] == f"{fields['speed_mps']:.2f} m/s"
+    assert (shown["gear"], shown["frame"]) == ("DRIVE", "odom")
+    assert (shown["spatial-ref"], shown["temporal-ref"]) == ("91 / 1", "92 / 1")
+    assert shown["lateral-error"] == f"{fields['lateral_error_m']:.3f} m"
+    assert shown["heading-error"] == f"{math.degrees(fields['heading_error_rad']):.2f} °"
+    assert (shown["commands"], shown["frames-dropped"], shown["deadlines-missed"]) == ("93", "94", "95")
+    curves = {(title, label): read(snapshot) for title, lines in PLOTS for label, _, read in lines}
+    assert curves == {
+        ("Speed, m/s", "reference"): fields["reference_speed_mps"],
+        ("Speed, m/s", "vehicle"): fields["speed_mps"],
+        ("Tracking error: lateral, m · heading, rad", "lateral"): fields["lateral_error_m"],
+        ("Tracking error: lateral, m · heading, rad", "heading"): fields["heading_error_rad"],
+        ("Front wheels, rad (left positive)", "requested"): fields["requested_front_wheel_angle_rad"],
+        ("Front wheels, rad (left positive)", "sent"): fields["sent_front_wheel_angle_rad"],
+        ("Front wheels, rad (left positive)", "vehicle"): fields["front_wheel_angle_rad"],
+        ("Acceleration, m/s²", "requested"): fields["requested_accel_mps2"],
+        ("Acceleration, m/s²", "sent"): fields["sent_accel_mps2"],
+        ("Acceleration, m/s²", "vehicle"): fields["accel_mps2"],
+    }

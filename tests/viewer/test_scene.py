@@ -10,13 +10,16 @@ import viser
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle_iface.runtime.telemetry import DrawnTrajectory, SessionInfo, Snapshot, VehicleShape, WriterState
+from tests.narrowing import at_present
+from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot, VehicleShape, WriterState
+from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
 from vehicle_iface.units import NS_PER_S
-from viewer import shapes
-from viewer.access import Access, open_server
-from viewer.feed import View
-from viewer.panels import Panels
-from viewer.scene import Scene, drawable_points
+from vehicle_iface_viewer import shapes
+from vehicle_iface_viewer.access import Access, open_server
+from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.panels.side_panel import SidePanel
+from vehicle_iface_viewer.scene.scene import Scene
+from vehicle_iface_viewer.scene.trajectory_path import select_drawable
 
 SHAPE = VehicleShape(length_m=7.0, width_m=2.4, wheelbase_m=4.0, height_m=2.8, track_m=2.0, wheel_radius_m=0.5)
 INFO = SessionInfo(channel="vcan0", bus="SocketCAN vcan0", shape=SHAPE)
@@ -51,38 +54,41 @@ def view(k: int, x_m: float, y_m: float, trajectory: DrawnTrajectory | None = No
     return View(
         now_ns=now_ns,
         address="a",
-        link=WriterState.LIVE,
+        writer_state=WriterState.LIVE,
         session=1,
         info=INFO,
         snapshot=snapshot,
         trajectory=trajectory,
-        details={"k": k},
+        details=LiveDetails(link=LinkDetails(state="UP"), loop={"k": k}),
     )
 
 
 def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserServer) -> None:
-    scene, panels = Scene(server), Panels(server.gui)
+    scene, panel = Scene(server), SidePanel(server.gui)
     sizes = []
     for k in range(1, 1501):
         along = path(np.arange(600.0) + k, np.zeros(600), version=k // 50)
         changes = {"has_reference": True, "has_lookahead": True, "lookahead_x_m": k + 5.0}
         now = view(k, 2.0 * k, math.sin(k), along if k % 50 == 0 else None, **changes)
         scene.draw(now)
-        panels.show(now, k)
+        panel.show(now, k)
         if k % 500 == 0:
             buffer = server._websock_server._broadcast_buffer
             sizes.append((len(server.scene._handle_from_node_name), len(buffer.message_from_id)))
             assert len(scene._trail._line.points) < 400
     assert sizes[0] == sizes[1] == sizes[2]
+    for k in range(1501, 2501):  # round and round one place, where nothing is forgotten for being far away
+        scene.draw(view(k, 3000.0 + 50.0 * math.cos(0.04 * k), 50.0 * math.sin(0.04 * k)))
+    assert 250 < len(scene._trail._line.points) < 400
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e12, 1e300])
 def test_what_cannot_be_drawn_is_hidden_and_comes_back(server: viser.ViserServer, bad: float) -> None:
     scene = Scene(server)
     assert scene.draw(view(1, 3.0, 4.0)) is not None
-    assert scene._vehicle._frame.visible
+    assert at_present(scene._vehicle._frame.visible)
     assert scene.draw(view(2, bad, 4.0)) is None
-    assert not scene._vehicle._frame.visible
+    assert not at_present(scene._vehicle._frame.visible)
     assert scene.draw(view(3, 3.0, 4.0, heading_rad=bad if not math.isfinite(bad) else 0.0)) is not None
     scene.draw(view(4, 3.0, 4.0, path([bad, bad], [0.0, bad]), has_reference=True, spatial_reference_x_m=bad))
     assert not scene._path._line.visible
@@ -126,7 +132,7 @@ def test_a_trajectory_in_another_frame_is_not_drawn(server: viser.ViserServer) -
 
 @given(st.lists(st.tuples(st.floats(), st.floats()), max_size=30))
 def test_drawn_points_are_finite_and_near(points: list[tuple[float, float]]) -> None:
-    drawn, speeds = drawable_points(path([x for x, _ in points], [y for _, y in points]), (0.0, 0.0))
+    drawn, speeds = select_drawable(path([x for x, _ in points], [y for _, y in points]), (0.0, 0.0))
     assert len(drawn) == len(speeds)
     assert (np.abs(drawn) < 1e6).all()
 

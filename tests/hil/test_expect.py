@@ -1,0 +1,140 @@
+"""Each expectation passes on the right observation and fails on a wrong one."""
+
+from dataclasses import replace
+
+import pytest
+from hil_bench import expect, routes
+from hil_bench.cases import CATALOGUE
+from hil_bench.expect import Expectation, Observation
+from hil_bench.result import Verdict
+from scenes import DRIVES, SILENT, STOPS, WIRE, at, observed, pair, released, steady, stop
+from vehicle_bus_contract.judge import Pair
+from vehicle_bus_contract.reference import FAULT, DecodedFrame, S
+
+
+def lit(at_s: float, on: int = 1) -> DecodedFrame:
+    told = WIRE.intact(replace(WIRE.pack("BODY_COMMAND", 1, HAZARD_LIGHTS=on), stamp_ns=round(at_s * S)))
+    assert told is not None
+    return told
+
+
+def ended(at_s: float) -> Pair:
+    return pair(at_s, stop=1, reason="PAST_END_SPACE")
+
+
+def out_of_time(at_s: float) -> Pair:
+    return pair(at_s, stop=1, reason="PAST_END_TIME")
+
+
+EIGHTH_MISSING = [pair for number, pair in enumerate(DRIVES) if number % 8]
+HISTORY = [at(tick / 100, 3.0) for tick in range(1000)]
+LETS_GO = [*steady(0, 5.02), *steady(5.02, 8, released), *steady(8, 10)]
+JUDGED: list[tuple[Expectation, Observation, Observation]] = [
+    (expect.Stops(("STATE_STALE",)), observed(*STOPS), observed(*DRIVES)),
+    (expect.Stops(("STATE_STALE",)), observed(*STOPS), observed(*steady(0, 5.3), *steady(5.3, 6, stop))),
+    (
+        expect.Stops(("STATE_STALE",)),
+        observed(*STOPS),
+        observed(*steady(0, 5.06), *steady(5.06, 5.5, stop), *steady(5.5, 6)),
+    ),
+    (expect.Stops(("STATE_STALE",)), observed(*STOPS), observed(*LETS_GO)),
+    (
+        expect.Stops(("STATE_STALE",)),
+        observed(*STOPS),
+        observed(*steady(0, 5.06), *steady(5.06, 5.5, stop), released(5.5)),
+    ),
+    (expect.Answers(0.7, 0.95), observed(*EIGHTH_MISSING, history=HISTORY), observed(*DRIVES, history=HISTORY)),
+    (expect.Answers(0.7, 1.0), observed(*DRIVES, history=HISTORY), observed(*DRIVES, *DRIVES[::9], history=HISTORY)),
+    (expect.Answers(0.7, 1.0), observed(*DRIVES, history=HISTORY), observed(*steady(0, 10, stop), history=HISTORY)),
+    (expect.Answers(0.7, 1.0), observed(*DRIVES, history=HISTORY), observed(*DRIVES)),
+    (expect.FallsSilent(), observed(*SILENT), observed(*DRIVES)),
+    (expect.FallsSilent(), observed(*SILENT), observed(*SILENT, pair(7.0))),
+    (expect.LetsGo(("DRIVER_OVERRIDE",), 0.06), observed(*LETS_GO), observed(*DRIVES)),
+    (expect.LetsGo(("DRIVER_OVERRIDE",), 0.06), observed(*LETS_GO), observed(*LETS_GO[:600], pair(7.5))),
+    (expect.LetsGo(("DRIVER_OVERRIDE",), 0.01), observed(*steady(5, 8, released)), observed(*LETS_GO)),
+    (expect.DrivesOn(), observed(*DRIVES), observed(*STOPS)),
+    (expect.DrivesOn(), observed(*DRIVES), observed()),
+    (expect.MomentaryAtMost(("STATE_STALE",), 0.2), observed(*DRIVES, stop(5.5)), observed(*STOPS)),
+    (expect.MomentaryAtMost(("STATE_STALE",), 0.2), observed(*DRIVES), observed(*LETS_GO)),
+    (expect.Standstill(2.0), observed(history=[at(5.5, 1.0), at(6.5, 0.0)]), observed(history=[at(7.5, 0.0)])),
+    (expect.Standstill(2.0), observed(history=[at(6.5, 0.0)]), observed(history=[at(6.5, 1.0)])),
+    (expect.NeverEnables(), observed(*steady(0, 8, released)), observed(*steady(0, 5, released), pair(5.5))),
+    (expect.NeverEnables(at_all=True), observed(), observed(released(3.0))),
+    (expect.HazardLights(), replace(observed(), decoded=[lit(5.3)]), replace(observed(), decoded=[lit(4.0), lit(5.6)])),
+    (expect.HazardLights(), replace(observed(), decoded=[lit(5.3)]), replace(observed(), decoded=[lit(5.3, on=0)])),
+    (expect.StaysOut(), observed(*SILENT), observed(*SILENT, pair(7.0))),
+    (expect.StaysOut(), observed(*SILENT, pair(6.001)), observed(*SILENT, pair(6.001), pair(6.002))),
+    (expect.DrivesOn(), observed(*DRIVES), observed(*steady(0, 5.3), *steady(5.42, 10))),
+    (expect.DrivesOn(), observed(*DRIVES), observed(*steady(0, 5.3))),
+    (expect.DrivesOn(), observed(*DRIVES), observed(*steady(5.3, 10))),
+    (expect.GivesUp(3.0), observed(*steady(1, 4)), observed(*steady(1, 7.9))),
+    (expect.GivesUp(3.0), observed(*steady(1, 4)), observed(*steady(1, 2))),
+    (expect.GivesUp(3.0), observed(*steady(1, 4)), observed()),
+    (expect.Refuses(2), observed(status=2), observed(status=0)),
+    (expect.Refuses(2), observed(status=2), observed(released(2.0), status=2)),
+    (expect.Refuses(2), observed(status=2), observed(status=None)),
+    (expect.Ends((0,), 5.0), observed(), observed(status=4)),
+    (expect.Ends((0,), 5.0), observed(), observed(status=None)),
+    (expect.Ends((-9,), 5.0), observed(status=-9), replace(observed(status=-9), exit_ns=11 * S)),
+    (expect.EndsOrderly(), observed(*steady(5, 7, stop), released(7.0)), observed(*steady(5, 7, stop))),
+    (expect.EndsOrderly(), observed(*steady(5, 7, stop), released(7.0)), observed(*steady(5, 7), released(7.0))),
+    (
+        expect.EndsOrderly(),
+        observed(*steady(5, 7, stop), released(7.0), history=[at(7.1, 0.0)]),
+        observed(*steady(5, 7, stop), released(7.0), history=[at(7.1, 2.0)]),
+    ),
+    (expect.WatchdogActs(), observed(history=[at(5.1, 3.0, FAULT)]), observed(history=[at(5.5, 3.0, FAULT)])),
+    (expect.WatchdogActs(), observed(history=[at(5.1, 3.0, FAULT)]), observed(history=[at(5.1, 3.0)])),
+    (
+        expect.ReachesEnd(),
+        observed(*steady(0, 7), ended(7.0), history=[at(6.9, 1.0), at(7.5, 0.0)]),
+        observed(*steady(0, 7), stop(7.0), history=[at(6.9, 1.0), at(7.5, 0.0)]),
+    ),
+    (
+        expect.ReachesEnd(),
+        observed(*steady(0, 7), ended(7.0), history=[at(6.9, 1.0), at(7.5, 0.0)]),
+        observed(*steady(0, 7), ended(7.0), history=[at(6.9, 1.0), at(7.5, 1.0)]),
+    ),
+    (
+        expect.ReachesEnd(),
+        observed(*steady(0, 7), ended(7.0), history=[at(6.9, 1.0), at(7.5, 0.0)]),
+        observed(*steady(0, 1), *steady(1, 8, ended), history=[at(0.9, 0.0, x_m=0.0), at(7.5, 0.0, x_m=0.0)]),
+    ),
+    (
+        expect.ReachesEnd(("PAST_END_TIME",)),
+        replace(
+            observed(*steady(0, 7), *steady(7, 8, out_of_time), history=[at(1.0, 0.0), at(7.5, 0.0)]),
+            route=replace(routes.straight(7.0), time_s=[0.0, 6.0]),
+        ),
+        replace(
+            observed(*steady(0, 3), *steady(3, 8, out_of_time), history=[at(1.0, 0.0), at(7.5, 0.0)]),
+            route=replace(routes.straight(7.0), time_s=[0.0, 6.0]),
+        ),
+    ),
+    (
+        expect.FollowsGaps(),
+        observed(*steady(5.001, 5.101), *steady(5.121, 6), samples=[5.08, 5.09, 5.1 - 0.0005, 5.12, 5.13]),
+        observed(*steady(5.001, 5.131), *steady(5.151, 6), samples=[5.08, 5.09, 5.1 - 0.0005, 5.12, 5.13]),
+    ),
+    (
+        expect.FollowsGaps(),
+        observed(*steady(5.001, 5.09), samples=[5.08, 5.1 - 0.0005]),
+        observed(*DRIVES, samples=[5.1, 5.11]),
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("expectation", "right", "wrong"), JUDGED, ids=[f"{type(row[0]).__name__}-{i}" for i, row in enumerate(JUDGED)]
+)
+def test_each_expectation_passes_on_the_right_observation_and_fails_on_the_wrong_one(
+    expectation: Expectation, right: Observation, wrong: Observation
+) -> None:
+    passed, _ = expectation.judge(right)
+    failed, _ = expectation.judge(wrong)
+    assert (passed.verdict, failed.verdict) == (Verdict.PASS, Verdict.FAIL), (passed, failed)
+    assert failed.found
+
+
+def test_every_expectation_of_the_catalogue_is_tested() -> None:
+    assert {type(e) for case in CATALOGUE for e in case.see} == {type(row[0]) for row in JUDGED}

@@ -1,0 +1,258 @@
+"""What no device may do is found, and nothing else is."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from hil_bench import expect, figures, judge
+from hil_bench.case import Case
+from hil_bench.cases import CATALOGUE
+from hil_bench.cases.files import FILES
+from hil_bench.result import Verdict
+from hil_bench.wire import Wire
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes import DRIVES, WIRE, at, named, observed, other_wire, pair, steady, stop
+from vehicle_bus_contract.judge import Record, examine
+from vehicle_bus_contract.reference import AUTONOMOUS, READY, Frame, S
+
+Values = dict[str, float]
+Lie = Callable[[str, int, Values], Sequence[Values]]
+"""Message, tick, what is true → what is said: nothing, once, several times."""
+SPEED_MPS = 8.0
+STOPPED_FROM = 200
+"""Tick from which the made-up device stops."""
+
+
+def truth(_name: str, _tick: int, values: Values) -> Sequence[Values]:
+    return [values]
+
+
+def lie(name: str, change: Callable[[int, Values], Sequence[Values]]) -> Lie:
+    return lambda said, tick, values: change(tick, values) if said == name else [values]
+
+
+def with_value(name: str, from_tick: int = 0, **wrong: float) -> Lie:
+    return lie(name, lambda tick, values: [values | wrong if tick >= from_tick else values])
+
+
+def steered(angle_rad: Callable[[int], float], speed_mps: Callable[[int], float] = lambda _: SPEED_MPS) -> Lie:
+    """Front wheels at a speed, both by the tick."""
+    of = {
+        "MOTION": lambda tick: {"SPEED": speed_mps(tick)},
+        "STEER_COMMAND": lambda tick: {"FRONT_WHEEL_ANGLE_REQUEST": angle_rad(tick)},
+    }
+    return lambda name, tick, values: [values | of[name](tick) if name in of else values]
+
+
+def led_back(to_rad: float) -> Lie:
+    """Into a curve at 6 m/s, which then is 9 m/s, where the wheels may not be beyond 0.1 rad."""
+    return steered(
+        lambda tick: 0.0037 * min(54, tick) if tick < 100 else max(to_rad, 0.1998 - 0.0079 * (tick - 99)),
+        lambda tick: 6.0 if tick < 100 else 9.0,
+    )
+
+
+def ready(wrong: Mapping[str, Callable[[int], Values]]) -> Lie:
+    """To a vehicle that is not autonomous yet."""
+    of: dict[str, Callable[[int], Values]] = {"VEHICLE_STATUS": lambda _: {"MODE": READY}, **wrong}
+    return lambda name, tick, values: [values | of[name](tick) if name in of else values]
+
+
+def judged(tell: Lie, *, case: Case = CATALOGUE[0], wire: Wire = WIRE) -> dict[str, Verdict]:
+    """Four seconds of commands at 8 m/s, a stop from the second one on; the verdict of each kind."""
+    counters: dict[str, int] = {}
+    frames: list[Frame] = []
+
+    def say(at_s: float, name: str, tick: int, **values: float) -> None:
+        for told in tell(name, tick, values):
+            counters[name] = counters.get(name, -1) + 1
+            frame = wire.pack(name, counters[name] % 15, **told)
+            frames.append(replace(frame, stamp_ns=S + round(at_s * S) + len(frames)))
+
+    for tick in range(400):
+        at_s, is_stop = tick / 100, tick >= STOPPED_FROM
+        number = wire.number("REASON", "STATE_INVALID" if is_stop else "NOMINAL")
+        for name in wire.sample:
+            say(at_s, name, tick, **({"SPEED": SPEED_MPS} if name == "MOTION" else {}))
+        braked = max(-3.0, -0.3 * (tick - STOPPED_FROM + 1)) * is_stop
+        drive = {"ENABLE": 1, "SAFE_STOP": is_stop, "REASON": number, "ACCEL_REQUEST": braked, "GEAR_REQUEST": 7}
+        if tick % 2 == 0:
+            say(at_s, "VEHICLE_STATUS", tick, MODE=AUTONOMOUS)
+        say(at_s + 0.001, "DRIVE_COMMAND", tick, **drive)
+        say(at_s + 0.001, "STEER_COMMAND", tick, ENABLE=1)
+        if tick % 10 == 0:
+            say(at_s + 0.002, "BODY_COMMAND", tick, HAZARD_LIGHTS=is_stop)
+            say(at_s + 0.002, "CONTROLLER_STATUS", tick, STATE=4 if is_stop else 3, REASON=number)
+    record = examine(frames, wire)
+    history = [at(1.0 + tick / 100, SPEED_MPS) for tick in range(400)]
+    rig = SimpleNamespace(wire=wire, touched_ns=0, healthy_ns=0)
+    checks = judge.check_protocol(case, rig, record, observed(history=history))  # type: ignore[arg-type]
+    return {kind: check.verdict for kind, check in zip(judge.KINDS, checks, strict=True)}
+
+
+LIES: dict[str, tuple[str, Lie]] = {
+    "a stop that never brakes": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=0.0)),
+    "a stop with a third of the brake": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-1.0)),
+    "a stop that lets the brake go": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM + 60, ACCEL_REQUEST=-1.0)),
+    "a stop that brakes too hard": ("dynamics", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-5.0)),
+    "a stop that brakes at once": ("dynamics", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-3.0)),
+    "drive that sets in at once": ("dynamics", with_value("DRIVE_COMMAND", 150, ACCEL_REQUEST=2.0)),
+    "drive that sets in twice as fast": (
+        "dynamics",
+        lie("DRIVE_COMMAND", lambda tick, v: [v | {"ACCEL_REQUEST": min(2.5, max(0.0, 0.6 * (tick - 150)))}]),
+    ),
+    "hard drive while it engages": ("dynamics", ready({"DRIVE_COMMAND": lambda _: {"ACCEL_REQUEST": 1.2}})),
+    "drive that stays hard while it engages": ("dynamics", ready({"DRIVE_COMMAND": lambda _: {"ACCEL_REQUEST": 1.5}})),
+    "wheels that turn while it engages": (
+        "dynamics",
+        ready({"STEER_COMMAND": lambda tick: {"FRONT_WHEEL_ANGLE_REQUEST": min(0.1, 0.006 * tick)}}),
+    ),
+    "a curve too tight for 8 m/s": ("dynamics", with_value("STEER_COMMAND", FRONT_WHEEL_ANGLE_REQUEST=0.19)),
+    "a swerve within the wheels' rate": ("dynamics", steered(lambda tick: min(0.1, max(0.0, 0.0079 * (tick - 100))))),
+    "a swerve of twice the jerk": ("dynamics", steered(lambda tick: -min(0.1, max(0.0, 0.0042 * (tick - 100))))),
+    "wheels that come back from a swerve too far": ("dynamics", led_back(0.0)),
+    "wheels led away from hanging ones": ("dynamics", steered(lambda tick: min(0.32, 0.005 * tick), lambda _: 0.5)),
+    "wheels that are elsewhere from the beginning": ("dynamics", steered(lambda _: 0.5, lambda _: 0.5)),
+    "wheels that begin a little elsewhere": ("dynamics", steered(lambda _: 0.08)),
+    "a swerve at the lateral limit": ("dynamics", steered(lambda tick: 0.126 if tick < 150 else 0.0)),
+    "rear wheels that it has not": ("dynamics", with_value("STEER_COMMAND", REAR_WHEEL_ANGLE_REQUEST=0.05)),
+    "a speed beyond every limit": ("dynamics", with_value("DRIVE_COMMAND", SPEED_REQUEST=90.0)),
+    "no lights at all": ("periods", lie("BODY_COMMAND", lambda *_: [])),
+    "lights every half second": ("periods", lie("BODY_COMMAND", lambda tick, v: [] if tick % 50 else [v])),
+    "no report at all": ("periods", lie("CONTROLLER_STATUS", lambda *_: [])),
+    "reports ten times as often": ("periods", lie("CONTROLLER_STATUS", lambda _, values: [values] * 10)),
+    "a report that all is well": ("periods", with_value("CONTROLLER_STATUS", REASON=0)),
+    "lights that stay off": ("command", with_value("BODY_COMMAND", HAZARD_LIGHTS=0)),
+    "half of a pair that lets go": ("command", with_value("STEER_COMMAND", 150, ENABLE=0)),
+    "another gear at speed": ("command", with_value("DRIVE_COMMAND", 150, GEAR_REQUEST=3)),
+    "every command twice": ("burst", lie("DRIVE_COMMAND", lambda _, values: [values, values])),
+    "a burst of thirty": ("burst", lie("DRIVE_COMMAND", lambda tick, v: [v] * (30 if tick == 150 else 1))),
+    "every other sample answered": (
+        "unanswered",
+        lambda name, tick, values: [] if tick % 2 and name in WIRE.command else [values],
+    ),
+}
+
+
+def test_a_correct_device_has_no_findings() -> None:
+    assert set(judged(truth).values()) == {Verdict.PASS}
+    brakes_meanwhile = ready({"DRIVE_COMMAND": lambda tick: {"ACCEL_REQUEST": -1.5} if tick < STOPPED_FROM else {}})
+    assert judged(brakes_meanwhile)["dynamics"] is Verdict.PASS
+
+
+@pytest.mark.parametrize(
+    "tell",
+    [
+        steered(lambda tick: 0.0021 * min(50, max(0, tick - 100))),
+        led_back(0.097),
+        steered(lambda tick: min(0.3, 0.005 * tick), lambda _: 0.5),
+    ],
+    ids=["by the lateral jerk", "back by their own rate", "from where they are measured"],
+)
+def test_steering_at_its_limit_has_no_findings(tell: Lie) -> None:
+    assert judged(tell)["dynamics"] is Verdict.PASS
+
+
+@pytest.mark.parametrize("name", LIES)
+def test_each_wrong_command_is_found_by_its_kind(name: str) -> None:
+    kind, tell = LIES[name]
+    assert judged(tell)[kind] is Verdict.FAIL
+
+
+def test_unmeasured_wheels_are_not_compared(tmp_path: Path) -> None:
+    line = 'front_wheel_angle_rad = "CHASSIS.FRONT_WHEEL_ANGLE"'
+    wire = other_wire(tmp_path, profile=(line, ""))
+    hang = steered(lambda tick: min(0.5, 0.005 * tick), lambda _: 0.5)
+    assert (judged(hang)["dynamics"], judged(hang, wire=wire)["dynamics"]) == (Verdict.FAIL, Verdict.PASS)
+
+
+def test_coarse_steering_steps_are_no_swerve(tmp_path: Path) -> None:
+    fine = re.search(r"SG_ FRONT_WHEEL_ANGLE_REQUEST : .*", WIRE.dbc.read_text())
+    assert fine is not None
+    wire = other_wire(tmp_path, dbc=(fine[0], fine[0].replace("(0.0001,0)", "(0.01,0)")))
+    assert (WIRE.wheel_count_rad, wire.wheel_count_rad) == (0.002, 0.01)
+    by_counts = steered(lambda tick: 0.01 * min(5, max(0, tick - 100) // 5))
+    assert (judged(by_counts)["dynamics"], judged(by_counts, wire=wire)["dynamics"]) == (Verdict.FAIL, Verdict.PASS)
+
+
+def test_a_few_unanswered_samples_after_a_bad_cable_are_tolerated() -> None:
+    rig = SimpleNamespace(wire=WIRE, touched_ns=S, healthy_ns=0)
+    for count, verdict in ((10, Verdict.PASS), (11, Verdict.FAIL)):
+        record = Record(unanswered=[f"sample at {9.0 + i / 100:.3f} s" for i in range(count)])
+        checks = judge.check_protocol(named("cable-loses-5-percent"), rig, record, observed())  # type: ignore[arg-type]
+        assert {check.text: check.verdict for check in checks}[judge.KINDS["unanswered"]] is verdict
+
+
+def test_an_injection_into_a_vehicle_that_is_not_driven_fails() -> None:
+    rig = SimpleNamespace(touched_ns=5 * S)
+    for name, instants in (
+        ("state-lost-at-speed", [at(4.9, 3.0)]),
+        ("state-lost", [at(4.9, 3.0, READY)]),
+        ("state-lost", []),
+    ):
+        checks = judge.check_preparation(named(name), observed(history=instants), rig)  # type: ignore[arg-type]
+        assert [check.verdict for check in checks] == [Verdict.FAIL], name
+    good = judge.check_preparation(named("state-lost"), observed(history=[at(4.9, 2.5)]), rig)  # type: ignore[arg-type]
+    assert [check.verdict for check in good] == [Verdict.PASS]
+
+
+def test_a_device_that_never_engages_fails_for_that() -> None:
+    rig = SimpleNamespace(touched_ns=0)
+    for history, verdict in (([at(1.0, 0.0, READY)], Verdict.FAIL), ([at(1.0, 0.0)], Verdict.PASS)):
+        (check,) = judge.check_preparation(named("drive-step"), observed(history=history), rig)  # type: ignore[arg-type]
+        assert (check.text, check.verdict) == ("the device engages", verdict)
+
+
+def test_health_requires_motion_hold_or_survival_as_the_case_demands() -> None:
+    rig = SimpleNamespace(healthy_ns=9 * S)
+    drives, holds, waits = named("half-the-rate"), named("rolling-back"), named("not-armed")
+    moves, stands = [at(7.9, 2.0)], [at(7.9, 0.0)]
+    for case, sound, broken in (
+        (drives, observed(*DRIVES, history=moves), observed(*DRIVES, history=stands)),
+        (holds, observed(*steady(5, 8, stop)), observed(*steady(5, 7.9, stop), *steady(7.9, 8))),
+        (holds, observed(*steady(5, 8, stop)), observed()),
+        (waits, observed(), replace(observed(), exit_ns=3 * S)),
+    ):
+        for found, verdict in ((sound, Verdict.PASS), (broken, Verdict.FAIL)):
+            checks = judge.check_health(case, found, rig, [])  # type: ignore[arg-type]
+            assert (verdict is Verdict.FAIL) == any(check.verdict is Verdict.FAIL for check in checks), case.name
+
+
+def test_a_late_bench_excuses_timing_but_not_content() -> None:
+    late, wrong, *rates = (
+        expect.check("a stop", ["no such stop"]),
+        expect.check(judge.KINDS["command"], ["3.100 s: ENABLE 1 and 0 in one pair"]),
+        expect.check(judge.KINDS["command"], ["3.100 s: wheels faster than 0.8 rad/s"]),
+        expect.check(judge.KINDS["dynamics"], ["3.100 s: a swerve at 8.00 m/s, wheels to 0.1000 rad"]),
+    )
+    assert judge.select_unexcused([late, wrong]) == [wrong]
+    assert judge.select_unexcused([late, *rates]) == []
+
+
+@given(st.lists(st.floats(0.0, 1e4), min_size=1, max_size=300))
+def test_a_distribution_counts_every_value_once_and_its_quantiles_are_measured_values(values: list[float]) -> None:
+    found = figures.describe_distribution("x", values)
+    assert sum(found.counts) == found.count == len(values)
+    assert len(found.edges) == len(found.counts) + 1
+    assert found.p50 <= found.p95 <= found.p99 <= found.max == pytest.approx(max(values), abs=1e-4)
+
+
+def test_a_device_that_ends_before_its_first_frame_is_reported_with_its_last_line(tmp_path: Path) -> None:
+    log = tmp_path / "device.log"
+    log.write_text("begun\nno such option: --arm\n")
+    rig = SimpleNamespace(device=SimpleNamespace(log=log))
+    dead = replace(observed(status=2), exit_ns=1 * S)
+    found = judge.check_alive(named("state-lost"), dead, rig)  # type: ignore[arg-type]
+    assert [(c.verdict, c.found) for c in found] == [
+        (Verdict.FAIL, ["it ended with status 2 before its first frame; its last line: no such option: --arm"])
+    ]
+    for case, what in (
+        (FILES[0], dead),
+        (named("state-lost"), observed(status=None)),
+        (named("state-lost"), observed(pair(1))),
+    ):
+        assert judge.check_alive(case, what, rig) == []  # type: ignore[arg-type]

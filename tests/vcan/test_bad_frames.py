@@ -1,0 +1,250 @@
+"""A vehicle whose frames say what they must not: one drive, one lie after another."""
+
+import math
+import random
+import signal
+import struct
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from vehicle_bus_contract.reference import AUTONOMOUS, COUNTERS, LAYOUT, SAMPLE, Frame, checksum, pack
+from vehicle_bus_contract.socketcan import send
+
+from .conftest import ROOT, Programs
+from .driving import driven, line_file, own_faults, summary
+from .observer import Observer, decided, reasons
+from .peer import Vehicle
+
+Signals = Mapping[str, float]
+Lie = Callable[[str, int, Signals], bytes]
+MIXED, LOST_ROUND = 30, COUNTERS
+JITTER_S = 0.008
+HANG_RAD = 0.3
+"""As far as a command may be from what is measured."""
+
+
+class Liar(Vehicle):
+    """Says something else when it is told to."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lies: dict[str, Lie] = {}
+        """By message: what its next frame is instead."""
+        self.mixed = 0
+        """So many of its next samples each lack another part than the one before."""
+        self.wraps_early = False
+        """Once, the counter of its samples begins anew in the middle."""
+        self.jitter_s = 0.0
+        """Each sample comes late by up to this."""
+        self.hangs_at_rad: float | None = None
+        """The front wheels do not move from here."""
+        self._dice = random.Random(0)
+
+    def _move(self, dt_s: float) -> None:
+        wish = self._wish.get("STEER_COMMAND")
+        if wish is not None and self.hangs_at_rad is not None:
+            signals = {**wish.signals, "FRONT_WHEEL_ANGLE_REQUEST": self.hangs_at_rad}
+            self._wish["STEER_COMMAND"] = replace(wish, signals=signals)
+        super()._move(dt_s)
+
+    def _speak(self, tick: int) -> None:
+        time.sleep(self._dice.uniform(0.0, self.jitter_s))
+        counter = self._counters["POSE"] % COUNTERS
+        if self.wraps_early and 5 <= counter <= 9:
+            self.wraps_early, self.faults.skipped = False, COUNTERS - 1 - counter
+        super()._speak(tick)
+        self.mixed = max(0, self.mixed - 1)
+
+    def _say(self, name: str, counter: int, **signals: float) -> None:
+        lie = self.lies.pop(name, None)
+        if lie is not None:
+            send(self._raws[-1], Frame(0, LAYOUT[name][0], lie(name, counter % COUNTERS, signals)))
+        elif not (self.mixed and name in SAMPLE and counter % len(SAMPLE) == SAMPLE.index(name)):
+            super()._say(name, counter, **signals)
+
+
+def with_data_id_of(other: str) -> Lie:
+    """The message as it is, its checksum made with another message's data id."""
+
+    def lie(name: str, counter: int, signals: Signals) -> bytes:
+        data = pack(name, counter, **signals)[1]
+        return bytes((checksum(LAYOUT[other][0], data),)) + data[1:]
+
+    return lie
+
+
+def with_values(**wrong: float) -> Lie:
+    """The message with other values, and the checksum that belongs to them."""
+    return lambda name, counter, signals: pack(name, counter, **{**signals, **wrong})[1]
+
+
+OTHER_IDS = {"POSE": "MOTION", "MOTION": "CHASSIS", "CHASSIS": "POSE", "VEHICLE_STATUS": "POSE"}
+IMPOSSIBLE: list[tuple[str, dict[str, float]]] = [
+    ("MOTION", {"SPEED": 150.0}),
+    ("MOTION", {"SPEED": -100.005}),
+    ("CHASSIS", {"ACCEL": 20.001}),
+    ("CHASSIS", {"LATERAL_SPEED": -32.0}),
+    ("CHASSIS", {"FRONT_WHEEL_ANGLE": 1.5}),
+    ("POSE", {"POSE_FRAME": 3}),
+    ("VEHICLE_STATUS", {"MODE": 7}),
+    ("VEHICLE_STATUS", {"GEAR": 6}),
+    ("VEHICLE_STATUS", {"REAR_WHEEL_ANGLE": -1.5}),
+]
+"""Beyond the range that the DBC gives, or a number without a name."""
+INCREDIBLE = [("MOTION", {"SPEED": 45.0}), ("MOTION", {"YAW_RATE": -3.5}), ("MOTION", {"YAW_RATE": 0.9})]
+"""In the DBC's range, and nothing that this vehicle can do."""
+
+
+@pytest.fixture
+def liar(bus: Observer) -> Iterator[Liar]:
+    """At the origin, READY, sending."""
+    vehicle = Liar()
+    vehicle.start()
+    bus.wait_for("the vehicle's first sample", "CHASSIS")
+    yield vehicle
+    vehicle.close()
+
+
+def test_other_data_ids_impossible_values_early_wraps_and_jitter_are_driven_through_and_counted(
+    programs: Programs, bus: Observer, liar: Liar
+) -> None:
+    loop, moving = driven(programs, bus)
+    for name, other in OTHER_IDS.items():
+        liar.lies[name] = with_data_id_of(other)
+        bus.wait_samples(8)
+    for name, wrong in IMPOSSIBLE:
+        liar.lies[name] = with_values(**wrong)
+        bus.wait_samples(8)
+    for name, wrong in INCREDIBLE:
+        liar.lies[name] = with_values(**wrong)
+        bus.wait_samples(8)
+    liar.wraps_early = True
+    bus.wait_samples(COUNTERS + 10)
+    liar.jitter_s = JITTER_S
+    bus.wait_samples(100)
+    liar.jitter_s = 0.0
+    end = bus.wait_samples(10)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    record = bus.record(moving, end)
+    assert decided(record) == ["NOMINAL"]
+    assert all(told["MODE"] in (AUTONOMOUS, 7) for told in record.of("VEHICLE_STATUS"))
+    found = summary(programs)
+    assert {what: count for what, count in found["implausible"].items() if count} == {"out of range": 2, "disagree": 1}
+    assert found["drops"] == {
+        **{f"bad CRC {name}": 1 for name in OTHER_IDS},
+        **{f"wrong sequence {name}": 1 for name in SAMPLE},
+        **{f"out of range {name}": sum(each == name for each, _ in IMPOSSIBLE) for name, _ in IMPOSSIBLE},
+    }
+
+
+def test_a_whole_round_of_the_counter_lost_and_parts_of_different_samples_stop_the_vehicle_as_long_as_it_lasts(
+    programs: Programs, bus: Observer, liar: Liar
+) -> None:
+    loop, moving = driven(programs, bus)
+    lies: list[Callable[[], None]] = [lambda: liar.mute(LOST_ROUND), lambda: setattr(liar, "mixed", MIXED)]
+    for lie in lies:
+        begin = bus.wait_samples(20)
+        lie()
+        stop, _ = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="STATE_STALE", ENABLE=1, SAFE_STOP=1, since=begin)
+        index, _ = bus.wait_for("driving on", "DRIVE_COMMAND", REASON="NOMINAL", ENABLE=1, since=stop)
+        assert reasons(bus.pairs(begin, bus.wait_samples(10, since=index))) == ["NOMINAL", "STATE_STALE", "NOMINAL"]
+    end = bus.now()
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == 0
+    record = bus.record(moving, end)
+    assert set(decided(record)) == {"NOMINAL", "STATE_STALE"}
+    found = summary(programs)
+    assert found["incomplete_samples"] == MIXED
+    assert found["counts"]["stops_on_stale_state"] >= (LOST_ROUND - 5 + MIXED - 5) // 2
+    assert found["drops"] == {}
+
+
+def test_samples_with_gaps_engage_nobody_and_wheels_that_hang_are_not_led_away_from(
+    programs: Programs, bus: Observer, liar: Liar
+) -> None:
+    liar.hangs_at_rad = 0.0
+    programs.run("--arm", "--route", "circle").says("armed")
+    for _ in range(5):
+        liar.mute(8)
+        gaps = bus.wait_samples(20)
+    assert not any(pair.is_enabled for pair in bus.pairs(0, gaps))
+    index, _ = bus.wait_for("a vehicle off its path is stopped", "DRIVE_COMMAND", REASON="DEVIATION", ENABLE=1)
+    angles = [told["FRONT_WHEEL_ANGLE_REQUEST"] for told in bus.record(gaps, index).of("STEER_COMMAND")]
+    assert HANG_RAD - 0.01 < max(map(abs, angles)) <= HANG_RAD
+
+
+AXLE_ID = 0x103
+AXLE = f"""BO_ {AXLE_ID} AXLE: 8 VEHICLE
+ SG_ BRANCH M : 0|8@1+ (1,0) [0|255] "" CONTROLLER
+ SG_ REAR_WHEEL_ANGLE : 8|32@1- (1,0) [-1|1] "rad" CONTROLLER
+ SG_ LEFT_TEMPERATURE m0 : 40|8@1+ (1,0) [0|200] "degC" CONTROLLER
+ SG_ RIGHT_TEMPERATURE m1 : 40|8@1+ (1,0) [0|200] "degC" CONTROLLER
+
+"""
+FLOAT = f"SIG_VALTYPE_ {AXLE_ID} REAR_WHEEL_ANGLE : 1;\n"
+UNUSED = ("VEHICLE_STATUS.REAR_WHEEL_ANGLE", "AXLE.BRANCH", "AXLE.LEFT_TEMPERATURE", "AXLE.RIGHT_TEMPERATURE")
+SENSELESS = [(0, math.nan), (0, math.inf), (1, -math.inf), (0, 1e30), (2, 0.0), (255, 0.0)]
+"""Branch and angle: no number, beyond the range, a branch that there is not."""
+
+
+class Axle(Vehicle):
+    """Has another control unit that tells an angle as a float, beside the branches of a multiplexer."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.told = (0, 0.0)
+        self.once: list[tuple[int, float]] = []
+        """To be told for once, one after the other."""
+
+    def _speak(self, tick: int) -> None:
+        if tick % 2 == 0:
+            branch, angle_rad = self.once.pop() if self.once and tick % 16 == 0 else self.told
+            send(self._raws[-1], Frame(0, AXLE_ID, struct.pack("<BfBxx", branch, angle_rad, 20)))
+        super()._speak(tick)
+
+
+def with_an_axle(folder: Path) -> str:
+    """The reference profile, its rear wheels' angle told by the axle."""
+    toml = (ROOT / "dbc" / "reference.toml").read_text(encoding="utf-8")
+    for old, new in (
+        ('"VEHICLE_STATUS.REAR_WHEEL_ANGLE"', '"AXLE.REAR_WHEEL_ANGLE"'),
+        ("ignored = []", f"ignored = {list(UNUSED)}"),
+    ):
+        assert old in toml
+        toml = toml.replace(old, new)
+    dbc = (ROOT / "dbc" / "reference.dbc").read_text(encoding="utf-8")
+    before = "BO_ 384 CONTROLLER_STATUS"
+    assert before in dbc
+    (folder / "reference.dbc").write_text(dbc.replace(before, AXLE + before, 1) + FLOAT, encoding="utf-8")
+    (folder / "axle.toml").write_text(toml, encoding="utf-8")
+    return str(folder / "axle.toml")
+
+
+def test_floats_that_are_no_numbers_and_branches_that_there_are_not_are_dropped_and_stop_the_vehicle_if_they_stay(
+    programs: Programs, bus: Observer
+) -> None:
+    vehicle = Axle()
+    vehicle.start()
+    try:
+        line = line_file(programs.folder)
+        loop, moving = driven(programs, bus, "--profile", with_an_axle(programs.folder), "--trajectory", line)
+        vehicle.once = list(SENSELESS)
+        fine = bus.wait_samples(16 * (len(SENSELESS) + 1), since=bus.now())
+        assert decided(bus.record(moving, fine)) == ["NOMINAL"]
+        vehicle.told = (0, math.nan)
+        lost = bus.wait_samples(15, since=bus.now())
+        stop, _ = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="STATE_STALE", ENABLE=1, SAFE_STOP=1, since=lost)
+        vehicle.told = (1, 0.0)
+        index, _ = bus.wait_for("driving on", "DRIVE_COMMAND", REASON="NOMINAL", ENABLE=1, since=stop)
+        assert not own_faults(bus.record(moving, bus.wait_samples(10, since=index)))
+        loop.tell(signal.SIGTERM)
+        assert loop.ends() == 0
+    finally:
+        vehicle.close()
+    drops = summary(programs)["drops"]
+    assert set(drops) == {"out of range AXLE"}
+    assert drops["out of range AXLE"] >= len(SENSELESS) + 4

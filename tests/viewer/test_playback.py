@@ -1,0 +1,270 @@
+"""A recording answers as the loop's telemetry did at that instant."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from viser import _messages
+
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.recorder import files
+from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot, WriterState
+from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
+from vehicle_iface.units import NS_PER_MS, NS_PER_S
+from vehicle_iface_viewer.__main__ import main
+from vehicle_iface_viewer.access import Access
+from vehicle_iface_viewer.app import App
+from vehicle_iface_viewer.feed import Feed
+from vehicle_iface_viewer.playback import Playback
+
+from .test_access import camera, joined, packed, wait_for_answer, wait_until_closed
+
+BEGIN_NS = 10**12
+COUNT = 500
+META = files.Meta(
+    format=files.FORMAT,
+    session=SessionInfo(channel="vcan0", bus="SocketCAN vcan0", route="figure8", recording="/somewhere"),
+    wall_ns=1_795_331_353 * NS_PER_S,
+    monotonic_ns=BEGIN_NS,
+    frames="SocketCAN vcan0",
+    command_line=[],
+    versions={},
+    sha256={},
+)
+
+
+def counted(samples: int) -> LiveDetails:
+    return LiveDetails(link=LinkDetails(state="UP"), loop={"samples": samples})
+
+
+def at_ns(number: int) -> int:
+    """When the snapshot of that number was published: one each 10 ms, from 0 on."""
+    return BEGIN_NS + number * 10 * NS_PER_MS
+
+
+def snapshot(number: int) -> Snapshot:
+    return Snapshot(
+        at_ns(number),
+        3,
+        0,
+        has_state=True,
+        stamp_ns=at_ns(number) - NS_PER_MS,
+        x_m=number / 10.0,
+        samples=number,
+        trajectory_version=1 + number // 10,
+        sequence=number + 1,
+    )
+
+
+def path(version: int) -> DrawnTrajectory:
+    two = np.array([0.0, float(version)])
+    columns = dict.fromkeys(("x_m", "y_m", "heading_rad", "speed_mps", "time_s"), two)
+    return DrawnTrajectory(version=version, stamp_ns=0, frame_id="map", original_count=2, **columns)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Five seconds; trajectory 3 and the snapshots from 200 to 219 were lost."""
+    (tmp_path / files.META).write_bytes(msgspec.json.encode(META))
+    rows = [files.format_snapshot(snapshot(k)) for k in range(COUNT) if not 200 <= k < 220]
+    (tmp_path / files.SNAPSHOTS).write_bytes(files.SNAPSHOT_HEADER + b"".join(rows))
+    paths = [files.format_trajectory(path(version)) for version in range(1, 51) if version != 3]
+    (tmp_path / files.TRAJECTORIES).write_bytes(b"".join(paths))
+    counters = [files.format_counters(at_ns(50 * k), counted(k)) for k in range(10)]
+    (tmp_path / files.COUNTERS).write_bytes(b"".join(counters))
+    return tmp_path
+
+
+@pytest.fixture
+def recording(folder: Path) -> Iterator[Playback]:
+    opened = Playback(str(folder))
+    yield opened
+    opened.close()
+
+
+def test_at_its_own_speed_it_shows_what_was_at_that_instant(recording: Playback) -> None:
+    for number in (0, 1, 7, 100, 199, 230, COUNT - 1):
+        assert recording.advance(number * 10 * NS_PER_MS) == at_ns(number)
+        assert recording.newest() == snapshot(number)._replace(sequence=number + 1)
+
+
+def test_between_two_snapshots_and_where_some_are_lost_the_one_before_is_shown(recording: Playback) -> None:
+    recording.advance(0)
+    recording.advance(1055 * NS_PER_MS)
+    assert recording.newest() == snapshot(105)
+    recording.advance(2150 * NS_PER_MS)
+    assert recording.newest() == snapshot(199)
+
+
+def test_it_stays_at_its_end_and_says_so(recording: Playback) -> None:
+    recording.advance(0)
+    assert recording.advance(10 * NS_PER_S) == at_ns(COUNT - 1)
+    assert recording.description.startswith("5.0 s of 5.0 s · at its end · recorded on 2026-11-22 at ")
+
+
+def test_speed_pause_and_nobody_watching(recording: Playback) -> None:
+    recording.speed = 2.0
+    recording.advance(0)
+    recording.advance(NS_PER_S)
+    assert recording.at_s == pytest.approx(2.0)
+    recording.is_paused = True
+    recording.advance(2 * NS_PER_S)
+    assert recording.at_s == pytest.approx(2.0)
+    assert "paused" in recording.description
+    recording.is_paused = False
+    recording.advance(3 * NS_PER_S, is_watched=False)
+    assert recording.at_s == pytest.approx(2.0)
+    recording.advance(4 * NS_PER_S)
+    assert recording.at_s == pytest.approx(4.0)
+
+
+def test_a_jump_is_a_new_session_so_that_nothing_of_another_time_stays_drawn(recording: Playback) -> None:
+    feed = Feed(recording)
+    recording.advance(0)
+    first = feed.read(recording.advance(4 * NS_PER_S))
+    recording.seek(1.0)
+    second = feed.read(recording.advance(4 * NS_PER_S))
+    assert first.session != second.session
+    assert second.snapshot == snapshot(100)
+    assert second.details == counted(2)
+    assert second.trajectory is not None
+    assert second.trajectory.version == 11
+
+
+def test_the_feed_finds_everything_as_in_a_running_loop(recording: Playback) -> None:
+    feed = Feed(recording)
+    for tenth in range(20):
+        view = feed.read(recording.advance(tenth * NS_PER_S // 10))
+    assert view.writer_state is WriterState.LIVE
+    assert not view.is_stale
+    assert view.sample_rate_hz == pytest.approx(100.0)
+    assert view.state_age_s == pytest.approx(0.001)
+    assert view.details == counted(3)
+    assert view.recorder is None
+    assert view.trajectory is not None
+    assert view.trajectory.x_m.tolist() == [0.0, 20.0]
+
+
+def test_a_trajectory_that_was_lost_is_not_there(recording: Playback) -> None:
+    assert recording.trajectory(3) is None
+    assert recording.trajectory(0) is None
+    assert recording.trajectory(51) is None
+    found = recording.trajectory(4)
+    assert found is not None
+    assert found.version == 4
+
+
+@given(cut=st.integers(0, 2000), noise=st.binary(max_size=40), place=st.integers(0, 10**6))
+def test_whatever_was_cut_off_or_damaged_it_goes_on(
+    tmp_path_factory: pytest.TempPathFactory, cut: int, noise: bytes, place: int
+) -> None:
+    folder = tmp_path_factory.mktemp("damaged")
+    (folder / files.META).write_bytes(msgspec.json.encode(META))
+    for name, lines in (
+        (files.SNAPSHOTS, [files.SNAPSHOT_HEADER, *(files.format_snapshot(snapshot(k)) for k in range(20))]),
+        (files.TRAJECTORIES, [files.format_trajectory(path(version)) for version in (1, 2)]),
+        (files.COUNTERS, [files.format_counters(at_ns(0), counted(1))]),
+    ):
+        whole = b"".join(lines)
+        at = place % len(whole)
+        (folder / name).write_bytes((whole[:at] + noise + whole[at:])[: max(0, len(whole) - cut)])
+    try:
+        recording = Playback(str(folder))
+    except ConfigError:
+        return
+    feed = Feed(recording)
+    for step in range(10):
+        feed.read(recording.advance(step * 30 * NS_PER_MS))
+        assert recording.description
+    recording.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (lambda folder: (folder / files.META).unlink(), "not a recording: meta.json: No such file"),
+        (lambda folder: (folder / files.META).write_text("{"), "damaged"),
+        (lambda folder: (folder / files.META).write_text(_other_format()), "of format 2; this version shows format 1"),
+        (lambda folder: (folder / files.SNAPSHOTS).unlink(), "nothing to show"),
+        (lambda folder: (folder / files.SNAPSHOTS).write_bytes(files.SNAPSHOT_HEADER + b"12"), "nothing to show"),
+    ],
+)
+def test_what_is_no_recording_is_refused(folder: Path, change, complaint, capsys) -> None:  # type: ignore[no-untyped-def]
+    change(folder)
+    assert main([str(folder)]) == 2
+    assert complaint in capsys.readouterr().err
+
+
+def _other_format() -> str:
+    return json.dumps(msgspec.to_builtins(META) | {"format": 2})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--connect", "x"], "--connect is for a running loop"),
+        (["--speed", "nan"], "--speed nan: must be within 0.1 … 10"),
+        (["--speed", "11"], "--speed 11: must be within 0.1 … 10"),
+        (["--from", "5.5"], "--from 5.5: must be within 0 … 5.0"),
+        (["--from", "nan"], "--from nan: must be within 0 … 5.0"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(folder: Path, arguments, complaint, capsys) -> None:  # type: ignore[no-untyped-def]
+    assert main([str(folder), *arguments]) == 2
+    assert complaint in capsys.readouterr().err
+
+
+@pytest.fixture
+def app(recording: Playback) -> Iterator[App]:
+    opened = App(Access(port=0), recording)
+    yield opened
+    opened.close()
+
+
+def test_its_page_says_recording_above_everything(app: App) -> None:
+    for tick in range(12):
+        app.update(tick)
+    banner = app._side_panel._banner.content
+    assert banner.startswith('<div id="recording"')
+    assert "RECORDING, NOT LIVE" in banner
+    assert "0.0 s of 5.0 s" in banner
+
+
+@pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
+def test_a_browser_may_pause_it_and_choose_place_and_speed_within_their_ranges(app: App, recording: Playback) -> None:
+    controls = app._controls
+    assert controls is not None
+    pause, place, speed = (handle._impl.uuid for handle in (controls._pause, controls._time, controls._speed))
+    with joined(app.server) as client:
+        client.send(packed(camera()))
+        while not app._update_clients():
+            wait_for_answer(client)
+        for uuid, value in (
+            *((pause, value) for value in (1, "true", None)),
+            *((place, value) for value in (-1.0, 6.0, float("nan"), "2", True, None, [2.0])),
+            *((speed, value) for value in (0.0, 11, float("inf"), "2")),
+            ("another", True),
+        ):
+            client.send(packed(_messages.GuiUpdateMessage(uuid, {"value": value})))
+        client.send(packed(_messages.GuiUpdateMessage(place, "value")))  # type: ignore[arg-type]
+        client.send(b"\xc1")  # closes the connection, once all before it was read
+        wait_until_closed(client)
+    app.update(0)
+    assert (recording.is_paused, recording.speed, recording.session) == (False, 1.0, 1)
+    with joined(app.server) as client:
+        client.send(packed(camera()))
+        while not app._update_clients():
+            wait_for_answer(client)
+        for uuid, value in ((pause, True), (speed, 4), (place, 3.0)):
+            client.send(packed(_messages.GuiUpdateMessage(uuid, {"value": value})))
+        client.send(b"\xc1")
+        wait_until_closed(client)
+    app.update(1)
+    assert (recording.is_paused, recording.speed, recording.session) == (True, 4.0, 2)
+    assert recording.at_s == pytest.approx(3.0)
+    assert controls._pause.value is True
