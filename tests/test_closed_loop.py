@@ -751,7 +751,32 @@ def test_an_end_without_samples_is_silent_and_still_an_end(order: str) -> None:
     assert drive.loop.shutdown.ended_in_fault
 
 
+def test_an_end_requested_in_the_pass_in_which_sending_notices_the_loss_of_the_bus_ends_in_a_fault(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drive = cruising()
+
+    def cut() -> bool:
+        drive.line.down = True
+        drive.loop.shutdown.request()
+        raise BusError("tap: cut")
+
+    monkeypatch.setattr(drive.line, "has_room", cut)
+    drive.run_until(lambda: drive.loop.shutdown.is_done, 5.0)
+    assert drive.loop.shutdown.ended_in_fault
+
+
 # Time
+
+
+def test_what_came_while_the_program_was_getting_ready_is_discarded_and_counts_neither_as_late_nor_as_expired() -> None:
+    drive = Drive()
+    drive.stall(0.5)
+    drive.loop.begin()
+    drive.engage(speed_mps=1.0)
+    counts = drive.loop.details().loop
+    assert counts["deadline_misses"] == counts["samples_expired"] == 0
+    assert counts["samples"] == pytest.approx(100 * (drive.now_s - 0.5), abs=1)
 
 
 def test_a_backlog_older_than_100_ms_is_never_answered() -> None:

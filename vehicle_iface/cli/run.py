@@ -132,6 +132,7 @@ def _try_to_save(path: str, summary: RunSummary) -> bool:
 
 def run_for(loop: Loop, duration_s: float | None) -> None:
     """Run the loop to its end, which is planned where there is a duration."""
+    loop.begin()
     if duration_s is None:
         loop.run()
         return

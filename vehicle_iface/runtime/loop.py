@@ -42,6 +42,16 @@ class Loop:
         self._samples_at_rest = 0
         self._logged_reason = Reason.NOT_ENGAGED
 
+    def begin(self) -> None:
+        """Discard what came while the program was getting ready; call it once, before the first pass.
+
+        Those frames are old, but nothing was late: the loop was not to answer them yet.
+        """
+        begin_ns = self._now_ns()
+        while (frames := self.link.receive(begin_ns)) and frames[-1].stamp_ns < begin_ns:
+            pass
+        self.timer.restart(self._now_ns())
+
     def run(self) -> None:
         """Pass after pass until the end."""
         while not self.shutdown.is_done:

@@ -13,6 +13,10 @@ class PeriodicTimer:
         self.ticks = 0
         self.overruns = 0
 
+    def restart(self, start_ns: int) -> None:
+        """Begin a new grid; the instants until now count neither as served nor as left out."""
+        self.next_ns = start_ns + self.period_ns
+
     def is_due(self, now_ns: int) -> bool:
         """Whether an instant has come that was not served yet; moves on to the first one after `now_ns`."""
         if now_ns < self.next_ns:
