@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.narrowing import at_present
 from vehicle_iface import Reason
-from vehicle_iface.safety.engagement import TABLE, Engagement, EngagementTiming, Event, Mode
+from vehicle_iface.safety.engagement import MAX_TRANSITIONS, TABLE, Engagement, EngagementTiming, Event, Mode
 from vehicle_iface.status import ControllerState, Gear, VehicleMode, VehicleStatus
 
 MS = 1_000_000
@@ -448,6 +448,22 @@ def test_every_mode_has_a_word_on_the_bus() -> None:
 def test_only_faults_silence_and_latched_stops_are_latched() -> None:
     assert {mode for mode in Mode if in_mode(mode).ends_in_fault} == {Mode.FAULT, Mode.SILENT} | LATCHED_STOP
     assert {mode for mode in Mode if mode.stops and not mode.ends} == LATCHED_STOP
+
+
+def test_only_a_released_vehicle_is_released() -> None:
+    engagement = Engagement(TIMING, armed=True)
+    for mode in Mode:
+        engagement.mode = mode
+        assert engagement.is_released is (mode is Mode.RELEASED)
+
+
+def test_the_first_thousand_transitions_are_kept_and_the_mode_changes_after_them_as_well() -> None:
+    engagement = Engagement(TIMING, armed=True)
+    for now_ns in range(MAX_TRANSITIONS + 7):
+        engagement.mode = Mode.STARTING
+        assert engagement.apply(Event.FRESH, now_ns)
+    assert engagement.mode is Mode.STANDBY
+    assert [transition.at_ns for transition in engagement.transitions] == list(range(MAX_TRANSITIONS))
 
 
 def test_samples_whose_sources_disagree_engage_nobody() -> None:
