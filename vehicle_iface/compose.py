@@ -39,8 +39,7 @@ from vehicle_iface.safety.stop import StopShape
 from vehicle_iface.safety.stop_hold import StopHold
 from vehicle_iface.safety.transmit_filter import AllowedMessage, TransmitFilter
 from vehicle_iface.safety.unmeasured import without_unmeasured
-from vehicle_iface.state_assembler import StateAssembler
-from vehicle_iface.status import Gear, VehicleMode
+from vehicle_iface.state_assembler import Freshness, StateAssembler
 from vehicle_iface.telemetry import TelemetryWriter, VehicleShape
 from vehicle_iface.trajectories.source import TrajectorySource
 from vehicle_iface.units import ns_from_s
@@ -268,18 +267,29 @@ def _shadow(database: VehicleDatabase) -> Shadow:
 def build_state_assembler(database: VehicleDatabase) -> StateAssembler:
     """A state assembler for the profile's sample."""
     return StateAssembler(
-        sample={message.name: message.fields for message in database.sample},
-        others={message.name: message.fields for message in (database.status, *database.auxiliary)},
-        frames=database.frames or {0: database.profile.state.frame_id},
-        modes={int(mode): mode for mode in VehicleMode},
-        gears={int(gear): gear for gear in Gear},
+        database.row,
+        sample=[message.name for message in database.sample],
         window_ns=_window_ns(database),
         stale_ns=ns_from_s(database.profile.timing.status_stale_s),
         counter_states=min(
             (message.protection.counter_states for message in database.sample if message.protection is not None),
             default=1,
         ),
+        freshness=_freshness(database),
     )
+
+
+def _freshness(database: VehicleDatabase) -> Freshness | None:
+    """How old the parts of a sample may be; None where they belong together by their counter."""
+    state, names = database.profile.state, [message.name for message in database.sample]
+    is_counted = all(message.protection is not None for message in database.sample)
+    if state.assemble == "counter" or (state.assemble is None and is_counted):
+        return None
+    stale_s = database.profile.timing.state_stale_s
+    ages_s = state.max_age_s if isinstance(state.max_age_s, dict) else {}
+    default_s = state.max_age_s if isinstance(state.max_age_s, float) else stale_s
+    ages_ns = {name: ns_from_s(ages_s.get(name, default_s)) for name in names}
+    return Freshness(state.trigger or names[0], ages_ns)
 
 
 def vehicle_shape(profile: Profile) -> VehicleShape:

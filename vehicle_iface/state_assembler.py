@@ -1,19 +1,13 @@
 """Assembles decoded messages into samples of the vehicle's state, each with its age."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from vehicle_iface.decoded import DecodedMessage
+from vehicle_iface.row import Row, RowReader
 from vehicle_iface.state import VehicleState
-from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
-
-FieldMap = Mapping[str, Sequence[str]]
-"""Message name → the field of each of its values, '' where it has none."""
-_STATUS_WORDS = {"mode", "gear", "driver_brake", "driver_throttle", "driver_steer_torque_nm", "fault_code"}
-"""Fields of the status; they may come in several messages."""
-
+from vehicle_iface.status import VehicleStatus
 
 MOST_BEHIND = 3
 """The messages of one sample may be later than those of others by so many samples."""
@@ -31,7 +25,7 @@ class Sample(NamedTuple):
     If not, a value of such a message is its last one or, where none was received, 0: the vehicle must be stopped.
     """
     counter: int
-    """The counter value that its messages share."""
+    """The counter value that its messages share; −1 where it was assembled by time."""
     completed_ns: int
     """Kernel receive time of the message that completed it; `state.stamp_ns` is that of the first one."""
 
@@ -44,78 +38,89 @@ class _Parts:
     received: dict[str, DecodedMessage] = field(default_factory=dict)
 
 
-class StateAssembler:
-    """Assembles the messages of one cycle: those with the same counter value, within `window_ns`.
+class Freshness(NamedTuple):
+    """How a sample is made of the newest messages."""
 
-    Values of different cycles are never mixed. The newest values of a message outside the sample (`others`) are in
-    each sample after it; `Sample.others_fresh` is false when it is older than `stale_ns` or was never received.
+    trigger: str
+    """The message whose arrival completes a sample."""
+    max_age_ns: Mapping[str, int]
+    """How old each part may be by then."""
+
+
+class StateAssembler:
+    """Assembles the messages of one cycle: those with the same counter value, within `window_ns`; or, with `freshness`,
+    the newest of each when the trigger arrives.
+
+    By the counter, values of different cycles are never mixed. The newest values of the messages outside the sample are
+    in each sample after them; `Sample.others_fresh` is false when one is older than `stale_ns` or was never received.
     """
 
     def __init__(
         self,
+        reader: RowReader,
         *,
-        sample: FieldMap,
-        others: FieldMap,
-        frames: Mapping[int, str],
-        modes: Mapping[int, VehicleMode],
-        gears: Mapping[int, Gear],
+        sample: Collection[str],
         window_ns: int,
         stale_ns: int,
-        counter_states: int,
+        counter_states: int = 1,
+        freshness: Freshness | None = None,
     ) -> None:
-        """`frames`, `modes` and `gears` translate wire numbers; the status message is in `others`.
-
-        A counter comes round again after `counter_states` samples; 1 where there is none.
-
-        Position, heading and speed must be in `sample`, and so must `pose_frame` where there is one.
-        """
+        """A counter comes round again after `counter_states` samples; 1 where there is none."""
+        self._reader = reader
         self._sample = tuple(sample)
-        # The values of a sample, message after message, are one long tuple; what is bound is picked out of it.
-        row = [field for fields in sample.values() for field in fields]
-        places = {field: place for place, field in enumerate(row) if field}
-        self._frame_place, self._valid_place = places.pop("pose_frame", None), places.pop("pose_valid", None)
-        self._fields = tuple(places)
-        self._pick = _make_picker(*places.values())
-        self._others = {name: tuple(fields) for name, fields in others.items()}
-        self._frames, self._modes, self._gears = dict(frames), dict(modes), dict(gears)
-        self._usual_frame = next(iter(frames.values()))
+        self._others = tuple(name for name in reader.places if name not in self._sample)
         self._window_ns, self._stale_ns = window_ns, stale_ns
         self._counter_states = counter_states
+        self._freshness = freshness
         self._newest_counter: int  # of the sample that entered `_completed_ns` last
         self._pending: dict[int, _Parts] = {}
         self._completed_ns: dict[int, int] = {}
-        self._others_ns: dict[str, int] = {}
-        self._newest_others: dict[str, float | int] = {}
-        self._newest_words: dict[str, float | int] = {}
+        self._stamps_ns: dict[str, int] = {}
+        self._row: Row = [0] * reader.size
         self.status: VehicleStatus | None = None
         """The newest status report."""
         self.newest: Sample | None = None
         """The newest complete sample."""
         self.completed = 0
         self.incomplete = 0
-        """Samples of which at least one message came, but not all within the window, or a value was missing."""
+        """Samples of which a message is missing or too old, or a value is."""
         self.repeated = 0
         """Messages of a sample that was complete already."""
 
     def take(self, received: DecodedMessage) -> Sample | None:
         """The sample that this message completes, if it does."""
-        if received.name in self._sample:
-            return self._assemble(received)
-        if received.name in self._others:
-            self._store_others(received)
-        return None
+        if received.name not in self._sample:
+            if received.name in self._reader.places:
+                self._store_other(received)
+            return None
+        return self._take_by_counter(received) if self._freshness is None else self._take_newest(received)
 
     def reset(self) -> None:
         """Start anew after the link was lost: nothing from before it is combined with anything after it."""
         self._pending.clear()
         self._completed_ns.clear()
-        self._others_ns.clear()
-        self._newest_others.clear()
-        self._newest_words.clear()
+        self._stamps_ns.clear()
+        self._row = [0] * self._reader.size
         self.status = None
         self.newest = None
 
-    def _assemble(self, received: DecodedMessage) -> Sample | None:
+    # --- by the newest
+
+    def _take_newest(self, received: DecodedMessage) -> Sample | None:
+        assert self._freshness is not None
+        self._store(received)
+        if received.name != self._freshness.trigger:
+            return None
+        stamps_ns, now_ns = self._stamps_ns, received.stamp_ns
+        for name, max_age_ns in self._freshness.max_age_ns.items():
+            if name not in stamps_ns or now_ns - stamps_ns[name] > max_age_ns:
+                self.incomplete += 1
+                return None
+        return self._complete(now_ns, received)
+
+    # --- by the counter
+
+    def _take_by_counter(self, received: DecodedMessage) -> Sample | None:
         counter = received.counter
         self._drop_old(received.stamp_ns - self._window_ns)
         if counter in self._completed_ns and not self._begins_new_round(counter):
@@ -134,13 +139,9 @@ class StateAssembler:
             self._completed_ns.pop(counter, None)  # the oldest stand first
             self._completed_ns[counter] = received.stamp_ns
             self._newest_counter = counter
-        sample = self._build_sample(parts, received)
-        if sample is None:
-            self.incomplete += 1
-            return None
-        self.completed += 1
-        self.newest = sample
-        return sample
+        for part in parts.received.values():
+            self._store(part)
+        return self._complete(parts.first_ns, received)
 
     def _begins_new_round(self, counter: int) -> bool:
         """Whether the counter is ahead of the newest sample's: samples that were held up come round fast."""
@@ -167,51 +168,36 @@ class StateAssembler:
             for counter in done:
                 del self._completed_ns[counter]
 
-    def _build_sample(self, parts: _Parts, last: DecodedMessage) -> Sample | None:
-        """None when a value of its own is missing: it is in another multiplexer branch."""
-        row: tuple[Any, ...] = ()
-        for name in self._sample:
-            row += parts.received[name].values
-        values = self._pick(row)
-        frame = row[self._frame_place] if self._frame_place is not None else -1
-        is_valid = row[self._valid_place] if self._valid_place is not None else True
-        if frame is None or is_valid is None or None in values:
+    # --- both
+
+    def _complete(self, stamp_ns: int, last: DecodedMessage) -> Sample | None:
+        """The sample of what stands in the row; None when a value of its own is missing."""
+        measured = self._reader.read_state(stamp_ns, self._row)
+        if measured is None:
+            self.incomplete += 1
             return None
-        state = VehicleState(
-            stamp_ns=parts.first_ns,
-            frame_id=self._usual_frame if frame == -1 else self._frames[int(frame)],
-            **(self._newest_others | dict(zip(self._fields, values, strict=True))),
-        )
-        return Sample(state, bool(is_valid), self._are_others_fresh(parts.first_ns), last.counter, last.stamp_ns)
+        counter = last.counter if self._freshness is None else -1
+        fresh = self._are_others_fresh(stamp_ns)
+        self.newest = Sample(measured.state, measured.pose_valid, fresh, counter, last.stamp_ns)
+        self.completed += 1
+        return self.newest
 
     def _are_others_fresh(self, stamp_ns: int) -> bool:
-        oldest_ns, came_ns = stamp_ns - self._stale_ns, self._others_ns
+        oldest_ns, came_ns = stamp_ns - self._stale_ns, self._stamps_ns
         return all(name in came_ns and came_ns[name] >= oldest_ns for name in self._others)
 
-    def _store_others(self, received: DecodedMessage) -> None:
-        """Store its values; a message with the mode in it updates the status."""
-        self._others_ns[received.name] = received.stamp_ns
-        pairs = zip(self._others[received.name], received.values, strict=True)
-        values = {name: value for name, value in pairs if name and value is not None}
-        for name, value in values.items():
-            (self._newest_words if name in _STATUS_WORDS else self._newest_others)[name] = value
-        if "mode" in values:
-            self.status = self._build_status(received.stamp_ns, self._newest_words)
+    def _store_other(self, received: DecodedMessage) -> None:
+        """A message in which a value of the state is missing does not count as received."""
+        where = self._reader.places[received.name]
+        needed = self._reader.needed[received.name]
+        if any(received.values[place - where.start] is None for place in needed):
+            return
+        self._store(received)
 
-    def _build_status(self, stamp_ns: int, words: Mapping[str, float | int]) -> VehicleStatus:
-        return VehicleStatus(
-            stamp_ns=stamp_ns,
-            mode=self._modes[int(words["mode"])],
-            gear=self._gears[int(words["gear"])] if "gear" in words else None,
-            driver_brake=bool(words.get("driver_brake", False)),
-            driver_throttle=bool(words.get("driver_throttle", False)),
-            driver_steer_torque_nm=float(words.get("driver_steer_torque_nm", 0.0)),
-            fault_code=int(words.get("fault_code", 0)),
-        )
-
-
-def _make_picker(*places: int) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """The values at these places of a row."""
-    if len(places) < 2:  # where `itemgetter` gives no tuple
-        return lambda row: tuple(row[place] for place in places)
-    return itemgetter(*places)
+    def _store(self, received: DecodedMessage) -> None:
+        """Its values stand in the row from now on; there is a status once all messages with the mode have come."""
+        name, reader, stamps_ns = received.name, self._reader, self._stamps_ns
+        self._row[reader.places[name]] = received.values
+        stamps_ns[name] = received.stamp_ns
+        if name in reader.driver_messages and all(one in stamps_ns for one in reader.status_messages):
+            self.status = reader.read_status(min(stamps_ns[one] for one in reader.status_messages), self._row)

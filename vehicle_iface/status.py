@@ -50,6 +50,8 @@ class VehicleStatus:
     driver_throttle: bool = False
     driver_steer_torque_nm: float = 0.0
     """Of the driver's hands on the wheel, positive to the left."""
+    driver_steers: bool = False
+    """Whether the vehicle itself tells that the driver steers."""
     fault_code: int = 0
 
 

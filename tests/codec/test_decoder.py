@@ -34,7 +34,7 @@ def test_an_intact_frame_becomes_numbers_with_its_stamp_and_counter(decoder: Dec
     payload = bytes(2) + (-31416).to_bytes(2, "little", signed=True) + (400).to_bytes(2, "little") + bytes(2)
     received = decoder.decode(motion(3, payload=payload))
     assert received is not None
-    assert received == DecodedMessage("MOTION", 5, 3, (received.values[0], 3, -31416 * 0.0001, 2.0, 0.0))
+    assert received == DecodedMessage("MOTION", 5, 3, (-31416 * 0.0001, 2.0, 0.0))
     assert (decoder.accepted, decoder.drops) == (1, {})
 
 
@@ -168,10 +168,10 @@ def test_the_vehicles_other_numbers_become_the_programs(variant: Variant) -> Non
         dbc=(('0 "MANUAL" 1 "READY" 2 "AUTONOMOUS"', '2 "HAND" 1 "READY" 0 "AUTONOMOUS"'),),
         toml=(("[status.modes]", '[status.modes]\nHAND = "MANUAL"'),),
     )
-    position = database.status.fields.index("mode")
+    position = database.status[0].fields.index("mode")
     for on_bus, ours in ((2, 0), (1, 1), (0, 2), (3, 3)):
         frame = motion(0, payload=(on_bus << 16).to_bytes(8, "little"), can_id=0x100)
-        received = Decoder([database.status]).decode(frame)
+        received = Decoder(database.status).decode(frame)
         assert received is not None
         assert received.values[position] == ours
 

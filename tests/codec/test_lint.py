@@ -77,14 +77,13 @@ BOTH_WAYS = [
 ]
 BY_ITSELF = [
     ("[-6.5536|6.5534]", "[0|0]", WARNING, "MOTION.YAW_RATE: no range", "YAW_RATE : 48"),
-    ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] "deg/s"', WARNING, "unit 'deg/s' is not SI", "YAW_RATE : 48"),
+    ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] "deg/fortnight"', WARNING, "unit 'deg/fortnight' is not known", "YAW_RATE : 48"),
     ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] "furlong"', WARNING, "unit 'furlong' is not known", "YAW_RATE : 48"),
     ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] ""', WARNING, "a scaled number without a unit", "YAW_RATE : 48"),
 ]
 WITH_THE_PROFILE = [
-    ("[-6.5536|6.5534]", "[0|0]", ERROR, "MOTION.YAW_RATE: no range", "YAW_RATE : 48"),
-    ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] "deg/s"', ERROR, "unit 'deg/s': yaw_rate_radps must be in 'rad/s'", "YAW_RATE : 48"),
-    ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] ""', WARNING, "MOTION.YAW_RATE: no unit; its value is taken for yaw_rate_radps", "YAW_RATE : 48"),
+    ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] "km/h"', ERROR, "unit 'km/h' is of speed: yaw_rate_radps must be in 'rad/s'", "YAW_RATE : 48"),
+    ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] ""', ERROR, "MOTION.YAW_RATE: has no unit, and yaw_rate_radps is in 'rad/s'", "YAW_RATE : 48"),
     ("BO_ 273 MOTION: 8 VEHICLE", "BO_ 273 MOTION: 8 CONTROLLER", ERROR, "MOTION: is received, but its sender", "BO_ 273"),
     (' 17 "NOT_ENGAGED"', "", ERROR, "DRIVE_COMMAND.REASON: VAL_ table without NOT_ENGAGED", "SG_ REASON"),
     ("COUNTER : 8|4@1+ (1,0) [0|14]", "COUNTER : 9|3@1+ (1,0) [0|7]", ERROR, "COUNTER: bits 9|3, but E2E profile 1 has 8|4", "COUNTER : 9"),

@@ -4,7 +4,6 @@ A name that the DBC does not have is left out here; `consistency` reports it.
 """
 
 import difflib
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from pathlib import Path
@@ -13,8 +12,13 @@ import msgspec
 from cantools.database import Message, Signal
 
 from vehicle_iface.codec.dbc_file import DbcFile
+from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
+from vehicle_iface.profile.forms import signals_of
+from vehicle_iface.profile.notes import MessageNotes, SignalNotes
+
+_NO_NOTES, _NO_MESSAGE_NOTES = SignalNotes(), MessageNotes()
 
 
 class Role(Enum):
@@ -56,16 +60,23 @@ class Binding:
         self.messages: Mapping[str, Message] = {message.name: message for message in file.database.messages}
         self.sections: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "state": _named_signals(profile.state.signals),
-            "status": _named_signals(profile.status.signals),
+            "status": _named_signals(profile.status.signals, profile.status.when, profile.status.driver),
             "command": _named_signals(profile.command.signals),
             "body": _named_signals(profile.body.signals) if profile.body else {},
             "report": _named_signals(profile.report.signals) if profile.report else {},
         }
         """Section of the profile → field → its signals as MESSAGE.SIGNAL."""
         self.fields: Mapping[str, str] = self._fields()
-        """MESSAGE.SIGNAL → its field; the first one where the profile names several."""
+        """MESSAGE.SIGNAL → its field, or the condition or form that it is a part of; the first one of several."""
         self.roles: Mapping[str, Role] = self._roles()
         """Each bound message's role; the first one where the profile gives it several."""
+
+    @property
+    def status_messages(self) -> frozenset[str]:
+        """The messages that say who drives."""
+        status = self.profile.status
+        modes = (status.signals.mode, status.when and tuple(msgspec.structs.astuple(status.when)))
+        return frozenset(dotted.partition(".")[0] for dotted in signals_of(modes))
 
     def find_signal(self, dotted: str) -> Signal | None:
         """The signal of a MESSAGE.SIGNAL."""
@@ -80,9 +91,47 @@ class Binding:
         found = {dotted: self.find_signal(dotted) for dotted in self.sections[section].get(field, ())}
         return {dotted: signal for dotted, signal in found.items() if signal is not None}
 
+    def view(self, dotted: str) -> SignalView:
+        """A signal that the DBC has, with what the profile says about it."""
+        signal = self.find_signal(dotted)
+        assert signal is not None, dotted
+        return SignalView.of(signal, self.notes_of(dotted), self.fields.get(dotted, ""))
+
+    def notes_of(self, dotted: str) -> SignalNotes:
+        """The profile's notes on a signal."""
+        return self.profile.signals.get(dotted, _NO_NOTES)
+
+    def cycle_ms(self, message_name: str) -> float | None:
+        """The message's period by the profile's notes or else the DBC; None where neither says it."""
+        return self.message_notes(message_name).cycle_ms or self.messages[message_name].cycle_time or None
+
+    def message_notes(self, message_name: str) -> MessageNotes:
+        """The profile's notes on a message."""
+        return self.profile.messages.get(message_name, _NO_MESSAGE_NOTES)
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether the messages of a sample belong together by their counter."""
+        state = self.profile.state
+        if state.assemble is not None:
+            return state.assemble == "counter"
+        return all(map(self.is_protected, state.sample))
+
+    def signals_used(self, message_name: str) -> list[str]:
+        """The bound signals of a message, in its order, without the name of the message."""
+        names = (signal.name for signal in self.messages[message_name].signals)
+        return [name for name in names if f"{message_name}.{name}" in self.fields]
+
     def is_protected(self, message_name: str) -> bool:
         """Whether the profile gives the message a checksum and a counter."""
         return self.profile.e2e is not None and message_name in self.profile.e2e.data_ids
+
+    @property
+    def protection_signals(self) -> frozenset[str]:
+        """Checksums and counters of protected messages, as MESSAGE.SIGNAL."""
+        rules = self.profile.e2e
+        names = (rules.crc_signal, rules.counter_signal) if rules is not None else ()
+        return frozenset(f"{message}.{name}" for message in (rules.data_ids if rules else ()) for name in names)
 
     def fault(self, place: str, text: str) -> ConfigError:
         """An error about a place in the profile."""
@@ -91,9 +140,7 @@ class Binding:
     def role_claims(self) -> Iterator[tuple[str, Role]]:
         """Each message with each role that the profile gives it; within a role in the order of the DBC."""
         yield from ((name, Role.SAMPLE) for name in self.profile.state.sample if name in self.messages)
-        mode_message = self.profile.status.signals.mode.partition(".")[0]
-        if mode_message in self.messages:
-            yield mode_message, Role.STATUS
+        yield from ((name, Role.STATUS) for name in self.messages if name in self.status_messages)
         for role, sections in (
             (Role.AUXILIARY, ("state", "status")),
             (Role.COMMAND, ("command",)),
@@ -124,40 +171,16 @@ class Binding:
         return roles
 
 
-def _named_signals(signals: msgspec.Struct) -> dict[str, tuple[str, ...]]:
-    """Field → its signals, without the fields that are not bound."""
-    places = {field: getattr(signals, field) for field in signals.__struct_fields__}
-    return {
-        field: (value,) if isinstance(value, str) else tuple(value)
-        for field, value in places.items()
-        if value is not None
-    }
+def _named_signals(*tables: msgspec.Struct | None) -> dict[str, tuple[str, ...]]:
+    """Field or condition → its signals, without those that are not bound."""
+    places = {field: getattr(table, field) for table in tables if table for field in table.__struct_fields__}
+    return {field: tuple(signals_of(form)) for field, form in places.items() if form is not None}
 
 
 def suggest(name: str, names: Iterable[str]) -> str:
     """The names that are most like `name`, for the end of an error message."""
     found = difflib.get_close_matches(name, list(names), n=3, cutoff=0.4)
     return f"; nearest: {', '.join(found)}" if found else ""
-
-
-def value_range(signal: Signal) -> tuple[float, float]:
-    """Smallest and greatest value that both the bits and the [min|max] of a signal allow."""
-    if signal.is_float:
-        low, high = -math.inf, math.inf
-    else:
-        raw_low = -(1 << signal.length - 1) if signal.is_signed else 0
-        raw_high = (1 << signal.length - bool(signal.is_signed)) - 1
-        low, high = sorted(raw * signal.scale + signal.offset for raw in (raw_low, raw_high))
-    if signal.minimum is not None:
-        low = max(low, signal.minimum)
-    if signal.maximum is not None:
-        high = min(high, signal.maximum)
-    return low, high
-
-
-def resolution(signal: Signal) -> float:
-    """The step of one count, in the signal's unit; 0 for a float."""
-    return 0.0 if signal.is_float else abs(float(signal.scale))
 
 
 def bits_of(signal: Signal) -> Iterator[int]:

@@ -56,17 +56,24 @@ def _decode_field(field: Field, found: Sequence[PackedWord], checked: bool) -> l
     raw, value = f"r{field.index}", f"v{field.index}"
     bits = extract_expression(field, found)
     lines = [f"{raw} = {bits}"] if bits != raw else []
-    if checked and not field.is_float:
-        lines += _raw_check(field, fail_with=_scaling(field, raw))
-    if field.parent is not None or field.is_float:
-        lines.append(f"{value} = {_scaling(field, raw)}")
+    work = _raw_check(field, fail_with=_scaling(field, raw)) if checked and not field.is_float else []
+    if _has_own_value(field):
+        work.append(f"{value} = {_scaling(field, raw)}")
     if checked and field.is_float:
-        lines += _float_check(field, value)
-    return lines
+        work += _float_check(field, value)
+    if not field.missing:
+        return lines + work
+    absent = f"if {raw} in {{{', '.join(map(str, sorted(field.missing)))}}}:"
+    return [*lines, absent, f"{_INDENT}{value} = None", "else:", *(_INDENT + line for line in work)]
+
+
+def _has_own_value(field: Field) -> bool:
+    """Whether the value stands in a variable of its own, since it can be missing or is checked."""
+    return field.parent is not None or field.is_float or bool(field.missing)
 
 
 def _result(field: Field) -> str:
-    if field.parent is not None or field.is_float:
+    if _has_own_value(field):
         return f"v{field.index}"
     return _scaling(field, f"r{field.index}")
 
@@ -114,16 +121,17 @@ def _chain(layout: Layout, multiplexer: Field, number: str, level: Callable[[Bra
         lines.append(f"{word} m{index} {condition}:")
         lines += [_INDENT + line for line in level(branch) or ["pass"]]
         word = "elif"
-    return [*lines, "else:", f"{_INDENT}unknown({index}, m{index})"]
+    return lines if layout.is_partial else [*lines, "else:", f"{_INDENT}unknown({index}, m{index})"]
 
 
-def generate_encode_source(layout: Layout, checked: bool) -> str:
+def generate_encode_source(layout: Layout, checked: bool, base: bytes = b"") -> str:
+    """`base` holds the bits of the signals that are not in the layout."""
     count = len(layout.fields)
     lines = [f"if len(values) != {count}:", _INDENT + "wrong_count(values)"]
     lines += [f"{''.join(f'v{i}, ' for i in range(count))}= values"] if count else []
     lines += [f"w{field.index} = 0" for field in layout.fields if field.parent is not None]
     lines += _encode_level(layout, layout.roots, checked)
-    lines.append(f"return {_assembly(layout)}")
+    lines.append(f"return {_assembly(layout, base)}")
     return _function("encode", "values", lines)
 
 
@@ -221,9 +229,12 @@ def _placed_bits(field: Field) -> str:
     return f"r{field.index} & {hex((1 << field.width) - 1)}" if field.is_signed else f"r{field.index}"
 
 
-def _assembly(layout: Layout) -> str:
+def _assembly(layout: Layout, base: bytes) -> str:
     little = _union(field for field in layout.fields if not field.is_big)
     big = _union(field for field in layout.fields if field.is_big)
+    if any(base):
+        constant = hex(int.from_bytes(base, "big" if big else "little"))
+        big, little = (f"{big} | {constant}", little) if big else ("", f"{little} | {constant}" if little else constant)
     size = layout.length
     if not big:
         return f"({little or 0}).to_bytes({size}, 'little')"

@@ -9,14 +9,14 @@ and rounding are those of cantools' conversions, so that both give the same bits
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NoReturn
 
 from cantools.database import Message
 
 from vehicle_iface import checks
 from vehicle_iface.codec.codegen import generate_decode_source, generate_encode_source
-from vehicle_iface.codec.layout import Field, Layout
+from vehicle_iface.codec.layout import Field, Layout, SignalRules
 from vehicle_iface.errors import InvalidValueError, SignalError
 
 Value = float | int | None
@@ -45,15 +45,29 @@ class MessageCodec:
 
     __slots__ = ("checked", "decode", "encode", "length", "message_name", "names", "source")
 
-    def __init__(self, message: Message, checked: bool = True) -> None:
-        layout = Layout.of(message)
+    def __init__(
+        self,
+        message: Message,
+        checked: bool = True,
+        *,
+        only: Collection[str] | None = None,
+        rules: Mapping[str, SignalRules] | None = None,
+        base: bytes | None = None,
+    ) -> None:
+        """With `only`, the codec knows these signals and the multiplexers above them; `rules` go before the DBC's.
+
+        `base` is a payload with the bits of all other signals, multiplexers among them.
+        """
+        layout = Layout.of(message, only, rules, is_flat=base is not None)
         self.message_name: str = message.name
         self.names: tuple[str, ...] = tuple(field.name for field in layout.fields)
         """Signal names, in the order of the values."""
         self.length: int = message.length
         """Payload, bytes."""
         self.checked: bool = checked
-        self.source: str = generate_decode_source(layout, checked) + "\n\n" + generate_encode_source(layout, checked)
+        self.source: str = (
+            generate_decode_source(layout, checked) + "\n\n" + generate_encode_source(layout, checked, base or b"")
+        )
         """The generated functions, for reading."""
         names = _Failures(layout, checked).names() | _runtime_names(layout)
         exec(compile(self.source, f"<codec of {message.name}>", "exec"), names)

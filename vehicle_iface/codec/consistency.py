@@ -1,29 +1,25 @@
 """What a profile and its DBC disagree about: each check is a generator of errors with file, place and remedy."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 
 from cantools.database import Message, Signal
 
 from vehicle_iface import checks
-from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, bits_of, resolution, suggest, value_range
+from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, bits_of, suggest
+from vehicle_iface.codec.constants import constant_faults
 from vehicle_iface.codec.e2e import Protection
-from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults
+from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults, name_map_faults
+from vehicle_iface.codec.expressions import Place, unknown_names
 from vehicle_iface.codec.layout import Layout
+from vehicle_iface.codec.signal_view import unit_faults
 from vehicle_iface.errors import ConfigError, InvalidValueError
-from vehicle_iface.profile.schema import EndToEnd
+from vehicle_iface.profile.forms import FieldForm, signals_of
+from vehicle_iface.profile.schema import DriverConditions, EndToEnd, ModeConditions, StatusSignals
 
-UNITS: Mapping[str, tuple[str, ...]] = {
-    "m": ("m",),
-    "rad": ("rad",),
-    "mps": ("m/s",),
-    "mps2": ("m/s^2", "m/s²", "m/s2", "m/s/s", "m/(s^2)"),
-    "radps": ("rad/s",),
-    "nm": ("N*m", "N·m", "Nm", "N.m", "N m"),
-}
-"""The last part of a field's name, and how a DBC may write that unit."""
 _COUNTS = ("ref_spatial_index", "ref_temporal_index", "deadline_misses")
 """Fields of the report in which every number means itself."""
+_CONDITIONS = frozenset((*ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__))
 _ONE_SAMPLE = ("x_m", "y_m", "heading_rad", "speed_mps", "pose_frame")
 """Fields of the state that must come in messages of its sample: where the vehicle is, in which frame, how fast."""
 
@@ -44,9 +40,13 @@ def _signal_faults(binding: Binding) -> Iterator[ConfigError]:
         for field, signals in bindings.items():
             for dotted in signals:
                 place, signal = f"$.{section}.signals.{field}", binding.find_signal(dotted)
+                if section == "status" and field not in StatusSignals.__struct_fields__:
+                    place = f"$.status.{'when' if field in ModeConditions.__struct_fields__ else 'driver'}.{field}"
                 if signal is None:
                     yield _missing_signal(binding, dotted, place)
-                elif dotted in taken:
+                elif field in _CONDITIONS:
+                    continue  # a condition may look at what is bound to a field as well
+                elif dotted in taken and taken[dotted] != field:
                     yield binding.fault(place, f"{dotted} is already bound to {taken[dotted]}")
                 else:
                     taken[dotted] = field
@@ -54,15 +54,36 @@ def _signal_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _usage_faults(binding: Binding, place: str, field: str, dotted: str, signal: Signal) -> Iterator[ConfigError]:
-    """A bound signal is not multiplexed, has the unit of its field, and a range."""
-    if signal.multiplexer_ids or signal.multiplexer_signal or signal.is_multiplexer:
-        yield binding.fault(place, f"{dotted} is multiplexed; bound signals must not be")
-        return
-    unit = field.rpartition("_")[2]
-    if signal.unit and unit in UNITS and signal.unit not in UNITS[unit]:
-        yield binding.file.fault(dotted, f"unit {signal.unit!r}: {field} must be in {UNITS[unit][0]!r}")
-    if signal.length > 1 and (signal.minimum is None or signal.maximum is None):
-        yield binding.file.fault(dotted, "no range; a signal that the program uses must have [min|max]")
+    """A bound signal can be taken for its field; in a received message it may be in a branch of a multiplexer."""
+    for text in unit_faults(signal, binding.notes_of(dotted), field):
+        yield binding.file.fault(dotted, text)
+    if signal.is_multiplexer and binding.roles.get(dotted.partition(".")[0]) in SENT_ROLES:
+        yield binding.fault(place, f"{dotted} is a multiplexer; give its value below [constants]")
+
+
+def _condition_faults(binding: Binding) -> Iterator[ConfigError]:
+    """The names in conditions are in their signals' tables."""
+    state, status = binding.profile.state, binding.profile.status
+    conditions = {
+        f"$.status.{key}.{field}": getattr(table, field)
+        for key, table in (("when", status.when), ("driver", status.driver))
+        for field in (table.__struct_fields__ if table is not None else ())
+    }
+    for field in state.signals.__struct_fields__:
+        form = getattr(state.signals, field)
+        if isinstance(form, FieldForm):
+            conditions[f"$.state.signals.{field}.negative_if"] = form.negative_if
+
+    def find(dotted: str) -> Place:
+        return Place(0, binding.view(dotted).names if binding.find_signal(dotted) else {})
+
+    for place, condition in conditions.items():
+        for dotted, name in unknown_names(condition, find) if condition is not None else ():
+            names = find(dotted).names.values()
+            if names:
+                yield binding.fault(place, f"{dotted} has no value {name!r}{suggest(name, names)}")
+            elif binding.find_signal(dotted):
+                yield binding.fault(place, f"{dotted} has no names; give its number instead of {name!r}")
 
 
 def _name_faults(binding: Binding) -> Iterator[ConfigError]:
@@ -76,6 +97,12 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
     for name in profile.e2e.data_ids if profile.e2e else ():
         if name not in binding.messages:
             yield _missing_message(binding, name, f"$.e2e.data_ids.{name}")
+    for name in profile.messages:
+        if name not in binding.messages:
+            yield _missing_message(binding, name, f"$.messages.{name}")
+    for dotted in profile.signals:
+        if binding.find_signal(dotted) is None:
+            yield _missing_signal(binding, dotted, f"$.signals.{dotted}")
     for place, names in (("$.ignored", profile.ignored), ("$.constants", tuple(profile.constants))):
         for dotted in names:
             if binding.find_signal(dotted) is None:
@@ -102,10 +129,30 @@ def _sample_faults(binding: Binding) -> Iterator[ConfigError]:
     """Values that mean nothing without one another are of one sample; frames of reference have usable names."""
     state = binding.profile.state
     for field in _ONE_SAMPLE:
-        dotted = getattr(state.signals, field)
-        if dotted is not None and dotted.partition(".")[0] not in state.sample:
-            text = f"{dotted}: must be in a message of the sample: {', '.join(state.sample)}"
-            yield binding.fault(f"$.state.signals.{field}", text)
+        for dotted in signals_of(getattr(state.signals, field)):
+            if dotted.partition(".")[0] not in state.sample:
+                text = f"{dotted}: must be in a message of the sample: {', '.join(state.sample)}"
+                yield binding.fault(f"$.state.signals.{field}", text)
+    if state.trigger is not None and state.trigger not in state.sample:
+        text = f"{state.trigger!r}: must be one of: {', '.join(state.sample)}"
+        yield binding.fault("$.state.trigger", text)
+    for name in state.max_age_s if isinstance(state.max_age_s, dict) else ():
+        if name not in state.sample:
+            yield binding.fault(f"$.state.max_age_s.{name}", f"must be one of: {', '.join(state.sample)}")
+    protected = [name for name in state.sample if binding.is_protected(name)]
+    if state.assemble is None and protected:
+        for name in state.sample:
+            if name in binding.messages and name not in protected:
+                text = 'missing; the other parts of the sample have one; or give $.state.assemble = "newest"'
+                yield binding.fault(f"$.e2e.data_ids.{name}", text)
+    if state.assemble == "counter":
+        for key in ("trigger", "max_age_s"):
+            if getattr(state, key) is not None:
+                yield binding.fault(f"$.state.{key}", 'means something only with assemble = "newest"')
+        for name in state.sample:
+            if name in binding.messages and len(state.sample) > 1 and not binding.is_protected(name):
+                text = 'missing; the parts of a sample need a counter, or assemble = "newest"'
+                yield binding.fault(f"$.e2e.data_ids.{name}", text)
     names = {"frame_id": state.frame_id} | {f"frames.{key}": name for key, name in state.frames.items()}
     for place, name in names.items():
         try:
@@ -118,16 +165,12 @@ def _sample_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _role_faults(binding: Binding) -> Iterator[ConfigError]:
-    """A sent message has one role; status is apart from the sample; body and report are one message each."""
+    """A sent message has one role; body and report are one message each."""
     for name, role in binding.role_claims():
         known = binding.roles[name]
         if known is not role and (role in SENT_ROLES or known in SENT_ROLES):
             yield binding.fault(
                 f"$.{role.value}", f"{name} is a message of {known.value}, too; must have only one of these roles"
-            )
-        elif known is not role and role is Role.STATUS:
-            yield binding.fault(
-                "$.status.signals.mode", f"{name} is part of the state sample; must be in another message"
             )
     for role in (Role.BODY, Role.REPORT):
         names = [name for name, known in binding.roles.items() if known is role]
@@ -138,28 +181,55 @@ def _role_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _sender_faults(binding: Binding) -> Iterator[ConfigError]:
-    """No node sends both what the program receives and what it sends."""
-    sent = [name for name, role in binding.roles.items() if role in SENT_ROLES]
-    senders = {node for name in sent for node in binding.messages[name].senders}
-    for name, role in binding.roles.items():
-        both = senders.intersection(binding.messages[name].senders) if role not in SENT_ROLES else set()
+    """No node sends both what the program receives and what it sends, unless one name stands for all of them."""
+    for name, notes in binding.profile.messages.items():
+        if name in binding.roles and notes.sender is not None:
+            sender = "controller" if binding.roles[name] in SENT_ROLES else "vehicle"
+            if notes.sender != sender:
+                text = f"{notes.sender!r}, but the profile uses {name} as one that the {sender} sends"
+                yield binding.fault(f"$.messages.{name}.sender", text)
+    unstated = [name for name in binding.roles if binding.message_notes(name).sender is None]
+    if len({tuple(binding.messages[name].senders) for name in binding.roles}) == 1:
+        return
+    senders = {
+        node for name in unstated if binding.roles[name] in SENT_ROLES for node in binding.messages[name].senders
+    }
+    for name in unstated:
+        both = senders.intersection(binding.messages[name].senders) if binding.roles[name] not in SENT_ROLES else set()
         if both:
-            yield binding.file.fault(name, f"is received, but its sender {min(both)} sends the commands")
+            text = (
+                f"is received, but its sender {min(both)} sends the commands; [messages.{name}] sender may correct it"
+            )
+            yield binding.file.fault(name, text)
 
 
 def _period_faults(binding: Binding) -> Iterator[ConfigError]:
-    timing = binding.profile.timing
+    """The periods of the profile are those of the messages; a part of a sample by time may have another one."""
+    timing, state = binding.profile.timing, binding.profile.state
+    trigger = state.trigger or state.sample[0]
     for name, role in binding.roles.items():
-        cycle_ms = binding.messages[name].cycle_time
+        cycle_ms = binding.cycle_ms(name)
         if not cycle_ms:
             continue
-        if role is Role.AUXILIARY and cycle_ms / 1000 >= timing.status_stale_s:
-            text = f"{timing.status_stale_s} s: must be above the cycle of {name}, {cycle_ms} ms"
-            yield binding.fault("$.timing.status_stale_s", text)
+        is_other_part = role is Role.SAMPLE and name != trigger and not binding.is_counted
+        is_one_of_several = role is Role.STATUS and len(binding.status_messages) > 1
+        if is_other_part:
+            longest_s = state.max_age_s if state.max_age_s is not None else timing.state_stale_s
+            longest_s = longest_s.get(name, timing.state_stale_s) if isinstance(longest_s, dict) else longest_s
+            if cycle_ms / 1000 > longest_s:
+                text = f"{longest_s} s: must be at least the cycle of {name}, {cycle_ms:g} ms"
+                yield binding.fault("$.state.max_age_s", text)
+        elif role is Role.AUXILIARY or is_one_of_several:
+            if cycle_ms / 1000 >= timing.status_stale_s:
+                text = f"{timing.status_stale_s} s: must be above the cycle of {name}, {cycle_ms:g} ms"
+                yield binding.fault("$.timing.status_stale_s", text)
         elif role in PERIODS:
             period_s = getattr(timing, PERIODS[role])
             if not math.isclose(period_s, cycle_ms / 1000, rel_tol=1e-9):
-                text = f"{period_s} s, but {name} has a cycle of {cycle_ms} ms in {binding.file.name}"
+                where = (
+                    f"below [messages.{name}]" if binding.message_notes(name).cycle_ms else f"in {binding.file.name}"
+                )
+                text = f"{period_s} s, but {name} has a cycle of {cycle_ms:g} ms {where}"
                 yield binding.fault(f"$.timing.{PERIODS[role]}", text)
 
 
@@ -184,8 +254,8 @@ def _limit_faults(binding: Binding) -> Iterator[ConfigError]:
         ("speed_max_mps", "speed_mps", _both_signs(limits.speed_max_mps)),
     )
     for key, field, values in limited:
-        for dotted, signal in binding.get_signals("command", field).items():
-            low, high = value_range(signal)
+        for dotted in binding.get_signals("command", field):
+            low, high = binding.view(dotted).field_range
             if any(not low <= value <= high for value in values):
                 yield binding.fault(f"$.limits.{key}", f"{values[0]}: {dotted} is in [{low:.10g}, {high:.10g}]")
 
@@ -204,8 +274,8 @@ def _rate_faults(binding: Binding) -> Iterator[ConfigError]:
     if limits.rear_wheel_angle_rad > 0.0:
         rates.append(("rear_wheel_rate_radps", "rear_wheel_angle_rad", limits.rear_wheel_rate_radps))
     for key, field, per_s in rates:
-        for dotted, signal in sorted(binding.get_signals("command", field).items()):
-            count, step = resolution(signal), per_s * period_s
+        for dotted in sorted(binding.get_signals("command", field)):
+            count, step = binding.view(dotted).resolution, per_s * period_s
             if step < count * (1.0 - 1e-6):
                 text = f"{per_s}: {field} may change by {step:.4g} in {period_s} s, less than one count of {dotted}"
                 yield binding.fault(f"$.limits.{key}", f"{text} ({count:.4g}): it could never change")
@@ -215,19 +285,17 @@ def _rate_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _message_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Every bound message can be compiled, is protected where it must be, and is known to its last signal."""
+    """Every bound message can be compiled, and is protected as the profile says."""
     for name, role in binding.roles.items():
-        message = binding.messages[name]
+        message, used = binding.messages[name], binding.signals_used(name)
+        rules = {signal: binding.view(f"{name}.{signal}").rules for signal in used}
         try:
-            layout = Layout.of(message)
+            layout = Layout.of(message, used, rules, is_flat=role in SENT_ROLES)
         except ConfigError as error:
             yield binding.file.fault(name, str(error))
             continue
         yield from _value_faults(binding, layout)
         yield from _protection_faults(binding, message)
-        if role is Role.SAMPLE and not binding.is_protected(name) and len(binding.profile.state.sample) > 1:
-            yield binding.fault(f"$.e2e.data_ids.{name}", "missing; the parts of a sample need a counter")
-        yield from _unused_faults(binding, message, role)
         for signal in message.signals:
             yield from enumeration_faults(binding, f"{name}.{signal.name}")
 
@@ -237,22 +305,11 @@ def _value_faults(binding: Binding, layout: Layout) -> Iterator[ConfigError]:
         dotted = f"{layout.message_name}.{signal.name}"
         if not signal.is_float and signal.allowed_raw()[0] > signal.allowed_raw()[1]:
             yield binding.file.fault(dotted, f"no value lies in its range [{signal.minimum}|{signal.maximum}]")
+        if signal.missing and signal.is_float:
+            yield binding.fault(f"$.signals.{dotted}.not_available", "a float has no raw numbers; give its range")
         named = len(signal.enumeration())
         if binding.fields.get(dotted) in _COUNTS and 0 < named <= signal.highest - signal.lowest:
             yield binding.file.fault(dotted, f"is a count, but its VAL_ table names only {named} of its numbers")
-
-
-def _unused_faults(binding: Binding, message: Message, role: Role) -> Iterator[ConfigError]:
-    """Every signal is bound, or protects the message, or is named as of no use."""
-    profile = binding.profile
-    known = {*binding.fields, *profile.constants, *profile.ignored}
-    if profile.e2e is not None and binding.is_protected(message.name):
-        known |= {f"{message.name}.{profile.e2e.crc_signal}", f"{message.name}.{profile.e2e.counter_signal}"}
-    remedy = "bind it or give it under constants" if role in SENT_ROLES else "bind it or list it under ignored"
-    for signal in message.signals:
-        dotted = f"{message.name}.{signal.name}"
-        if dotted not in known:
-            yield binding.file.fault(dotted, f"is not used by {binding.profile_name}; {remedy}")
 
 
 # --- protection
@@ -312,6 +369,7 @@ def _first_bit(signal: Signal) -> int:
 
 _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
     _signal_faults,
+    _condition_faults,
     _name_faults,
     _sample_faults,
     _role_faults,
@@ -321,5 +379,7 @@ _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
     _rate_faults,
     _fd_faults,
     _message_faults,
+    constant_faults,
     frame_faults,
+    name_map_faults,
 )

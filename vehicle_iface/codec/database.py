@@ -7,17 +7,26 @@ that does not fit is reported before the first frame.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
-from cantools.database import Message, Signal
-
-from vehicle_iface.codec.binding import Binding, Role, resolution, value_range
+from vehicle_iface.codec.binding import SENT_ROLES, Binding, Role
 from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.consistency import find_faults
+from vehicle_iface.codec.constants import constant_payload
 from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.codec.e2e import Protection
-from vehicle_iface.codec.enumerations import frames_of_reference, translate_from_wire
+from vehicle_iface.codec.enumerations import frames_of_reference, translate_from_wire, translate_to_wire
+from vehicle_iface.codec.row_reader import build_row_reader
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
+from vehicle_iface.row import RowReader
+
+
+class Conversion(NamedTuple):
+    """Field = scale · (value in the DBC's unit) + offset."""
+
+    scale: float
+    offset: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +42,9 @@ class BoundMessage:
     """Payload, bytes."""
     codec: MessageCodec
     fields: tuple[str, ...]
-    """The field's name of each value, in the order of `codec.names`; "" where it has none."""
-    constants: tuple[float | int, ...]
-    """What is sent where there is no field; checksum and counter are written afterwards."""
+    """The field's name of each value, in the order of `codec.names`; "" for a multiplexer above bound signals."""
+    conversions: tuple[Conversion | None, ...]
+    """Between the DBC's unit and the field's, of each value; None where they are the same."""
     from_wire: tuple[Mapping[int, int] | None, ...]
     """Number on the wire → the program's number of each value; None where they are the same."""
     to_wire: tuple[Mapping[int, int] | None, ...]
@@ -51,13 +60,15 @@ class VehicleDatabase:
     profile: Profile
     sample: tuple[BoundMessage, ...]
     """One sample: these, with the same counter; in the order of the profile."""
-    status: BoundMessage
-    """The message with the vehicle's mode."""
+    status: tuple[BoundMessage, ...]
+    """The messages with the vehicle's mode that are no part of the sample."""
     auxiliary: tuple[BoundMessage, ...]
     """Further received messages with fields of state or status."""
     commands: tuple[BoundMessage, ...]
     body: BoundMessage | None
     report: BoundMessage | None
+    row: RowReader
+    """How the values of the received messages become state and status."""
     frames: Mapping[int, str]
     """Number of `pose_frame` on the bus = frame of reference."""
     resolutions: Mapping[str, float]
@@ -68,7 +79,7 @@ class VehicleDatabase:
     @property
     def received(self) -> tuple[BoundMessage, ...]:
         """What the vehicle sends."""
-        return (*self.sample, self.status, *self.auxiliary)
+        return (*self.sample, *self.status, *self.auxiliary)
 
     @property
     def sent(self) -> tuple[BoundMessage, ...]:
@@ -93,31 +104,41 @@ def build_database(binding: Binding) -> VehicleDatabase:
     def of_role(role: Role) -> tuple[BoundMessage, ...]:
         return tuple(message for message in bound.values() if message.role is role)
 
+    frames = frames_of_reference(binding)
+    received = [message for message in bound.values() if message.role not in SENT_ROLES]
     return VehicleDatabase(
         profile=profile,
         sample=tuple(bound[name] for name in profile.state.sample),
-        status=of_role(Role.STATUS)[0],
+        status=of_role(Role.STATUS),
         auxiliary=of_role(Role.AUXILIARY),
         commands=of_role(Role.COMMAND),
         body=next(iter(of_role(Role.BODY)), None),
         report=next(iter(of_role(Role.REPORT)), None),
-        frames=frames_of_reference(binding),
+        row=build_row_reader(binding, {message.name: message.codec.names for message in received}, frames),
+        frames=frames,
         resolutions={
-            field: max(map(resolution, binding.get_signals("command", field).values()))
-            for field in binding.sections["command"]
+            field: max(binding.view(dotted).resolution for dotted in signals)
+            for field, signals in binding.sections["command"].items()
         },
         report_ranges={
-            field: _common_range(list(binding.get_signals("report", field).values()))
-            for field in binding.sections["report"]
+            field: _common_range([binding.view(dotted).field_range for dotted in signals])
+            for field, signals in binding.sections["report"].items()
         },
     )
 
 
 def _bind_message(binding: Binding, name: str) -> BoundMessage:
-    message, e2e = binding.messages[name], binding.profile.e2e
-    codec = MessageCodec(message)
+    message, e2e, used = binding.messages[name], binding.profile.e2e, binding.signals_used(name)
+    views = {signal: binding.view(f"{name}.{signal}") for signal in used}
+    is_sent = binding.roles[name] in SENT_ROLES
+    codec = MessageCodec(
+        message,
+        only=used,
+        rules={signal: view.rules for signal, view in views.items()},
+        base=constant_payload(binding, name) if is_sent else None,
+    )
     places = [f"{name}.{value}" for value in codec.names]
-    from_wire = tuple(translate_from_wire(binding, dotted) for dotted in places)
+    conversions = [views.get(value) for value in codec.names]
     protection = None
     if e2e is not None and binding.is_protected(name):
         protection = Protection(e2e.profile, e2e.data_ids[name], message.length, e2e.data_id_mode)
@@ -130,24 +151,18 @@ def _bind_message(binding: Binding, name: str) -> BoundMessage:
         length=message.length,
         codec=codec,
         fields=tuple(binding.fields.get(dotted, "") for dotted in places),
-        constants=tuple(_constant(binding, message, signal) for signal in message.signals),
-        from_wire=from_wire,
-        to_wire=tuple(None if table is None else {ours: wire for wire, ours in table.items()} for table in from_wire),
+        conversions=tuple(
+            Conversion(view.scale, view.offset) if view is not None and view.is_converted else None
+            for view in conversions
+        ),
+        from_wire=tuple(translate_from_wire(binding, dotted) for dotted in places),
+        to_wire=tuple(translate_to_wire(binding, dotted) for dotted in places),
         protection=protection,
         max_counter_step=e2e.max_counter_step if e2e else 1,
     )
 
 
-def _constant(binding: Binding, message: Message, signal: Signal) -> float | int:
-    """What an unbound signal is sent as: its constant, or the allowed value nearest to 0."""
-    value = binding.profile.constants.get(f"{message.name}.{signal.name}")
-    if value is not None:
-        return value
-    low, high = value_range(signal)
-    return min(max(0, low), high)
-
-
-def _common_range(signals: list[Signal]) -> tuple[float, float]:
+def _common_range(ranges: list[tuple[float, float]]) -> tuple[float, float]:
     """What all of them can express."""
-    lows, highs = zip(*map(value_range, signals), strict=True)
+    lows, highs = zip(*ranges, strict=True)
     return max(lows), min(highs)

@@ -3,7 +3,7 @@
 A frame that is not is dropped whole and counted by cause and message; no frame makes this raise.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable
 from enum import Enum
 
 from vehicle_iface.codec.compiled import Value
@@ -47,6 +47,7 @@ class _Input:
     """The decoder's state for one message."""
 
     __slots__ = (
+        "convert",
         "counter_byte",
         "counter_mask",
         "counters",
@@ -56,8 +57,6 @@ class _Input:
         "length",
         "name",
         "seen",
-        "translate",
-        "translated",
     )
 
     def __init__(self, message: BoundMessage) -> None:
@@ -71,9 +70,8 @@ class _Input:
             self.counters = CounterCheck(protection.counter_states, message.max_counter_step)
             self.intact = protection.intact
             self.counter_byte, self.counter_mask = protection.counter_byte, protection.counter_mask
-        self.translate = message.from_wire
+        self.convert = _compile_conversion(message)
         self.seen = 0
-        self.translated = any(table is not None for table in message.from_wire)
 
 
 class Decoder:
@@ -135,8 +133,8 @@ class Decoder:
         except SignalError:
             self._drop(DropCause.OUT_OF_RANGE, entry.name)
             return None
-        if entry.translated:
-            values = _translate(values, entry.translate)
+        if entry.convert is not None:
+            values = entry.convert(values)
         self.accepted += 1
         return DecodedMessage(entry.name, stamp_ns, counter, values)
 
@@ -161,9 +159,23 @@ class Decoder:
         self.drops[key] = self.drops.get(key, 0) + 1
 
 
-def _translate(values: tuple[Value, ...], tables: tuple[Mapping[int, int] | None, ...]) -> tuple[Value, ...]:
-    """The program's numbers for the wire's; the codec has already refused numbers without a name."""
-    return tuple(
-        value if table is None or value is None else table[int(value)]
-        for value, table in zip(values, tables, strict=True)
+def _compile_conversion(message: BoundMessage) -> Callable[[tuple[Value, ...]], tuple[Value, ...]] | None:
+    """From the DBC's units and numbers to the fields', compiled once; None where they are the same."""
+    if not any(message.conversions) and not any(message.from_wire):
+        return None
+    terms = []
+    for place, (conversion, table) in enumerate(zip(message.conversions, message.from_wire, strict=True)):
+        value = f"v[{place}]"
+        if table is not None:  # the codec has already refused numbers without a name
+            terms.append(f"(None if {value} is None else tables[{place}][int({value})])")
+        elif conversion is not None:
+            offset = f" + {conversion.offset!r}" if conversion.offset else ""
+            terms.append(f"(None if {value} is None else {value} * {conversion.scale!r}{offset})")
+        else:
+            terms.append(value)
+    source = f"lambda v: ({''.join(term + ', ' for term in terms)})"
+    names: dict[str, object] = {"tables": message.from_wire}
+    convert: Callable[[tuple[Value, ...]], tuple[Value, ...]] = eval(
+        compile(source, f"<units of {message.name}>", "eval"), names
     )
+    return convert

@@ -105,11 +105,13 @@ def _collector(message: BoundMessage) -> Callable[[object], tuple[Value, ...]]:
     """A function that reads a message's values off an object, compiled once: no name is looked up
     on the way."""
     terms = []
-    for index, field in enumerate(message.fields):
-        if not field:
-            terms.append(repr(message.constants[index]))
-        elif message.to_wire[index] is not None:
-            terms.append(f"tables[{index}][s.{field}]")
+    for place, field in enumerate(message.fields):
+        conversion = message.conversions[place]
+        if message.to_wire[place] is not None:
+            terms.append(f"tables[{place}][s.{field}]")
+        elif conversion is not None:
+            value = f"(s.{field} - {conversion.offset!r})" if conversion.offset else f"s.{field}"
+            terms.append(f"{value} / {conversion.scale!r}")
         else:
             terms.append(f"s.{field}")
     source = f"lambda s: ({''.join(term + ', ' for term in terms)})"

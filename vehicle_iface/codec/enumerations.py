@@ -13,6 +13,7 @@ def _numbers(kind: type[IntEnum]) -> dict[str, int]:
     return {member.name: int(member) for member in kind}
 
 
+UNKNOWN_GEAR = -1
 _LIGHTS = {"OFF": 0, "LOW": 1, "HIGH": 2}
 _TURNS = {"OFF": 0, "LEFT": 1, "RIGHT": 2}
 _VOCABULARIES: dict[str, tuple[dict[str, int], tuple[str, ...]]] = {
@@ -27,19 +28,30 @@ _VOCABULARIES: dict[str, tuple[dict[str, int], tuple[str, ...]]] = {
 """Field → the program's names and numbers, and the names that a DBC must have."""
 
 
+_OPEN = {"mode": int(VehicleMode.FAULT), "gear": UNKNOWN_GEAR, "gear_request": UNKNOWN_GEAR}
+"""Fields whose signals may have names that the program does not know, and what those names mean."""
+
+
 def translate_from_wire(binding: Binding, dotted: str) -> dict[int, int] | None:
     """The DBC's number → the program's number of a signal; None where they are the same, or it is no enumeration."""
     field = binding.fields.get(dotted, "")
     if field not in _VOCABULARIES:
         return None
-    numbers = {number: _VOCABULARIES[field][0][name] for number, name in _program_names(binding, dotted).items()}
+    known, names = _VOCABULARIES[field][0], _program_names(binding, dotted)
+    numbers = {number: known.get(name, _OPEN.get(field, 0)) for number, name in names.items()}
     return None if all(wire == ours for wire, ours in numbers.items()) else numbers
+
+
+def translate_to_wire(binding: Binding, dotted: str) -> dict[int, int] | None:
+    """The program's number → the DBC's, the first of several; None where `translate_from_wire` gives none."""
+    table = translate_from_wire(binding, dotted)
+    return None if table is None else {ours: wire for wire, ours in reversed(table.items())}
 
 
 def frames_of_reference(binding: Binding) -> dict[int, str]:
     """Number of `pose_frame` on the wire → frame of reference."""
     dotted, frames = binding.profile.state.signals.pose_frame, binding.profile.state.frames
-    table = {} if dotted is None else _value_table(binding, dotted)
+    table = {} if dotted is None else _names(binding, dotted)
     return {number: frames[name] for number, name in table.items()}
 
 
@@ -49,21 +61,52 @@ def enumeration_faults(binding: Binding, dotted: str) -> Iterator[ConfigError]:
     if field not in _VOCABULARIES:
         return
     known, needed = _VOCABULARIES[field]
-    if not _value_table(binding, dotted):
+    if not binding.view(dotted).names:
         yield _missing_table(binding, dotted)
         return
     found: set[str] = set()
-    for number, name in _value_table(binding, dotted).items():
-        ours = _renamed(binding, field, name)
-        if ours not in known:
-            text = f"{number} {name!r} is unknown; must be one of: {', '.join(known)}"
-            yield binding.file.fault(dotted, text)
-        elif ours in found:
-            yield binding.file.fault(dotted, f"{number} {name!r}: another number means {ours}, too")
-        found.add(ours)
+    for number, name in _program_names(binding, dotted).items():
+        if field in _OPEN:
+            pass
+        elif name not in known:
+            yield binding.file.fault(dotted, f"{number} {name!r} is unknown; must be one of: {', '.join(known)}")
+        elif name in found:
+            yield binding.file.fault(dotted, f"{number} {name!r}: another number means {name}, too")
+        found.add(name)
     missing = [name for name in needed if name not in found]
     if missing:
-        yield binding.file.fault(dotted, f"VAL_ table without {', '.join(missing)}")
+        remedy = f"; [status.{field}s] may give other names that meaning" if field in ("mode", "gear") else ""
+        yield binding.file.fault(dotted, f"VAL_ table without {', '.join(missing)}{remedy}")
+
+
+def name_map_faults(binding: Binding) -> Iterator[ConfigError]:
+    """What is wrong with the names of modes and gears in the profile."""
+    status, command = binding.profile.status, binding.profile.command
+    for key, field, table, kind in (
+        ("modes", status.signals.mode, status.modes, VehicleMode),
+        ("gears", status.signals.gear, status.gears, Gear),
+    ):
+        requests = command.signals.gear_request or () if key == "gears" else ()
+        signals = [name for name in (field, *((requests,) if isinstance(requests, str) else requests)) if name]
+        names = {name for dotted in signals if binding.find_signal(dotted) for name in _names(binding, dotted).values()}
+        for name, ours in table.items():
+            place = f"$.status.{key}.{name}"
+            if names and name not in names:
+                yield binding.fault(place, f"not in {' or '.join(signals)}{suggest(name, names)}")
+            if ours not in kind.__members__:
+                yield binding.fault(place, f"{ours!r}: must be one of: {', '.join(kind.__members__)}")
+
+
+def describe_unknown_names(binding: Binding) -> Iterator[tuple[str, str]]:
+    """MESSAGE.SIGNAL and a warning, for names of modes and gears that the program does not know."""
+    for dotted, field in binding.fields.items():
+        if field not in _OPEN:
+            continue
+        known = _VOCABULARIES[field][0]
+        unknown = [name for name in _program_names(binding, dotted).values() if name not in known]
+        meaning = "a fault" if field == "mode" else "an unknown gear"
+        if unknown and field != "gear_request":
+            yield dotted, f"{', '.join(unknown)}: taken for {meaning}; [status.{field}s] may say what it means"
 
 
 def frame_faults(binding: Binding) -> Iterator[ConfigError]:
@@ -71,7 +114,7 @@ def frame_faults(binding: Binding) -> Iterator[ConfigError]:
     dotted, frames = binding.profile.state.signals.pose_frame, binding.profile.state.frames
     if dotted is None or binding.find_signal(dotted) is None:
         return
-    table = _value_table(binding, dotted)
+    table = _names(binding, dotted)
     if not table:
         yield _missing_table(binding, dotted)
         return
@@ -83,19 +126,17 @@ def frame_faults(binding: Binding) -> Iterator[ConfigError]:
             yield binding.fault("$.state.frames", f"{dotted} = {number} {name!r} has no frame")
 
 
-def _value_table(binding: Binding, dotted: str) -> dict[int, str]:
-    signal = binding.find_signal(dotted)
-    choices = signal.choices if signal is not None else None
-    return {int(number): str(name) for number, name in (choices or {}).items()}
+def _names(binding: Binding, dotted: str) -> Mapping[int, str]:
+    return binding.view(dotted).names
 
 
 def _missing_table(binding: Binding, dotted: str) -> ConfigError:
-    return binding.file.fault(dotted, "no VAL_ table; the program needs its names")
+    return binding.file.fault(dotted, "no VAL_ table; give its names in the DBC, or below [signals.…] in the profile")
 
 
 def _program_names(binding: Binding, dotted: str) -> dict[int, str]:
     field = binding.fields[dotted]
-    return {number: _renamed(binding, field, name) for number, name in _value_table(binding, dotted).items()}
+    return {number: _renamed(binding, field, name) for number, name in _names(binding, dotted).items()}
 
 
 def _renamed(binding: Binding, field: str, name: str) -> str:

@@ -3,7 +3,7 @@ its multiplexers.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 from cantools.database import Message, Signal
@@ -43,6 +43,8 @@ class Field:
     parent: str | None
     """The multiplexer that this signal depends on."""
     parent_ids: frozenset[int]
+    missing: frozenset[int] = frozenset()
+    """Raw numbers by which the sender says that there is no value."""
 
     @property
     def end(self) -> int:
@@ -112,6 +114,17 @@ def _bisect(low: int, high: int, holds: Callable[[int], bool]) -> int:
     return low
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalRules:
+    """What a profile says about a signal; it goes before what the DBC says."""
+
+    limits: tuple[float, float] | None = None
+    """Smallest and greatest value, in the DBC's unit."""
+    names: Mapping[int, str] | None = None
+    missing: frozenset[int] = frozenset()
+    """Raw numbers by which the sender says that there is no value."""
+
+
 @dataclass(frozen=True, slots=True)
 class Branch:
     """The signals that a multiplexer shows for some of its ids."""
@@ -129,19 +142,39 @@ class Layout:
     fields: tuple[Field, ...]
     roots: tuple[Field, ...]
     branches: Mapping[str, tuple[Branch, ...]]
+    is_partial: bool = False
+    """Whether the message has more signals: then a multiplexer may show others than these."""
 
     @classmethod
-    def of(cls, message: Message) -> "Layout":
+    def of(
+        cls,
+        message: Message,
+        only: Collection[str] | None = None,
+        rules: Mapping[str, SignalRules] | None = None,
+        *,
+        is_flat: bool = False,
+    ) -> "Layout":
+        """With `only`, these signals and the multiplexers that they depend on; the rest is neither read nor checked.
+
+        Where it `is_flat`, all of them are there at once: the multiplexers have one value each.
+        """
         if message.is_container:
             raise ConfigError(f"{message.name}: container messages cannot be compiled")
-        fields = tuple(_field(message, index, signal) for index, signal in enumerate(message.signals))
+        names = {signal.name for signal in message.signals} if only is None else set(only)
+        if not is_flat:
+            names = _with_multiplexers(message, names)
+        signals, rules = [signal for signal in message.signals if signal.name in names], rules or {}
+        fields = tuple(
+            _field(message, index, signal, rules.get(signal.name, SignalRules()), is_flat=is_flat)
+            for index, signal in enumerate(signals)
+        )
         branches = {
             signal.name: _branches(field, [child for child in fields if child.parent == signal.name])
-            for signal, field in zip(message.signals, fields, strict=True)
-            if signal.is_multiplexer
+            for signal, field in zip(signals, fields, strict=True)
+            if signal.is_multiplexer and (only is None or any(child.parent == signal.name for child in fields))
         }
         roots = tuple(field for field in fields if field.parent is None)
-        return cls(message.name, message.length, fields, roots, branches)
+        return cls(message.name, message.length, fields, roots, branches, is_partial=only is not None)
 
     def below(self, field: Field) -> Iterator[Field]:
         """The field and everything that depends on it."""
@@ -151,7 +184,19 @@ class Layout:
                 yield from self.below(child)
 
 
-def _field(message: Message, index: int, signal: Signal) -> Field:
+def _with_multiplexers(message: Message, names: Collection[str]) -> set[str]:
+    """The signals and all multiplexers above them."""
+    parents = {signal.name: signal.multiplexer_signal for signal in message.signals}
+    found = set[str]()
+    for name in names:
+        above: str | None = name
+        while above is not None and above not in found:
+            found.add(above)
+            above = parents.get(above)
+    return found
+
+
+def _field(message: Message, index: int, signal: Signal, rules: SignalRules, *, is_flat: bool) -> Field:
     where = f"{message.name}.{signal.name}"
     is_big = signal.byte_order == "big_endian"
     shift = signal.start
@@ -174,11 +219,12 @@ def _field(message: Message, index: int, signal: Signal) -> Field:
         kind=type(linear),
         scale=linear.scale,
         offset=linear.offset,
-        minimum=signal.minimum,
-        maximum=signal.maximum,
-        table=frozenset(int(number) for number in signal.choices or ()),
-        parent=signal.multiplexer_signal,
+        minimum=rules.limits[0] if rules.limits else signal.minimum,
+        maximum=rules.limits[1] if rules.limits else signal.maximum,
+        table=frozenset(int(number) for number in (signal.choices if rules.names is None else rules.names) or ()),
+        parent=None if is_flat else signal.multiplexer_signal,
         parent_ids=frozenset(signal.multiplexer_ids or ()),
+        missing=rules.missing,
     )
 
 

@@ -12,23 +12,16 @@ from pathlib import Path
 from cantools.database import Message, Signal
 
 from vehicle_iface.codec.binding import PERIODS, Binding, Role, bits_of
-from vehicle_iface.codec.consistency import UNITS, find_faults
+from vehicle_iface.codec.consistency import find_faults
 from vehicle_iface.codec.dbc_file import DbcFile, inspect_dbc
+from vehicle_iface.codec.enumerations import describe_unknown_names
 from vehicle_iface.codec.layout import Layout
+from vehicle_iface.codec.quantities import find_unit
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.motion_sources import describe_missing
 from vehicle_iface.profile import Profile, inspect_profile
 
 ERROR, WARNING = "error", "warning"
-_KNOWN_UNITS = frozenset(
-    spelling for spellings in UNITS.values() for spelling in spellings
-) | {"s", "ms", "us", "Hz", "N", "kg", "V", "A", "W", "K", "Pa", "1", "-", "1/m", "rad/s^2", "m/s^3", "%"}  # fmt: skip
-_FOREIGN_UNITS = {
-    "deg": "rad", "°": "rad", "degree": "rad", "degrees": "rad", "deg/s": "rad/s", "°/s": "rad/s",
-    "km/h": "m/s", "kph": "m/s", "kmh": "m/s", "mph": "m/s", "kn": "m/s", "g": "m/s^2", "G": "m/s^2",
-    "km": "m", "cm": "m", "mm": "m", "ft": "m", "in": "m", "rpm": "rad/s", "1/min": "rad/s",
-}  # fmt: skip
-"""Units that look like a quantity to control by, and the SI unit of it."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -213,11 +206,8 @@ def _impossible(path: Path, file: DbcFile, message: Message) -> Iterator[LintFin
 
 
 def _unit_findings(path: Path, file: DbcFile, message: Message, signal: Signal) -> Iterator[LintFinding]:
-    """Units that are not SI or not known, and scaled numbers without one."""
-    if signal.unit in _FOREIGN_UNITS:
-        text = f"unit {signal.unit!r} is not SI; a signal to control by is in {_FOREIGN_UNITS[signal.unit]!r}"
-        yield _finding(path, file, message, signal, WARNING, text)
-    elif signal.unit and signal.unit not in _KNOWN_UNITS:
+    """Units that are not known, and scaled numbers without one."""
+    if signal.unit and find_unit(signal.unit) is None:
         yield _finding(path, file, message, signal, WARNING, f"unit {signal.unit!r} is not known")
     elif not signal.unit and (signal.scale != 1 or signal.is_float):
         yield _finding(path, file, message, signal, WARNING, "a scaled number without a unit")
@@ -235,15 +225,8 @@ def _for_control(path: Path, binding: Binding) -> Iterator[LintFinding]:
         if role in (Role.SAMPLE, Role.COMMAND) and not binding.is_protected(name):
             text = f"{name}: no counter and no checksum: repeated and damaged frames are not detected"
             yield LintFinding(str(path), file.lines.get(name, 0), WARNING, text)
-    for bindings in binding.sections.values():
-        for field, signals in bindings.items():
-            for dotted in signals:
-                signal = binding.find_signal(dotted)
-                if signal is not None and not signal.unit and field.rpartition("_")[2] in UNITS:
-                    message = binding.messages[dotted.partition(".")[0]]
-                    yield _finding(
-                        path, file, message, signal, WARNING, f"no unit; its value is taken for {field} as it is"
-                    )
+    for dotted, text in describe_unknown_names(binding):
+        yield LintFinding(str(path), file.lines.get(dotted, 0), WARNING, f"{dotted}: {text}")
 
 
 def _finding(path: Path, file: DbcFile, message: Message, signal: Signal, severity: str, text: str) -> LintFinding:

@@ -8,9 +8,10 @@ from collections.abc import Iterator
 
 import msgspec
 
+from vehicle_iface.profile.forms import check_form, signals_of
 from vehicle_iface.profile.schema import Profile
 
-_SIGNAL_NAME = re.compile(r"[A-Za-z_]\w*\.[A-Za-z_]\w*")
+_SIGNAL_NAME = re.compile(r"\w+\.\w+")
 
 
 def check_document(document: dict[str, object]) -> Iterator[str]:
@@ -43,6 +44,10 @@ def check_tables(document: object, kind: type[msgspec.Struct], place: str = "$")
         elif (table := _table_type(fields[key].type)) is not None:
             sound[key], inner_faults = check_tables(value, table, there)
             faults += inner_faults
+        elif (inner := _table_of_tables(fields[key].type)) is not None and isinstance(value, dict):
+            checked = {name: check_tables(one, inner, f"{there}.{name}") for name, one in value.items()}
+            sound[key] = {name: table for name, (table, _) in checked.items()}
+            faults += (fault for _, inner_faults in checked.values() for fault in inner_faults)
         else:
             try:
                 msgspec.convert(value, fields[key].type)
@@ -56,6 +61,8 @@ def check_tables(document: object, kind: type[msgspec.Struct], place: str = "$")
 def check_profile(profile: Profile) -> Iterator[str]:
     """Names of signals, and numbers that depend on one another."""
     yield from _check_names(profile)
+    yield from _check_status(profile)
+    yield from _check_notes(profile)
     yield from _check_timing(profile)
     yield from _check_geometry(profile)
     yield from _check_limits(profile)
@@ -82,9 +89,16 @@ def _nearest(key: str, known: list[str]) -> str | None:
 
 
 def _table_type(kind: object) -> type[msgspec.Struct] | None:
-    """The table that a field is, or may be."""
+    """The table that a field is; None where it may be text as well."""
     kinds = (kind, *typing.get_args(kind))
+    if str in kinds:
+        return None
     return next((one for one in kinds if isinstance(one, type) and issubclass(one, msgspec.Struct)), None)
+
+
+def _table_of_tables(kind: object) -> type[msgspec.Struct] | None:
+    """The type of the tables in a table with names of the user's."""
+    return _table_type(typing.get_args(kind)[1]) if typing.get_origin(kind) is dict else None
 
 
 def _with_place(message: str, place: str) -> str:
@@ -96,16 +110,44 @@ def _with_place(message: str, place: str) -> str:
 def _check_names(profile: Profile) -> Iterator[str]:
     """Signals must be written MESSAGE.SIGNAL."""
     named: dict[str, object] = {"$.ignored": profile.ignored or None, "$.constants": tuple(profile.constants) or None}
+    named["$.signals"] = tuple(profile.signals) or None
     for section in ("state", "status", "command", "body", "report"):
         table = getattr(profile, section)
         for field in table.signals.__struct_fields__ if table is not None else ():
             named[f"$.{section}.signals.{field}"] = getattr(table.signals, field)
+    for kind in ("when", "driver"):
+        table = getattr(profile.status, kind)
+        for field in table.__struct_fields__ if table is not None else ():
+            named[f"$.status.{kind}.{field}"] = getattr(table, field)
     for place, names in named.items():
         if names == ():
             yield f"{place}: must name at least one signal"
-        for name in (names,) if isinstance(names, str) else names if isinstance(names, tuple) else ():
+        yield from check_form(names, place)
+        for name in signals_of(names):
             if not _SIGNAL_NAME.fullmatch(name):
                 yield f"{place}: {name!r}: must be MESSAGE.SIGNAL"
+
+
+def _check_status(profile: Profile) -> Iterator[str]:
+    status = profile.status
+    if status.when is None and status.signals.mode is None:
+        yield "$.status.signals: mode is missing; bind it, or say in $.status.when who drives"
+    elif status.when is not None and status.signals.mode is not None:
+        yield "$.status.when: $.status.signals.mode says who drives already; remove one of them"
+    elif status.when is not None and status.when.autonomous is None:
+        yield "$.status.when: autonomous is missing: the vehicle would never be driven"
+
+
+def _check_notes(profile: Profile) -> Iterator[str]:
+    for dotted, notes in profile.signals.items():
+        place = f"$.signals.{dotted}"
+        if notes.scale == 0.0:
+            yield f"{place}.scale: 0: must be another number"
+        if notes.range is not None and not notes.range[0] < notes.range[1]:
+            yield f"{place}.range: {list(notes.range)}: the first number must be below the second"
+        for number in notes.names or ():
+            if not re.fullmatch(r"-?\d+", number):
+                yield f"{place}.names: {number!r}: must be a whole number"
 
 
 def _check_timing(profile: Profile) -> Iterator[str]:

@@ -4,11 +4,12 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from vehicle_iface.profile.forms import Condition, FieldSource, SignalName
+from vehicle_iface.profile.notes import MessageNotes, SignalNotes
+
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]
-SignalName = str
-"""MESSAGE.SIGNAL. Checked in `check`: msgspec 0.22 corrupts memory over a pattern inside a union."""
 SignalNames = str | tuple[str, ...]
 """One signal, or several that carry the same value."""
 
@@ -206,15 +207,15 @@ class EndToEnd(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 class StateSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The signals of a `VehicleState`; a field without a signal is 0."""
 
-    x_m: SignalName
-    y_m: SignalName
-    heading_rad: SignalName
-    speed_mps: SignalName
-    accel_mps2: SignalName | None = None
-    yaw_rate_radps: SignalName | None = None
-    lateral_speed_mps: SignalName | None = None
-    front_wheel_angle_rad: SignalName | None = None
-    rear_wheel_angle_rad: SignalName | None = None
+    x_m: FieldSource
+    y_m: FieldSource
+    heading_rad: FieldSource
+    speed_mps: FieldSource
+    accel_mps2: FieldSource | None = None
+    yaw_rate_radps: FieldSource | None = None
+    lateral_speed_mps: FieldSource | None = None
+    front_wheel_angle_rad: FieldSource | None = None
+    rear_wheel_angle_rad: FieldSource | None = None
     pose_frame: SignalName | None = None
     """The enumeration that `frames` translates."""
     pose_valid: SignalName | None = None
@@ -226,6 +227,15 @@ class State(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     sample: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
     signals: StateSignals
+    assemble: Literal["counter", "newest"] | None = None
+    """How the messages become a sample: those with one counter value, or the newest of each when `trigger` arrives.
+
+    Left out: by the counter where each of several messages is protected by `e2e`, else the newest.
+    """
+    trigger: str | None = None
+    """The message whose arrival completes a sample; left out, the first one."""
+    max_age_s: Positive | dict[str, Positive] | None = None
+    """No part is older than this when the trigger arrives, for all or by message; left out, `timing.state_stale_s`."""
     frames: dict[str, str] = {}
     """Name in the VAL_ table of `pose_frame` = frame of reference."""
     frame_id: str = "map"
@@ -235,7 +245,8 @@ class State(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class StatusSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The signals of a `VehicleStatus`."""
 
-    mode: SignalName
+    mode: SignalName | None = None
+    """An enumeration; left out where `status.when` says who drives."""
     gear: SignalName | None = None
     driver_brake: SignalName | None = None
     driver_throttle: SignalName | None = None
@@ -243,14 +254,34 @@ class StatusSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     fault_code: SignalName | None = None
 
 
+class ModeConditions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The first of these that holds, in this order, is the vehicle's mode; MANUAL when none does."""
+
+    emergency_stop: Condition | None = None
+    fault: Condition | None = None
+    manual: Condition | None = None
+    autonomous: Condition | None = None
+    ready: Condition | None = None
+
+
+class DriverConditions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Any of these is an override."""
+
+    brake: Condition | None = None
+    throttle: Condition | None = None
+    steering: Condition | None = None
+
+
 class Status(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the vehicle reports about itself other than its motion."""
 
-    signals: StatusSignals
+    signals: StatusSignals = StatusSignals()
+    when: ModeConditions | None = None
+    driver: DriverConditions | None = None
     modes: dict[str, str] = {}
-    """Name in the DBC = name of `VehicleMode`; names that are left out are the same."""
+    """Name in the DBC = name of `VehicleMode`; a name that is left out is the same, or else a fault."""
     gears: dict[str, str] = {}
-    """Name in the DBC = name of `Gear`; names that are left out are the same."""
+    """Name in the DBC = name of `Gear`; a name that is left out is the same, or else no known gear."""
 
 
 class CommandSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -318,6 +349,8 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """Whether somebody has checked limits and signs against the real vehicle."""
     ignored: tuple[SignalName, ...] = ()
     """Signals of bound messages that the program does not use."""
+    signals: dict[SignalName, SignalNotes] = {}
+    messages: dict[str, MessageNotes] = {}
     constants: dict[SignalName, float] = {}
     """Signals of sent messages that always have one value, in the DBC's units."""
     geometry: Geometry

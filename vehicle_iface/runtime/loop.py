@@ -13,6 +13,7 @@ from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.safety.engagement import Event
 from vehicle_iface.state import VehicleState
 from vehicle_iface.state_assembler import Sample
+from vehicle_iface.status import VehicleStatus
 from vehicle_iface.telemetry.details import LiveDetails, RunSummary
 
 log = logging.getLogger(__name__)
@@ -39,6 +40,7 @@ class Loop:
         self._now_ns, self._feed_watchdog = parts.now_ns, parts.feed_watchdog
         self._newest: Sample | None = None
         self._doubtful: Sample | None = None
+        self._seen_status: VehicleStatus | None = None
         self._samples_at_rest = 0
         self._logged_reason = Reason.NOT_ENGAGED
 
@@ -98,9 +100,8 @@ class Loop:
                 self._check_foreign_command(frame)
                 continue
             sample = self._assembler.take(received)
-            if sample is None:
-                self._update_engagement(received.stamp_ns)
-            elif self._is_usable(sample):
+            self._update_engagement()
+            if sample is not None and self._is_usable(sample):
                 samples.append(sample)
         if samples:
             self._newest = samples[-1]
@@ -198,11 +199,12 @@ class Loop:
             self._cycle.gate.start_from(taken.state, taken.decided_ns)
             self._update_trajectory(self._newest, restart=True)
 
-    def _update_engagement(self, stamp_ns: int) -> None:
+    def _update_engagement(self) -> None:
         """A vehicle that is autonomous, or not any more, changes the mode before the next command."""
         status = self._assembler.status
-        if status is None or status.stamp_ns != stamp_ns:
+        if status is None or status is self._seen_status:
             return
+        self._seen_status = status
         has_engaged = self._engagement.on_status(status, self._now_ns())
         if self._shadow is not None:
             has_engaged = self._shadow.on_status(status)

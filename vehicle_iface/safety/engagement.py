@@ -335,4 +335,4 @@ class Engagement:
     def is_driver_override(self, status: VehicleStatus) -> bool:
         """Whether the driver's feet or hands are on the controls."""
         hands = abs(status.driver_steer_torque_nm) >= self._timing.steer_torque_nm
-        return status.driver_brake or status.driver_throttle or hands
+        return status.driver_brake or status.driver_throttle or status.driver_steers or hands

@@ -25,7 +25,7 @@ class ProfileWire:
     def __init__(self, database: VehicleDatabase) -> None:
         self.commands = tuple(message.name for message in database.commands)
         self.sample = tuple(message.name for message in database.sample)
-        self.status = tuple(message.name for message in (database.status, *database.auxiliary))
+        self.status = tuple(message.name for message in (*database.status, *database.auxiliary))
         names = {name: number for number, name in database.frames.items()}
         self.frame_ids: Mapping[str, int] = names or {database.profile.state.frame_id: 0}
         self.requests_gear = any("gear_request" in message.fields for message in database.commands)

@@ -1,0 +1,74 @@
+"""What the bits of a sent message are that no field fills: the profile's constants, and the DBC's initial values."""
+
+from collections.abc import Iterator, Mapping
+
+from cantools.database import Message, Signal
+
+from vehicle_iface.codec.binding import SENT_ROLES, Binding
+from vehicle_iface.codec.compiled import MessageCodec
+from vehicle_iface.errors import ConfigError, SignalError
+
+
+def constant_payload(binding: Binding, name: str) -> bytes:
+    """The payload of a message with all its constants, and 0 where a field, checksum or counter is written."""
+    message, payload = binding.messages[name], 0
+    for signal, value in _constants(binding, message):
+        codec = MessageCodec(message, only=[signal.name], base=b"")
+        payload |= int.from_bytes(codec.encode([value]), "big")
+    return payload.to_bytes(message.length, "big")
+
+
+def constant_faults(binding: Binding) -> Iterator[ConfigError]:
+    """Constants that their signals cannot carry, and bound signals that the chosen multiplexer branch does not have."""
+    for name, role in binding.roles.items():
+        if role not in SENT_ROLES:
+            continue
+        message = binding.messages[name]
+        for signal, value in _constants(binding, message):
+            try:
+                MessageCodec(message, only=[signal.name], base=b"").encode([value])
+            except SignalError as error:
+                yield binding.fault(f"$.constants.{name}.{signal.name}", str(error).partition(" = ")[2])
+        for used in binding.signals_used(name):
+            yield from _branch_faults(binding, message, used)
+
+
+def _branch_faults(binding: Binding, message: Message, used: str) -> Iterator[ConfigError]:
+    by_name = {signal.name: signal for signal in message.signals}
+    signal = by_name[used]
+    while signal.multiplexer_signal is not None:
+        dotted = f"{message.name}.{signal.multiplexer_signal}"
+        value = binding.profile.constants.get(dotted)
+        ids = signal.multiplexer_ids or []
+        if value is None:
+            text = f"missing; {message.name}.{used} is sent only where it is {_list(ids)}"
+            yield binding.fault(f"$.constants.{dotted}", text)
+        elif value not in ids:
+            yield binding.fault(f"$.constants.{dotted}", f"{value:g}: {used} is sent only where it is {_list(ids)}")
+        signal = by_name[signal.multiplexer_signal]
+
+
+def _list(ids: list[int]) -> str:
+    return " or ".join(map(str, ids[:5])) + (", …" if len(ids) > 5 else "")
+
+
+def _constants(binding: Binding, message: Message) -> Iterator[tuple[Signal, float]]:
+    """The signals that are neither bound nor of the protection nor in another multiplexer branch, with their values."""
+    stated = binding.profile.constants
+    for signal in message.signals:
+        dotted = f"{message.name}.{signal.name}"
+        if dotted in binding.fields or dotted in binding.protection_signals or not _is_shown(message, signal, stated):
+            continue
+        if dotted in stated:
+            yield signal, stated[dotted]
+        elif signal.raw_initial:
+            yield signal, signal.raw_initial * signal.scale + signal.offset
+
+
+def _is_shown(message: Message, signal: Signal, stated: Mapping[str, float]) -> bool:
+    """Whether all multiplexers above the signal have the values that show it."""
+    if signal.multiplexer_signal is None:
+        return True
+    value = stated.get(f"{message.name}.{signal.multiplexer_signal}", 0)
+    parent = next(one for one in message.signals if one.name == signal.multiplexer_signal)
+    return value in (signal.multiplexer_ids or ()) and _is_shown(message, parent, stated)

@@ -1,0 +1,110 @@
+"""Compiles the fields, forms and conditions of a profile to two functions that read a row of values.
+
+Each is one straight line of Python: no name is looked up and no dictionary is built on the loop's path.
+"""
+
+from collections.abc import Iterator, Mapping
+
+from vehicle_iface.codec.binding import Binding
+from vehicle_iface.codec.expressions import Find, Place, condition_expression, field_expression
+from vehicle_iface.errors import InvalidValueError
+from vehicle_iface.profile.forms import Condition
+from vehicle_iface.profile.schema import DriverConditions
+from vehicle_iface.row import MeasuredState, RowReader
+from vehicle_iface.state import VehicleState
+from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
+
+_MODES = ("emergency_stop", "fault", "manual", "autonomous", "ready")
+"""In the order in which their conditions are looked at."""
+_OF_POSE = ("pose_frame", "pose_valid")
+_MISSING = (TypeError, KeyError, InvalidValueError)
+"""What a value that is None, or a number of no frame, makes of the state."""
+
+
+def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], frames: Mapping[int, str]) -> RowReader:
+    """`signals` are those of each received message in the order of its values, without the message's name."""
+    places: dict[str, slice] = {}
+    columns: dict[str, int] = {}
+    for message, names in signals.items():
+        places[message] = slice(len(columns), len(columns) + len(names))
+        columns |= {f"{message}.{name}": len(columns) + place for place, name in enumerate(names)}
+
+    def find(dotted: str) -> Place:
+        return Place(columns[dotted], binding.view(dotted).names)
+
+    needed = {columns[dotted] for of_field in binding.sections["state"].values() for dotted in of_field}
+    functions: dict[str, object] = {
+        "VehicleState": VehicleState,
+        "VehicleStatus": VehicleStatus,
+        "MeasuredState": MeasuredState,
+        "FRAMES": dict(frames),
+        "MODES": {int(mode): mode for mode in VehicleMode},
+        "GEARS": {int(gear): gear for gear in Gear},
+        "Mode": VehicleMode,
+        "MISSING": _MISSING,
+    }
+    source = "\n".join([*_state_lines(binding, find), *_status_lines(binding, find)])
+    exec(compile(source, f"<row of {binding.profile_name}>", "exec"), functions)
+    return RowReader(
+        size=len(columns),
+        places=places,
+        status_messages=binding.status_messages,
+        driver_messages=frozenset(
+            dotted.partition(".")[0] for of_word in binding.sections["status"].values() for dotted in of_word
+        ),
+        needed={name: frozenset(needed.intersection(range(where.start, where.stop))) for name, where in places.items()},
+        read_state=functions["read_state"],  # type: ignore[arg-type]
+        read_status=functions["read_status"],  # type: ignore[arg-type]
+    )
+
+
+def _state_lines(binding: Binding, find: Find) -> Iterator[str]:
+    state = binding.profile.state
+    fields = {name: getattr(state.signals, name) for name in state.signals.__struct_fields__}
+    bound = {name: field_expression(form, find) for name, form in fields.items() if form is not None}
+    frame = f"FRAMES[{bound['pose_frame']}]" if "pose_frame" in bound else repr(state.frame_id)
+    is_valid = f"{bound['pose_valid']} != 0" if "pose_valid" in bound else "True"
+    arguments = [f"{name}={source}" for name, source in bound.items() if name not in _OF_POSE]
+    yield "def read_state(stamp_ns, s):"
+    yield "    try:"
+    yield f"        state = VehicleState(stamp_ns=stamp_ns, frame_id={frame}, {', '.join(arguments)})"
+    yield f"        return MeasuredState(state, {is_valid})"
+    yield "    except MISSING:"
+    yield "        return None"
+
+
+def _status_lines(binding: Binding, find: Find) -> Iterator[str]:
+    status = binding.profile.status
+    signals, when, driver = status.signals, status.when, status.driver or DriverConditions()
+
+    def number(dotted: str | None) -> str:
+        return "0" if dotted is None else f"s[{find(dotted).column}] or 0"
+
+    def flag(dotted: str | None, condition: Condition | None) -> str:
+        parts = [f"bool({number(dotted)})"] if dotted is not None else []
+        parts += [condition_expression(condition, find)] if condition is not None else []
+        return " or ".join(parts) or "False"
+
+    yield "def read_status(stamp_ns, s):"
+    if when is None:
+        assert signals.mode is not None
+        yield f"    mode = MODES.get(s[{find(signals.mode).column}], Mode.FAULT)"
+    else:
+        conditions = [(name, getattr(when, name)) for name in _MODES]
+        chain = [
+            f"Mode.{name.upper()} if {condition_expression(condition, find)}"
+            for name, condition in conditions
+            if condition is not None
+        ]
+        yield f"    mode = {' else '.join([*chain, 'Mode.MANUAL'])}"
+    yield f"    fault_code = int({number(signals.fault_code)})"
+    yield "    if fault_code and mode is not Mode.EMERGENCY_STOP:"
+    yield "        mode = Mode.FAULT"
+    gear = "None" if signals.gear is None else f"GEARS.get(s[{find(signals.gear).column}])"
+    yield "    return VehicleStatus("
+    yield f"        stamp_ns=stamp_ns, mode=mode, gear={gear}, fault_code=fault_code,"
+    yield f"        driver_brake={flag(signals.driver_brake, driver.brake)},"
+    yield f"        driver_throttle={flag(signals.driver_throttle, driver.throttle)},"
+    yield f"        driver_steers={flag(None, driver.steering)},"
+    yield f"        driver_steer_torque_nm=float({number(signals.driver_steer_torque_nm)}),"
+    yield "    )"

@@ -1,0 +1,121 @@
+"""One signal of the DBC as the profile means it: range, names and conversion between the bus and its field."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from cantools.database import Signal
+
+from vehicle_iface.codec.layout import SignalRules
+from vehicle_iface.codec.quantities import find_unit, unit_of_field
+from vehicle_iface.profile.notes import SignalNotes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalView:
+    """Field = scale · (value in the DBC's unit) + offset."""
+
+    signal: Signal
+    low: float
+    """Smallest value that bits and range allow, in the DBC's unit."""
+    high: float
+    names: Mapping[int, str]
+    scale: float
+    offset: float
+    rules: SignalRules
+
+    @classmethod
+    def of(cls, signal: Signal, notes: SignalNotes, field: str) -> "SignalView":
+        """The signal with the notes on it, for a field; "" for one that has no field."""
+        names = {int(number): str(name) for number, name in (signal.choices or {}).items()}
+        if notes.names is not None:
+            names = {int(number): name for number, name in notes.names.items()}
+        low, high = _value_range(signal, notes.range)
+        return cls(
+            signal=signal,
+            low=low,
+            high=high,
+            names=names,
+            scale=_unit_factor(signal, notes, field) * (1.0 if notes.scale is None else notes.scale),
+            offset=notes.offset,
+            rules=SignalRules(
+                limits=notes.range,
+                names=names if notes.names is not None else None,
+                missing=frozenset(_as_signed(raw, signal) for raw in notes.not_available),
+            ),
+        )
+
+    @property
+    def is_converted(self) -> bool:
+        """Whether the field is another number than the signal's value."""
+        return self.scale != 1.0 or self.offset != 0.0
+
+    @property
+    def field_range(self) -> tuple[float, float]:
+        """Smallest and greatest value of the field that the signal can carry."""
+        low, high = sorted((self.to_field(self.low), self.to_field(self.high)))
+        return low, high
+
+    @property
+    def resolution(self) -> float:
+        """The step of one count, in the field's unit; 0 for a float."""
+        return 0.0 if self.signal.is_float else abs(float(self.signal.scale) * self.scale)
+
+    def to_field(self, value: float) -> float:
+        """The field for a value in the DBC's unit."""
+        return value * self.scale + self.offset if self.is_converted else value
+
+    def to_wire(self, field: float) -> float:
+        """The value in the DBC's unit for a field."""
+        return (field - self.offset) / self.scale if self.is_converted else field
+
+
+def unit_faults(signal: Signal, notes: SignalNotes, field: str) -> Iterator[str]:
+    """Why the signal cannot be taken for the field; nothing where it can.
+
+    A scale in the profile says how one quantity becomes another; without it both must be the same.
+    """
+    wanted = unit_of_field(field)
+    spelling = notes.unit if notes.unit is not None else signal.unit
+    if wanted is None:
+        return
+    if not spelling:
+        yield f"has no unit, and {field} is in {wanted.name!r}; give its unit in the profile, below [signals.…]"
+        return
+    unit = find_unit(spelling)
+    if unit is None:
+        yield f"unit {spelling!r} is not known; give one that is in the profile, below [signals.…]"
+    elif unit.quantity != wanted.unit.quantity and notes.scale is None:
+        yield (
+            f"unit {spelling!r} is of {unit.quantity}: {field} must be in {wanted.name!r} or another unit of "
+            f"{wanted.unit.quantity}, unless the profile gives a scale below [signals.…]"
+        )
+
+
+def _unit_factor(signal: Signal, notes: SignalNotes, field: str) -> float:
+    """Size of the signal's unit in that of the field; 1 where it is not known."""
+    unit = find_unit((notes.unit if notes.unit is not None else signal.unit) or "")
+    wanted = unit_of_field(field)
+    if unit is None:
+        return 1.0
+    if wanted is None or wanted.unit.quantity != unit.quantity:
+        return unit.factor
+    return 1.0 if unit == wanted.unit else unit.factor / wanted.unit.factor
+
+
+def _value_range(signal: Signal, stated: tuple[float, float] | None) -> tuple[float, float]:
+    """What the bits and the range allow."""
+    if signal.is_float:
+        low, high = -math.inf, math.inf
+    else:
+        raw_low = -(1 << signal.length - 1) if signal.is_signed else 0
+        raw_high = (1 << signal.length - bool(signal.is_signed)) - 1
+        low, high = sorted(raw * signal.scale + signal.offset for raw in (raw_low, raw_high))
+    least, most = stated if stated is not None else (signal.minimum, signal.maximum)
+    return low if least is None else max(low, least), high if most is None else min(high, most)
+
+
+def _as_signed(raw: int, signal: Signal) -> int:
+    """The number that the bits of `raw` mean: 0xFFFF is −1 in a signed signal of 16 bits."""
+    bits = raw & (1 << signal.length) - 1
+    return bits - (1 << signal.length) if signal.is_signed and bits >> signal.length - 1 else bits

@@ -1,0 +1,40 @@
+"""The newest value of every bound signal in one row, and what state and status are of it.
+
+The codec compiles a profile's fields, forms and conditions to the two functions here, once at the start.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from vehicle_iface.state import VehicleState
+from vehicle_iface.status import VehicleStatus
+
+Row = list[float | int | None]
+"""In the fields' units; None where the sender has no value, 0 where none was received yet."""
+
+
+class MeasuredState(NamedTuple):
+    """A state, and what the vehicle says about its pose."""
+
+    state: VehicleState
+    pose_valid: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowReader:
+    """Which values of a row are whose, and what they mean."""
+
+    size: int
+    places: Mapping[str, slice]
+    """Where the values of a message stand, by its name."""
+    status_messages: frozenset[str]
+    """The messages that say who drives."""
+    driver_messages: frozenset[str]
+    """Those, and the messages with anything else of the status."""
+    needed: Mapping[str, frozenset[int]]
+    """Places of each message's values that fields of the state need."""
+    read_state: Callable[[int, Row], MeasuredState | None]
+    """The state with that stamp; None where a value is missing."""
+    read_status: Callable[[int, Row], VehicleStatus]
+    """The status with that stamp."""
