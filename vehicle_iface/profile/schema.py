@@ -4,6 +4,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from vehicle_iface.profile.state_pose import StatePose
+
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]
@@ -206,9 +208,12 @@ class EndToEnd(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 class StateSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The signals of a `VehicleState`; a field without a signal is 0."""
 
-    x_m: SignalName
-    y_m: SignalName
-    heading_rad: SignalName
+    x_m: SignalName | None = None
+    """This and the next four: those that the source of the pose needs."""
+    y_m: SignalName | None = None
+    heading_rad: SignalName | None = None
+    latitude_deg: SignalName | None = None
+    longitude_deg: SignalName | None = None
     speed_mps: SignalName
     accel_mps2: SignalName | None = None
     yaw_rate_radps: SignalName | None = None
@@ -226,10 +231,11 @@ class State(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     sample: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
     signals: StateSignals
+    pose: StatePose = StatePose()
     frames: dict[str, str] = {}
     """Name in the VAL_ table of `pose_frame` = frame of reference."""
     frame_id: str = "map"
-    """The frame of reference where there is no `pose_frame`."""
+    """The frame of reference where there is no `pose_frame`; `odom` where it is left out with odometry."""
 
 
 class StatusSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
