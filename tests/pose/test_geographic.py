@@ -97,6 +97,7 @@ def test_across_the_antimeridian_the_way_is_short(longitude_deg: float) -> None:
         for written in (there, there % 360.0):
             east_m, _ = located(plane, Fix(-17.0, written))
             assert east_m == pytest.approx(east_deg * metres_per_degree, abs=0.01)
+        assert abs(plane.fix_at(PlanePoint(east_deg * metres_per_degree, 0.0)).longitude_deg) <= 180.0
 
 
 @pytest.mark.parametrize("origin", [fix for fix in ORIGINS if abs(fix.latitude_deg) < 70.0])

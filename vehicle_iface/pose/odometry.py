@@ -30,7 +30,6 @@ class Odometry:
         self._pose = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
         self._stamp_ns: int | None = None
         self._speed_mps = self._lateral_mps = self._yaw_radps = 0.0
-        self._is_interrupted = False
 
     def resolve(self, stamp_ns: int, values: PoseInputs) -> Pose | None:
         """The pose at `stamp_ns`.
@@ -47,8 +46,7 @@ class Odometry:
         if stamp_ns < before_ns:
             self.invalid_because = "sample older than the one before it"
             return None
-        self._is_interrupted |= stamp_ns - before_ns > self._max_gap_ns
-        if self._is_interrupted:
+        if stamp_ns - before_ns > self._max_gap_ns:  # and so is every later sample: `_stamp_ns` stays
             self.invalid_because = "dead reckoning interrupted by missing samples"
             return None
         self._move((stamp_ns - before_ns) / NS_PER_S, speed_mps, lateral_mps, yaw_radps)
