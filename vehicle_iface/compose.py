@@ -13,6 +13,7 @@ from vehicle_iface.control.base import BehaviorConfig, ControllerBase, StopSteer
 from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
 from vehicle_iface.control.user_controller import load_controller
 from vehicle_iface.motion_sources import sources_of
+from vehicle_iface.pose import Locator
 from vehicle_iface.profile import Profile
 from vehicle_iface.runtime.arrival import ArrivalFilter
 from vehicle_iface.runtime.components import LoopComponents
@@ -268,6 +269,7 @@ def build_state_assembler(database: VehicleDatabase) -> StateAssembler:
     """A state assembler for the profile's sample."""
     return StateAssembler(
         database.row,
+        Locator(database.profile),
         sample=[message.name for message in database.sample],
         window_ns=_window_ns(database),
         stale_ns=ns_from_s(database.profile.timing.status_stale_s),

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import msgspec
 
 from vehicle_iface.profile import Profile
-
-ODOMETRY_FRAME = "odom"
+from vehicle_iface.profile.state_pose import ODOMETRY_FRAME
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,11 +7,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from vehicle_iface.pose import Located, PoseInputs
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import VehicleStatus
 
 Row = list[float | int | None]
 """In the fields' units; None where the sender has no value, 0 where none was received yet."""
+
+
+Locate = Callable[[int, bool, PoseInputs], Located]
+"""Stamp, whether the vehicle calls its pose valid, and what the pose is computed from: the pose."""
 
 
 class MeasuredState(NamedTuple):
@@ -34,7 +39,7 @@ class RowReader:
     """Those, and the messages with anything else of the status."""
     needed: Mapping[str, frozenset[int]]
     """Places of each message's values that fields of the state need."""
-    read_state: Callable[[int, Row], MeasuredState | None]
-    """The state with that stamp; None where a value is missing."""
+    read_state: Callable[[int, Row, Locate], MeasuredState | None]
+    """The state with that stamp; None where a value is missing. A local position without a mount is not located."""
     read_status: Callable[[int, Row], VehicleStatus]
     """The status with that stamp."""

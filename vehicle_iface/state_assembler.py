@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from vehicle_iface.decoded import DecodedMessage
+from vehicle_iface.pose import Locator
 from vehicle_iface.row import Row, RowReader
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import VehicleStatus
@@ -28,6 +29,8 @@ class Sample(NamedTuple):
     """The counter value that its messages share; −1 where it was assembled by time."""
     completed_ns: int
     """Kernel receive time of the message that completed it; `state.stamp_ns` is that of the first one."""
+    is_lost: bool = False
+    """Whether dead reckoning was interrupted: where the vehicle is will not be known again by itself."""
 
 
 @dataclass(slots=True)
@@ -58,6 +61,7 @@ class StateAssembler:
     def __init__(
         self,
         reader: RowReader,
+        locator: Locator,
         *,
         sample: Collection[str],
         window_ns: int,
@@ -67,6 +71,7 @@ class StateAssembler:
     ) -> None:
         """A counter comes round again after `counter_states` samples; 1 where there is none."""
         self._reader = reader
+        self.locator = locator
         self._sample = tuple(sample)
         self._others = tuple(name for name in reader.places if name not in self._sample)
         self._window_ns, self._stale_ns = window_ns, stale_ns
@@ -101,6 +106,7 @@ class StateAssembler:
         self._completed_ns.clear()
         self._stamps_ns.clear()
         self._row = [0] * self._reader.size
+        self.locator.reset()
         self.status = None
         self.newest = None
 
@@ -172,13 +178,14 @@ class StateAssembler:
 
     def _complete(self, stamp_ns: int, last: DecodedMessage) -> Sample | None:
         """The sample of what stands in the row; None when a value of its own is missing."""
-        measured = self._reader.read_state(stamp_ns, self._row)
+        measured = self._reader.read_state(stamp_ns, self._row, self.locator.locate)
         if measured is None:
             self.incomplete += 1
             return None
         counter = last.counter if self._freshness is None else -1
         fresh = self._are_others_fresh(stamp_ns)
-        self.newest = Sample(measured.state, measured.pose_valid, fresh, counter, last.stamp_ns)
+        is_lost = self.locator.is_interrupted
+        self.newest = Sample(measured.state, measured.pose_valid, fresh, counter, last.stamp_ns, is_lost)
         self.completed += 1
         return self.newest
 

@@ -77,7 +77,13 @@ BOTH_WAYS = [
 ]
 BY_ITSELF = [
     ("[-6.5536|6.5534]", "[0|0]", WARNING, "MOTION.YAW_RATE: no range", "YAW_RATE : 48"),
-    ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] "deg/fortnight"', WARNING, "unit 'deg/fortnight' is not known", "YAW_RATE : 48"),
+    (
+        '[-6.5536|6.5534] "rad/s"',
+        '[-6.5536|6.5534] "deg/fortnight"',
+        WARNING,
+        "unit 'deg/fortnight' is not known",
+        "YAW_RATE : 48",
+    ),
     ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] "furlong"', WARNING, "unit 'furlong' is not known", "YAW_RATE : 48"),
     ('[-6.5536|6.5534] "rad/s"', '[-6.5536|6.5534] ""', WARNING, "a scaled number without a unit", "YAW_RATE : 48"),
 ]

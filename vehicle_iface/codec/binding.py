@@ -17,6 +17,7 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.forms import signals_of
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
+from vehicle_iface.profile.state_pose import StatePose
 
 _NO_NOTES, _NO_MESSAGE_NOTES = SignalNotes(), MessageNotes()
 
@@ -59,7 +60,7 @@ class Binding:
         """For error messages."""
         self.messages: Mapping[str, Message] = {message.name: message for message in file.database.messages}
         self.sections: Mapping[str, Mapping[str, tuple[str, ...]]] = {
-            "state": _named_signals(profile.state.signals),
+            "state": _named_signals(profile.state.signals, profile.state.pose),
             "status": _named_signals(profile.status.signals, profile.status.when, profile.status.driver),
             "command": _named_signals(profile.command.signals),
             "body": _named_signals(profile.body.signals) if profile.body else {},
@@ -173,8 +174,12 @@ class Binding:
 
 def _named_signals(*tables: msgspec.Struct | None) -> dict[str, tuple[str, ...]]:
     """Field or condition → its signals, without those that are not bound."""
-    places = {field: getattr(table, field) for table in tables if table for field in table.__struct_fields__}
+    places = {field: getattr(table, field) for table in tables if table for field in _source_fields(table)}
     return {field: tuple(signals_of(form)) for field, form in places.items() if form is not None}
+
+
+def _source_fields(table: msgspec.Struct) -> tuple[str, ...]:
+    return ("valid",) if isinstance(table, StatePose) else table.__struct_fields__
 
 
 def suggest(name: str, names: Iterable[str]) -> str:

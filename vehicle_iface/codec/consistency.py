@@ -19,8 +19,8 @@ from vehicle_iface.profile.schema import DriverConditions, EndToEnd, ModeConditi
 
 _COUNTS = ("ref_spatial_index", "ref_temporal_index", "deadline_misses")
 """Fields of the report in which every number means itself."""
-_CONDITIONS = frozenset((*ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__))
-_ONE_SAMPLE = ("x_m", "y_m", "heading_rad", "speed_mps", "pose_frame")
+_CONDITIONS = frozenset(("valid", *ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__))
+_ONE_SAMPLE = ("x_m", "y_m", "heading_rad", "latitude_deg", "longitude_deg", "speed_mps", "pose_frame")
 """Fields of the state that must come in messages of its sample: where the vehicle is, in which frame, how fast."""
 
 
@@ -40,6 +40,8 @@ def _signal_faults(binding: Binding) -> Iterator[ConfigError]:
         for field, signals in bindings.items():
             for dotted in signals:
                 place, signal = f"$.{section}.signals.{field}", binding.find_signal(dotted)
+                if field == "valid":
+                    place = "$.state.pose.valid"
                 if section == "status" and field not in StatusSignals.__struct_fields__:
                     place = f"$.status.{'when' if field in ModeConditions.__struct_fields__ else 'driver'}.{field}"
                 if signal is None:
@@ -69,6 +71,7 @@ def _condition_faults(binding: Binding) -> Iterator[ConfigError]:
         for key, table in (("when", status.when), ("driver", status.driver))
         for field in (table.__struct_fields__ if table is not None else ())
     }
+    conditions["$.state.pose.valid"] = state.pose.valid
     for field in state.signals.__struct_fields__:
         form = getattr(state.signals, field)
         if isinstance(form, FieldForm):

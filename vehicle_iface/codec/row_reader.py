@@ -8,8 +8,10 @@ from collections.abc import Iterator, Mapping
 from vehicle_iface.codec.binding import Binding
 from vehicle_iface.codec.expressions import Find, Place, condition_expression, field_expression
 from vehicle_iface.errors import InvalidValueError
+from vehicle_iface.pose import PoseInputs
 from vehicle_iface.profile.forms import Condition
 from vehicle_iface.profile.schema import DriverConditions
+from vehicle_iface.profile.state_pose import POSE_SIGNALS, Mount
 from vehicle_iface.row import MeasuredState, RowReader
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
@@ -17,6 +19,7 @@ from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
 _MODES = ("emergency_stop", "fault", "manual", "autonomous", "ready")
 """In the order in which their conditions are looked at."""
 _OF_POSE = ("pose_frame", "pose_valid")
+_POSE = ("x_m", "y_m", "heading_rad")
 _MISSING = (TypeError, KeyError, InvalidValueError)
 """What a value that is None, or a number of no frame, makes of the state."""
 
@@ -37,6 +40,7 @@ def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], f
         "VehicleState": VehicleState,
         "VehicleStatus": VehicleStatus,
         "MeasuredState": MeasuredState,
+        "PoseInputs": PoseInputs,
         "FRAMES": dict(frames),
         "MODES": {int(mode): mode for mode in VehicleMode},
         "GEARS": {int(gear): gear for gear in Gear},
@@ -63,14 +67,25 @@ def _state_lines(binding: Binding, find: Find) -> Iterator[str]:
     fields = {name: getattr(state.signals, name) for name in state.signals.__struct_fields__}
     bound = {name: field_expression(form, find) for name, form in fields.items() if form is not None}
     frame = f"FRAMES[{bound['pose_frame']}]" if "pose_frame" in bound else repr(state.frame_id)
-    is_valid = f"{bound['pose_valid']} != 0" if "pose_valid" in bound else "True"
-    arguments = [f"{name}={source}" for name, source in bound.items() if name not in _OF_POSE]
-    yield "def read_state(stamp_ns, s):"
+    conditions = [f"{bound['pose_valid']} != 0"] if "pose_valid" in bound else []
+    conditions += [condition_expression(state.pose.valid, find)] if state.pose.valid is not None else []
+    is_located = state.pose.source != "local" or state.pose.mount != Mount()
+    inputs = {name: source for name, source in bound.items() if name in PoseInputs.__struct_fields__}
+    others = {name: source for name, source in bound.items() if name not in (*_OF_POSE, *POSE_SIGNALS)}
+    pose = {name: f"pose.{name}" for name in _POSE} if is_located else {name: bound[name] for name in _POSE}
+    yield "def read_state(stamp_ns, s, locate):"
     yield "    try:"
-    yield f"        state = VehicleState(stamp_ns=stamp_ns, frame_id={frame}, {', '.join(arguments)})"
-    yield f"        return MeasuredState(state, {is_valid})"
+    yield f"        is_valid = {' and '.join(conditions) or 'True'}"
+    if is_located:
+        yield f"        pose, is_valid = locate(stamp_ns, is_valid, PoseInputs({_as_arguments(inputs)}))"
+    yield f"        state = VehicleState(stamp_ns=stamp_ns, frame_id={frame}, {_as_arguments(pose | others)})"
+    yield "        return MeasuredState(state, is_valid)"
     yield "    except MISSING:"
     yield "        return None"
+
+
+def _as_arguments(sources: Mapping[str, str]) -> str:
+    return ", ".join(f"{name}={source}" for name, source in sources.items())
 
 
 def _status_lines(binding: Binding, find: Find) -> Iterator[str]:

@@ -4,13 +4,17 @@ import itertools
 import math
 import re
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 
 import msgspec
 
+from vehicle_iface.profile.check_pose import check_pose
 from vehicle_iface.profile.forms import check_form, signals_of
-from vehicle_iface.profile.schema import Profile
+from vehicle_iface.profile.schema import Profile, State
+from vehicle_iface.profile.state_pose import needed_pose_signals
 
+NOTHING_MORE: Mapping[str, str] = MappingProxyType({})
 _SIGNAL_NAME = re.compile(r"\w+\.\w+")
 
 
@@ -26,12 +30,17 @@ def check_document(document: dict[str, object]) -> Iterator[str]:
         yield f"$.dbc: {dbc!r}: must be a file's name"
 
 
-def check_tables(document: object, kind: type[msgspec.Struct], place: str = "$") -> tuple[dict[str, object], list[str]]:
-    """The part of a table that its type allows, and the faults of the rest."""
+def check_tables(
+    document: object, kind: type[msgspec.Struct], place: str = "$", needed: Mapping[str, str] = NOTHING_MORE
+) -> tuple[dict[str, object], list[str]]:
+    """The part of a table that its type allows, and the faults of the rest.
+
+    `needed` are keys that it must have although its type does not say so, each with the end of its error.
+    """
     if not isinstance(document, dict):
         return {}, [f"{place}: Expected a table, got {type(document).__name__}"]
     fields = {field.name: field for field in msgspec.structs.fields(kind)}
-    missing = [name for name, field in fields.items() if field.required and name not in document]
+    missing = [name for name, field in fields.items() if (field.required or name in needed) and name not in document]
     sound: dict[str, object] = {}
     faults: list[str] = []
     for key, value in document.items():
@@ -42,7 +51,8 @@ def check_tables(document: object, kind: type[msgspec.Struct], place: str = "$")
             faults.append(f"{there}: unknown key; {hint}")
             missing = [name for name in missing if name != nearest]  # one mistake is one fault
         elif (table := _table_type(fields[key].type)) is not None:
-            sound[key], inner_faults = check_tables(value, table, there)
+            more = needed_pose_signals(document) if (kind, key) == (State, "signals") else NOTHING_MORE
+            sound[key], inner_faults = check_tables(value, table, there, more)
             faults += inner_faults
         elif (inner := _table_of_tables(fields[key].type)) is not None and isinstance(value, dict):
             checked = {name: check_tables(one, inner, f"{there}.{name}") for name, one in value.items()}
@@ -54,7 +64,7 @@ def check_tables(document: object, kind: type[msgspec.Struct], place: str = "$")
                 sound[key] = value
             except msgspec.ValidationError as error:
                 faults.append(_with_place(str(error), there))
-    faults += (f"{place}: {name} is missing" for name in missing)
+    faults += (f"{place}: {name} is missing{needed.get(name, '')}" for name in missing)
     return sound, faults
 
 
@@ -63,6 +73,7 @@ def check_profile(profile: Profile) -> Iterator[str]:
     yield from _check_names(profile)
     yield from _check_status(profile)
     yield from _check_notes(profile)
+    yield from check_pose(profile)
     yield from _check_timing(profile)
     yield from _check_geometry(profile)
     yield from _check_limits(profile)
@@ -115,6 +126,7 @@ def _check_names(profile: Profile) -> Iterator[str]:
         table = getattr(profile, section)
         for field in table.signals.__struct_fields__ if table is not None else ():
             named[f"$.{section}.signals.{field}"] = getattr(table.signals, field)
+    named["$.state.pose.valid"] = profile.state.pose.valid
     for kind in ("when", "driver"):
         table = getattr(profile.status, kind)
         for field in table.__struct_fields__ if table is not None else ():

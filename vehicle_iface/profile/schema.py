@@ -6,6 +6,7 @@ import msgspec
 
 from vehicle_iface.profile.forms import Condition, FieldSource, SignalName
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
+from vehicle_iface.profile.state_pose import StatePose
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
@@ -207,9 +208,12 @@ class EndToEnd(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 class StateSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The signals of a `VehicleState`; a field without a signal is 0."""
 
-    x_m: FieldSource
-    y_m: FieldSource
-    heading_rad: FieldSource
+    x_m: FieldSource | None = None
+    """This and the next four: those that the source of the pose needs."""
+    y_m: FieldSource | None = None
+    heading_rad: FieldSource | None = None
+    latitude_deg: FieldSource | None = None
+    longitude_deg: FieldSource | None = None
     speed_mps: FieldSource
     accel_mps2: FieldSource | None = None
     yaw_rate_radps: FieldSource | None = None
@@ -236,10 +240,11 @@ class State(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """The message whose arrival completes a sample; left out, the first one."""
     max_age_s: Positive | dict[str, Positive] | None = None
     """No part is older than this when the trigger arrives, for all or by message; left out, `timing.state_stale_s`."""
+    pose: StatePose = StatePose()
     frames: dict[str, str] = {}
     """Name in the VAL_ table of `pose_frame` = frame of reference."""
     frame_id: str = "map"
-    """The frame of reference where there is no `pose_frame`."""
+    """The frame of reference where there is no `pose_frame`; `odom` where it is left out with odometry."""
 
 
 class StatusSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -113,7 +113,8 @@ class ControlCycle:
             requested = self._stop(state, fault)
         else:
             requested = self._request(state, now_ns)
-        latches, needed_gear = self._motion.disagreement is not None, find_needed_gear(requested, state)
+        latches = sample.is_lost or self._motion.disagreement is not None
+        needed_gear = find_needed_gear(requested, state)
         gear = status.gear if status is not None else None
         if self.gear_check.contradicts(state.speed_mps, needed_gear, gear, now_ns):
             requested, needed_gear, latches = self._stop(state, Reason.STATE_INVALID), Gear.NO_REQUEST, True

@@ -225,6 +225,8 @@ class Loop:
         if self.link.take_loss():
             self._on_link_lost()
         self._engagement.on_tick(now_ns)
+        if self._assembler.locator.is_interrupted and not self._engagement.mode.enables:
+            self._restart_odometry()
         reason = self._cycle.reason
         if reason is not self._logged_reason:
             log.info("reason: %s", reason.name)
@@ -274,6 +276,13 @@ class Loop:
             handover_pending=self._handover.warns,
             handover_in_ns=self._handover.left_ns(now_ns, is_ending=self._engagement.mode.ends),
         )
+
+    def _restart_odometry(self) -> None:
+        """Dead reckoning that was interrupted begins anew at 0, 0, 0 while nothing is driven by it."""
+        self._assembler.locator.reset()
+        self._plausibility.reset()
+        self._motion.reset()
+        log.warning("odometry was interrupted: it begins anew at 0, 0, 0")
 
     def _on_link_lost(self) -> None:
         """Nothing from before the loss is combined with anything after it."""
