@@ -1,13 +1,11 @@
 """What a vehicle does not measure is unknown, and not 0: nothing is compared with it."""
 
-from dataclasses import replace
-
 import msgspec
 import pytest
 
 from tests.harness import Drive, reference
 from vehicle_iface import VehicleState
-from vehicle_iface.codec.database import VehicleDatabase
+from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.trajectories.receding import RecedingRoute
 from vehicle_iface.trajectories.shapes import make_route
@@ -15,15 +13,11 @@ from vehicle_iface.trajectories.shapes import make_route
 
 def without(*names: str) -> VehicleDatabase:
     """The reference vehicle, but its profile binds no such signals; what it sends of them is not looked at."""
-    database = reference()
-    profile = database.profile
+    profile = reference().profile
     signals = msgspec.structs.replace(profile.state.signals, **dict.fromkeys(names))
-    state = msgspec.structs.replace(profile.state, signals=signals)
-    sample = tuple(
-        replace(message, fields=tuple("" if field in names else field for field in message.fields))
-        for message in database.sample
+    return load_database(
+        msgspec.structs.replace(profile, state=msgspec.structs.replace(profile.state, signals=signals))
     )
-    return replace(database, profile=msgspec.structs.replace(profile, state=state), sample=sample)
 
 
 @pytest.mark.parametrize(

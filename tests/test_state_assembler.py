@@ -1,7 +1,8 @@
 """One complete sample: messages of one counter value within the window, and nothing else."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from types import MappingProxyType
 
 import msgspec
 import pytest
@@ -11,8 +12,11 @@ from hypothesis import strategies as st
 from tests.harness import ms, reference
 from vehicle_iface.compose import build_state_assembler
 from vehicle_iface.decoded import DecodedMessage
-from vehicle_iface.state_assembler import Sample, StateAssembler, _make_picker
-from vehicle_iface.status import Gear, VehicleMode
+from vehicle_iface.pose import Locator
+from vehicle_iface.row import Locate, MeasuredState, Row, RowReader
+from vehicle_iface.state import VehicleState
+from vehicle_iface.state_assembler import Freshness, Sample, StateAssembler
+from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
 
 WINDOW_NS = ms(50)
 STALE_NS = ms(200)
@@ -25,17 +29,74 @@ FIELDS = {
 STATUS = ("gear", "driver_brake", "mode", "driver_throttle", "driver_steer_torque_nm", "rear_wheel_angle_rad", "")
 
 
-def assembler(sample: Iterable[str] = NAMES, *, counter_states: int = 1) -> StateAssembler:
+def row_reader(messages: Mapping[str, Sequence[str]], frames: Mapping[int, str]) -> RowReader:
+    """Of messages whose values are the fields named; "" is a value that nobody needs."""
+    columns = [(message, field) for message, fields in messages.items() for field in fields]
+    first = {name: next(i for i, (message, _) in enumerate(columns) if message == name) for name in messages}
+    state_fields = {field.name for field in fields(VehicleState)} | {"pose_frame", "pose_valid"}
+    own = {field: column for column, (message, field) in reversed(list(enumerate(columns))) if message in NAMES}
+    others = {field: column for column, (message, field) in enumerate(columns) if message not in NAMES}
+    places = others | own
+
+    def read_state(stamp_ns: int, row: Row, _: Locate) -> MeasuredState | None:
+        values = {field: row[column] for field, column in places.items() if field in state_fields}
+        frame, is_valid = values.pop("pose_frame", None), values.pop("pose_valid", True)
+        if None in values.values() or is_valid is None or ("pose_frame" in places and frame is None):
+            return None
+        frame_id = frames[int(frame)] if frame is not None else next(iter(frames.values()))
+        numbers = {field: value for field, value in values.items() if value is not None}
+        return MeasuredState(VehicleState(stamp_ns=stamp_ns, frame_id=frame_id, **numbers), bool(is_valid))
+
+    def read_status(stamp_ns: int, row: Row) -> VehicleStatus:
+        words = {field: row[column] or 0 for field, column in places.items() if row[column] is not None}
+        return VehicleStatus(
+            stamp_ns=stamp_ns,
+            mode=VehicleMode(int(words["mode"])),
+            gear=Gear(int(words["gear"])) if "gear" in words else None,
+            driver_brake=bool(words.get("driver_brake")),
+            driver_throttle=bool(words.get("driver_throttle")),
+            driver_steer_torque_nm=float(words.get("driver_steer_torque_nm", 0.0)),
+            fault_code=int(words.get("fault_code", 0)),
+        )
+
+    needed = {column for column, (_, field) in enumerate(columns) if field in {*state_fields, "mode"}}
+    return RowReader(
+        empty=tuple(0 if field in state_fields else None for _, field in columns),
+        places={name: slice(first[name], first[name] + len(messages[name])) for name in messages},
+        status_messages=frozenset(name for name, words in messages.items() if "mode" in words),
+        driver_messages=frozenset(name for name in messages if name not in NAMES),
+        needed={
+            name: frozenset(needed.intersection(range(first[name], first[name] + len(messages[name]))))
+            for name in messages
+        },
+        multiplexed=frozenset({"EXTRA"}),
+        read_state=read_state,
+        read_status=read_status,
+    )
+
+
+def assembler_of(
+    sample: Mapping[str, Sequence[str]],
+    others: Mapping[str, Sequence[str]],
+    *,
+    frames: Mapping[int, str] = MappingProxyType({0: "odom", 1: "map"}),
+    counter_states: int = 1,
+    freshness: Freshness | None = None,
+) -> StateAssembler:
     return StateAssembler(
-        sample={name: FIELDS[name] for name in sample},
-        others={"STATUS": STATUS, "EXTRA": ("accel_mps2",)},
-        frames={0: "odom", 1: "map"},
-        modes={int(mode): mode for mode in VehicleMode},
-        gears={int(gear): gear for gear in Gear},
+        row_reader({**sample, **others}, frames),
+        Locator(reference().profile),
+        sample=list(sample),
         window_ns=WINDOW_NS,
         stale_ns=STALE_NS,
         counter_states=counter_states,
+        freshness=freshness,
     )
+
+
+def assembler(sample: Iterable[str] = NAMES, *, counter_states: int = 1) -> StateAssembler:
+    others = {"STATUS": STATUS, "EXTRA": ("accel_mps2",)}
+    return assembler_of({name: FIELDS[name] for name in sample}, others, counter_states=counter_states)
 
 
 def part(name: str, cycle: int, stamp_ns: int | None = None, *, valid: bool = True, frame: int = 1) -> DecodedMessage:
@@ -245,15 +306,10 @@ def test_a_message_outside_the_sample_is_stale_to_the_nanosecond(
 
 
 def test_a_vehicle_with_nothing_outside_the_sample_but_its_mode_needs_no_more_than_that() -> None:
-    t = StateAssembler(
+    t = assembler_of(
         sample={"POSE": ("x_m", "y_m", "heading_rad", "speed_mps")},
         others={"MODE": ("mode",)},
         frames={0: "map"},
-        modes={int(mode): mode for mode in VehicleMode},
-        gears={},
-        window_ns=WINDOW_NS,
-        stale_ns=STALE_NS,
-        counter_states=1,
     )
     t.take(DecodedMessage("MODE", 5, 0, (2,)))
     sample = t.take(DecodedMessage("POSE", 8, 0, (1.0, 2.0, 3.0, 4.0)))
@@ -262,15 +318,10 @@ def test_a_vehicle_with_nothing_outside_the_sample_but_its_mode_needs_no_more_th
 
 
 def test_a_vehicle_that_does_not_say_its_gear_is_not_said_to_be_in_one() -> None:
-    t = StateAssembler(
+    t = assembler_of(
         sample={},
         others={"MODE": ("mode",), "LEVER": ("gear",)},
         frames={0: "map"},
-        modes={int(mode): mode for mode in VehicleMode},
-        gears={int(gear): gear for gear in Gear},
-        window_ns=WINDOW_NS,
-        stale_ns=STALE_NS,
-        counter_states=1,
     )
     for lever, gear in (([], None), ([DecodedMessage("LEVER", 6, 0, (1,))], Gear.REVERSE)):
         taken(t, [*lever, DecodedMessage("MODE", 7, 0, (2,))])
@@ -295,15 +346,10 @@ def test_the_status_is_what_the_message_says(mode: VehicleMode) -> None:
 
 
 def test_words_of_the_status_may_come_in_a_message_of_their_own() -> None:
-    t = StateAssembler(
+    t = assembler_of(
         sample={"POSE": ("x_m", "y_m", "heading_rad", "speed_mps")},
         others={"MODE": ("mode",), "BRAKES": ("driver_brake", "gear")},
         frames={0: "map"},
-        modes={int(mode): mode for mode in VehicleMode},
-        gears={int(gear): gear for gear in Gear},
-        window_ns=WINDOW_NS,
-        stale_ns=STALE_NS,
-        counter_states=1,
     )
     t.take(DecodedMessage("BRAKES", 5, 0, (1, 3)))
     t.take(DecodedMessage("MODE", 7, 0, (2,)))
@@ -348,8 +394,8 @@ def test_the_reference_vehicles_assembler_puts_its_three_messages_together() -> 
 def test_the_reference_vehicles_status_is_stale_after_100_ms(age_ms: float, is_fresh: bool) -> None:
     t, now_ns = build_state_assembler(reference()), ms(1000)
     words = {"mode": int(VehicleMode.READY), "gear": int(Gear.PARK)}
-    values = tuple(words.get(field, 0) for field in reference().status.fields)
-    t.take(DecodedMessage(reference().status.name, now_ns - ms(age_ms), 3, values))
+    values = tuple(words.get(field, 0) for field in reference().status[0].fields)
+    t.take(DecodedMessage(reference().status[0].name, now_ns - ms(age_ms), 3, values))
     for message in reference().sample:
         numbers = tuple(1 if field == "pose_frame" else 0.0 for field in message.fields)
         sample = t.take(DecodedMessage(message.name, now_ns, 3, numbers))
@@ -379,16 +425,7 @@ def test_a_fast_vehicles_counter_comes_round_often_and_its_rounds_are_still_told
 
 def plain_assembler(**others: tuple[str, ...]) -> StateAssembler:
     """Of a vehicle that says nothing of frames and of how good its pose is."""
-    return StateAssembler(
-        sample={"POSE": ("x_m", "y_m"), "MOTION": ("heading_rad", "speed_mps")},
-        others=others,
-        frames={1: "map"},
-        modes={int(mode): mode for mode in VehicleMode},
-        gears={int(gear): gear for gear in Gear},
-        window_ns=WINDOW_NS,
-        stale_ns=STALE_NS,
-        counter_states=1,
-    )
+    return assembler_of({"POSE": ("x_m", "y_m"), "MOTION": ("heading_rad", "speed_mps")}, others, frames={1: "map"})
 
 
 def pair(stamp_ns: int) -> list[DecodedMessage]:
@@ -454,11 +491,6 @@ def test_where_an_older_sample_may_come_again_a_younger_one_in_its_window_may_no
     assert len(taken(t, [part(name, 2, second_ns) for name in NAMES])) == 1
     assert taken(t, [part("CHASSIS", 2, WINDOW_NS + ms(10))]) == []
     assert t.repeated == 1
-
-
-def test_values_are_picked_by_place_however_many_they_are() -> None:
-    row = ("a", "b", "c")
-    assert [_make_picker(*places)(row) for places in ((), (1,), (2, 0), (0, 1, 2))] == [(), ("b",), ("c", "a"), row]
 
 
 FAST_NS = ms(0.7)

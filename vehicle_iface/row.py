@@ -12,7 +12,7 @@ from vehicle_iface.state import VehicleState
 from vehicle_iface.status import VehicleStatus
 
 Row = list[float | int | None]
-"""In the fields' units; None where the sender has no value, 0 where none was received yet."""
+"""In the fields' units; None where the sender has no value."""
 
 
 Locate = Callable[[int, bool, PoseInputs], Located]
@@ -30,7 +30,8 @@ class MeasuredState(NamedTuple):
 class RowReader:
     """Which values of a row are whose, and what they mean."""
 
-    size: int
+    empty: tuple[int | None, ...]
+    """The row before anything was received: 0 for fields of the state, None for all else."""
     places: Mapping[str, slice]
     """Where the values of a message stand, by its name."""
     status_messages: frozenset[str]
@@ -38,7 +39,9 @@ class RowReader:
     driver_messages: frozenset[str]
     """Those, and the messages with anything else of the status."""
     needed: Mapping[str, frozenset[int]]
-    """Places of each message's values that fields of the state need."""
+    """Places of the values without which a message does not count as received: fields of the state, and the mode."""
+    multiplexed: frozenset[str]
+    """Messages of which a frame has only some of the values; the others stay as they are."""
     read_state: Callable[[int, Row, Locate], MeasuredState | None]
     """The state with that stamp; None where a value is missing. A local position without a mount is not located."""
     read_status: Callable[[int, Row], VehicleStatus]

@@ -81,7 +81,7 @@ class StateAssembler:
         self._pending: dict[int, _Parts] = {}
         self._completed_ns: dict[int, int] = {}
         self._stamps_ns: dict[str, int] = {}
-        self._row: Row = [0] * reader.size
+        self._row: Row = list(reader.empty)
         self.status: VehicleStatus | None = None
         """The newest status report."""
         self.newest: Sample | None = None
@@ -105,7 +105,7 @@ class StateAssembler:
         self._pending.clear()
         self._completed_ns.clear()
         self._stamps_ns.clear()
-        self._row = [0] * self._reader.size
+        self._row = list(self._reader.empty)
         self.locator.reset()
         self.status = None
         self.newest = None
@@ -194,7 +194,7 @@ class StateAssembler:
         return all(name in came_ns and came_ns[name] >= oldest_ns for name in self._others)
 
     def _store_other(self, received: DecodedMessage) -> None:
-        """A message in which a value of the state is missing does not count as received."""
+        """A message in which a value is missing that is needed does not count as received."""
         where = self._reader.places[received.name]
         needed = self._reader.needed[received.name]
         if any(received.values[place - where.start] is None for place in needed):
@@ -204,7 +204,10 @@ class StateAssembler:
     def _store(self, received: DecodedMessage) -> None:
         """Its values stand in the row from now on; there is a status once all messages with the mode have come."""
         name, reader, stamps_ns = received.name, self._reader, self._stamps_ns
-        self._row[reader.places[name]] = received.values
+        where, values = reader.places[name], received.values
+        if name in reader.multiplexed:
+            values = tuple(old if new is None else new for old, new in zip(self._row[where], values, strict=True))
+        self._row[where] = values
         stamps_ns[name] = received.stamp_ns
         if name in reader.driver_messages and all(one in stamps_ns for one in reader.status_messages):
             self.status = reader.read_status(min(stamps_ns[one] for one in reader.status_messages), self._row)

@@ -123,6 +123,11 @@ class Binding:
         names = (signal.name for signal in self.messages[message_name].signals)
         return [name for name in names if f"{message_name}.{name}" in self.fields]
 
+    def is_multiplexed(self, message_name: str) -> bool:
+        """Whether a frame of the message may lack a bound signal."""
+        used = self.signals_used(message_name)
+        return any(signal.multiplexer_signal for signal in self.messages[message_name].signals if signal.name in used)
+
     def is_protected(self, message_name: str) -> bool:
         """Whether the profile gives the message a checksum and a counter."""
         return self.profile.e2e is not None and message_name in self.profile.e2e.data_ids

@@ -107,7 +107,9 @@ def _collector(message: BoundMessage) -> Callable[[object], tuple[Value, ...]]:
     terms = []
     for place, field in enumerate(message.fields):
         conversion = message.conversions[place]
-        if message.to_wire[place] is not None:
+        if not field:
+            terms.append("0")
+        elif message.to_wire[place] is not None:
             terms.append(f"tables[{place}][s.{field}]")
         elif conversion is not None:
             value = f"(s.{field} - {conversion.offset!r})" if conversion.offset else f"s.{field}"

@@ -35,7 +35,8 @@ def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], f
     def find(dotted: str) -> Place:
         return Place(columns[dotted], binding.view(dotted).names)
 
-    needed = {columns[dotted] for of_field in binding.sections["state"].values() for dotted in of_field}
+    of_state = {columns[dotted] for of_field in binding.sections["state"].values() for dotted in of_field}
+    needed = of_state | {columns[dotted] for dotted in binding.sections["status"].get("mode", ())}
     functions: dict[str, object] = {
         "VehicleState": VehicleState,
         "VehicleStatus": VehicleStatus,
@@ -50,13 +51,14 @@ def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], f
     source = "\n".join([*_state_lines(binding, find), *_status_lines(binding, find)])
     exec(compile(source, f"<row of {binding.profile_name}>", "exec"), functions)
     return RowReader(
-        size=len(columns),
+        empty=tuple(0 if column in of_state else None for column in range(len(columns))),
         places=places,
         status_messages=binding.status_messages,
         driver_messages=frozenset(
             dotted.partition(".")[0] for of_word in binding.sections["status"].values() for dotted in of_word
         ),
         needed={name: frozenset(needed.intersection(range(where.start, where.stop))) for name, where in places.items()},
+        multiplexed=frozenset(name for name in signals if binding.is_multiplexed(name)),
         read_state=functions["read_state"],  # type: ignore[arg-type]
         read_status=functions["read_status"],  # type: ignore[arg-type]
     )
@@ -67,7 +69,7 @@ def _state_lines(binding: Binding, find: Find) -> Iterator[str]:
     fields = {name: getattr(state.signals, name) for name in state.signals.__struct_fields__}
     bound = {name: field_expression(form, find) for name, form in fields.items() if form is not None}
     frame = f"FRAMES[{bound['pose_frame']}]" if "pose_frame" in bound else repr(state.frame_id)
-    conditions = [f"{bound['pose_valid']} != 0"] if "pose_valid" in bound else []
+    conditions = [f"float({bound['pose_valid']}) != 0.0"] if "pose_valid" in bound else []
     conditions += [condition_expression(state.pose.valid, find)] if state.pose.valid is not None else []
     is_located = state.pose.source != "local" or state.pose.mount != Mount()
     inputs = {name: source for name, source in bound.items() if name in PoseInputs.__struct_fields__}

@@ -42,6 +42,7 @@ class Loop:
         self._doubtful: Sample | None = None
         self._seen_status: VehicleStatus | None = None
         self._samples_at_rest = 0
+        self._must_restart = False
         self._logged_reason = Reason.NOT_ENGAGED
 
     def begin(self) -> None:
@@ -148,8 +149,9 @@ class Loop:
         if now_ns - sample.state.stamp_ns > self._max_command_age_ns:
             self._counters.samples_expired += 1
             return
-        if self._cycle.last is None:
-            self._update_trajectory(sample)
+        if self._cycle.last is None or self._must_restart:
+            self._update_trajectory(sample, restart=self._must_restart)
+            self._must_restart = False
         is_at_rest = abs(sample.state.speed_mps) <= AT_REST_MPS and self._motion.disagreement is None
         self._samples_at_rest = self._samples_at_rest + 1 if is_at_rest else 0
         if self._samples_at_rest >= AT_REST_SAMPLES and self.shutdown.may_hold_or_release(now_ns):
@@ -256,6 +258,8 @@ class Loop:
 
     def _apply_requests(self, now_ns: int) -> None:
         if self.arming.apply(now_ns, self.link.state, self._assembler.status):
+            if self._assembler.locator.is_interrupted:
+                self._restart_odometry()
             self._update_trajectory(self._newest, restart=True)
         self.shutdown.begin_if_due(now_ns)
         if self.shutdown.must_release_now and self.shutdown.release_now(now_ns) and self._newest is not None:
@@ -282,6 +286,8 @@ class Loop:
         self._assembler.locator.reset()
         self._plausibility.reset()
         self._motion.reset()
+        self._newest = None  # the next sample begins the trajectory
+        self._must_restart = True
         log.warning("odometry was interrupted: it begins anew at 0, 0, 0")
 
     def _on_link_lost(self) -> None:
