@@ -302,7 +302,7 @@ def _window_ns(database: VehicleDatabase) -> int:
     half_rounds_s = (
         0.5 * message.protection.counter_states * timing.sample_period_s
         for message in database.sample
-        if message.protection is not None
+        if message.protection is not None and message.protection.has_counter
     )
     return ns_from_s(min((timing.state_stale_s, *half_rounds_s)))
 

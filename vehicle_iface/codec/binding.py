@@ -13,6 +13,7 @@ import msgspec
 from cantools.database import Message, Signal
 
 from vehicle_iface.codec.dbc_file import DbcFile
+from vehicle_iface.codec.protection_rules import find_rule
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 
@@ -80,9 +81,10 @@ class Binding:
         found = {dotted: self.find_signal(dotted) for dotted in self.sections[section].get(field, ())}
         return {dotted: signal for dotted, signal in found.items() if signal is not None}
 
-    def is_protected(self, message_name: str) -> bool:
-        """Whether the profile gives the message a checksum and a counter."""
-        return self.profile.e2e is not None and message_name in self.profile.e2e.data_ids
+    def has_counter(self, message_name: str) -> bool:
+        """Whether the profile protects the message with a counter."""
+        rule = find_rule(self.profile, message_name)
+        return rule is not None and rule.counter is not None
 
     def fault(self, place: str, text: str) -> ConfigError:
         """An error about a place in the profile."""

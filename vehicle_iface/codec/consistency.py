@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator, Mapping
 from cantools.database import Message, Signal
 
 from vehicle_iface import checks
-from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, bits_of, resolution, suggest, value_range
-from vehicle_iface.codec.e2e import Protection
+from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, resolution, suggest, value_range
 from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults
 from vehicle_iface.codec.layout import Layout
+from vehicle_iface.codec.protection_faults import protection_faults, rule_faults
+from vehicle_iface.codec.protection_rules import find_rule
 from vehicle_iface.errors import ConfigError, InvalidValueError
-from vehicle_iface.profile.schema import EndToEnd
 
 UNITS: Mapping[str, tuple[str, ...]] = {
     "m": ("m",),
@@ -66,16 +66,13 @@ def _usage_faults(binding: Binding, place: str, field: str, dotted: str, signal:
 
 
 def _name_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Names that are not a field's signals exist: sample, data ids, ignored, constants."""
+    """Names that are not a field's signals exist: sample, ignored, constants."""
     profile = binding.profile
     for index, name in enumerate(profile.state.sample):
         if name not in binding.messages:
             yield _missing_message(binding, name, f"$.state.sample[{index}]")
         elif name in profile.state.sample[:index]:
             yield binding.fault(f"$.state.sample[{index}]", f"{name} is there twice")
-    for name in profile.e2e.data_ids if profile.e2e else ():
-        if name not in binding.messages:
-            yield _missing_message(binding, name, f"$.e2e.data_ids.{name}")
     for place, names in (("$.ignored", profile.ignored), ("$.constants", tuple(profile.constants))):
         for dotted in names:
             if binding.find_signal(dotted) is None:
@@ -224,9 +221,10 @@ def _message_faults(binding: Binding) -> Iterator[ConfigError]:
             yield binding.file.fault(name, str(error))
             continue
         yield from _value_faults(binding, layout)
-        yield from _protection_faults(binding, message)
-        if role is Role.SAMPLE and not binding.is_protected(name) and len(binding.profile.state.sample) > 1:
-            yield binding.fault(f"$.e2e.data_ids.{name}", "missing; the parts of a sample need a counter")
+        yield from protection_faults(binding, message)
+        if role is Role.SAMPLE and not binding.has_counter(name) and len(binding.profile.state.sample) > 1:
+            place = "protection.messages" if binding.profile.protection else "e2e.data_ids"
+            yield binding.fault(f"$.{place}.{name}", "missing; the parts of a sample need a counter")
         yield from _unused_faults(binding, message, role)
         for signal in message.signals:
             yield from enumeration_faults(binding, f"{name}.{signal.name}")
@@ -246,8 +244,8 @@ def _unused_faults(binding: Binding, message: Message, role: Role) -> Iterator[C
     """Every signal is bound, or protects the message, or is named as of no use."""
     profile = binding.profile
     known = {*binding.fields, *profile.constants, *profile.ignored}
-    if profile.e2e is not None and binding.is_protected(message.name):
-        known |= {f"{message.name}.{profile.e2e.crc_signal}", f"{message.name}.{profile.e2e.counter_signal}"}
+    rule = find_rule(profile, message.name)
+    known |= {f"{message.name}.{name}" for name in (rule.signals if rule else ())}
     remedy = "bind it or give it under constants" if role in SENT_ROLES else "bind it or list it under ignored"
     for signal in message.signals:
         dotted = f"{message.name}.{signal.name}"
@@ -255,64 +253,10 @@ def _unused_faults(binding: Binding, message: Message, role: Role) -> Iterator[C
             yield binding.file.fault(dotted, f"is not used by {binding.profile_name}; {remedy}")
 
 
-# --- protection
-
-
-def _protection_faults(binding: Binding, message: Message) -> Iterator[ConfigError]:
-    """Profile and DBC agree on checksum, counter and data id of a protected message."""
-    rules = binding.profile.e2e
-    if rules is None or not binding.is_protected(message.name):
-        return
-    place, data_id = f"$.e2e.data_ids.{message.name}", rules.data_ids[message.name]
-    attributes = message.dbc.attributes if message.dbc else {}
-    stated_id, stated_profile = attributes.get("E2EDataId"), attributes.get("E2EProfile")
-    if stated_id is not None and isinstance(data_id, int) and stated_id.value != data_id:
-        yield binding.fault(place, f"{data_id:#x}, but E2EDataId is {stated_id.value:#x} in {binding.file.name}")
-    if stated_profile is not None and stated_profile.value not in (0, rules.profile):
-        text = f"{rules.profile}, but E2EProfile of {message.name} is {stated_profile.value} in {binding.file.name}"
-        yield binding.fault("$.e2e.profile", text)
-    try:
-        protection = Protection(rules.profile, data_id, message.length, rules.data_id_mode)
-    except ConfigError as error:
-        yield binding.fault(place, str(error))
-        return
-    most = protection.counter_states - 2
-    if rules.max_counter_step > most:
-        yield binding.fault("$.e2e.max_counter_step", f"{rules.max_counter_step}: must be at most {most}")
-    yield from _header_faults(binding, rules, message, protection)
-    if rules.data_id_mode == "NIBBLE":
-        for signal in message.signals:
-            if set(bits_of(signal)).intersection(range(12, 16)):
-                yield binding.file.fault(f"{message.name}.{signal.name}", "bits 12|4 hold the data id's nibble")
-
-
-def _header_faults(
-    binding: Binding, rules: EndToEnd, message: Message, protection: Protection
-) -> Iterator[ConfigError]:
-    """Checksum and counter are where the E2E profile puts them, and are nothing else."""
-    for key, name, bits in (
-        ("crc_signal", rules.crc_signal, protection.crc_bits),
-        ("counter_signal", rules.counter_signal, protection.counter_bits),
-    ):
-        place, dotted = f"$.e2e.{key}", f"{message.name}.{name}"
-        signal = binding.find_signal(dotted)
-        if signal is None:
-            yield _missing_signal(binding, dotted, place)
-        elif (_first_bit(signal), signal.length) != bits:
-            wanted = f"E2E profile {rules.profile} has {bits[0]}|{bits[1]}"
-            yield binding.file.fault(dotted, f"bits {signal.start}|{signal.length}, but {wanted}")
-        elif dotted in binding.fields:
-            yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
-
-
-def _first_bit(signal: Signal) -> int:
-    """Lowest bit of a signal in little-endian numbering; within one byte the byte orders agree."""
-    return min(bits_of(signal)) if signal.length <= 8 else signal.start
-
-
 _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
     _signal_faults,
     _name_faults,
+    rule_faults,
     _sample_faults,
     _role_faults,
     _sender_faults,

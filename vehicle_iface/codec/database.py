@@ -14,8 +14,9 @@ from vehicle_iface.codec.binding import Binding, Role, resolution, value_range
 from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.consistency import find_faults
 from vehicle_iface.codec.dbc_file import read_dbc
-from vehicle_iface.codec.e2e import Protection
 from vehicle_iface.codec.enumerations import frames_of_reference, translate_from_wire
+from vehicle_iface.codec.protection import Protection
+from vehicle_iface.codec.protection_rules import build_protection
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 
@@ -41,7 +42,6 @@ class BoundMessage:
     to_wire: tuple[Mapping[int, int] | None, ...]
     """The program's number → number on the wire of each value; None where they are the same."""
     protection: Protection | None
-    max_counter_step: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,13 +114,10 @@ def build_database(binding: Binding) -> VehicleDatabase:
 
 
 def _bind_message(binding: Binding, name: str) -> BoundMessage:
-    message, e2e = binding.messages[name], binding.profile.e2e
+    message = binding.messages[name]
     codec = MessageCodec(message)
     places = [f"{name}.{value}" for value in codec.names]
     from_wire = tuple(translate_from_wire(binding, dotted) for dotted in places)
-    protection = None
-    if e2e is not None and binding.is_protected(name):
-        protection = Protection(e2e.profile, e2e.data_ids[name], message.length, e2e.data_id_mode)
     return BoundMessage(
         name=name,
         role=binding.roles[name],
@@ -133,8 +130,7 @@ def _bind_message(binding: Binding, name: str) -> BoundMessage:
         constants=tuple(_constant(binding, message, signal) for signal in message.signals),
         from_wire=from_wire,
         to_wire=tuple(None if table is None else {ours: wire for wire, ours in table.items()} for table in from_wire),
-        protection=protection,
-        max_counter_step=e2e.max_counter_step if e2e else 1,
+        protection=build_protection(binding.profile, message),
     )
 
 

@@ -40,17 +40,31 @@ def check_tables(document: object, kind: type[msgspec.Struct], place: str = "$")
             hint = f"did you mean {nearest!r}?" if nearest else f"must be one of: {', '.join(fields)}"
             faults.append(f"{there}: unknown key; {hint}")
             missing = [name for name in missing if name != nearest]  # one mistake is one fault
-        elif (table := _table_type(fields[key].type)) is not None:
-            sound[key], inner_faults = check_tables(value, table, there)
-            faults += inner_faults
         else:
-            try:
-                msgspec.convert(value, fields[key].type)
-                sound[key] = value
-            except msgspec.ValidationError as error:
-                faults.append(_with_place(str(error), there))
+            faults += _check_value(sound, key, value, fields[key].type, there)
     faults += (f"{place}: {name} is missing" for name in missing)
     return sound, faults
+
+
+def _check_value(sound: dict[str, object], key: str, value: object, kind: object, place: str) -> list[str]:
+    """Put the part of a value that its type allows into `sound`; give the faults of the rest."""
+    named = typing.get_args(kind)[1] if typing.get_origin(kind) is dict else None
+    table = _table_type(named or kind)
+    if table is not None and named is not None and isinstance(value, dict):
+        tables: dict[str, object] = {}
+        sound[key] = tables
+        return [
+            fault for name, one in value.items() for fault in _check_value(tables, name, one, named, f"{place}.{name}")
+        ]
+    if table is not None and named is None and (isinstance(value, dict) or str not in typing.get_args(kind)):
+        sound[key], faults = check_tables(value, table, place)
+        return faults
+    try:
+        msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        return [_with_place(str(error), place)]
+    sound[key] = value
+    return []
 
 
 def check_profile(profile: Profile) -> Iterator[str]:
