@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from vehicle_iface.codec.e2e import (
     WINDOW,
     CounterCheck,
+    DamageCheck,
     HeaderBits,
     Sequence,
     autosar_protection,
@@ -314,3 +315,13 @@ def test_damage_before_a_reset_widens_nothing_after_it() -> None:
     check.reset()
     assert check.step(0) is Sequence.INITIAL
     assert check.step(4) is Sequence.WRONG
+
+
+def test_without_a_counter_half_of_the_last_sixteen_frames_have_to_be_good() -> None:
+    check = DamageCheck()
+    for _ in range(9):
+        check.note_damaged()
+    assert [check.step(-1) for _ in range(2)] == [Sequence.UNTRUSTED, Sequence.UNTRUSTED]
+    assert [check.step(-1) for _ in range(7)][-1] is Sequence.OK
+    check.note_damaged()
+    assert check.step(-1) is Sequence.OK

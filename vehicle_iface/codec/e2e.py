@@ -92,9 +92,10 @@ def _functions(
     if not isinstance(data_id, int) or not 0 <= data_id <= 0xFFFF:
         raise ConfigError(f"E2E data id {data_id!r}: must be a number of 16 bits")
     if profile == 5:
+        protect_p05, check_p05 = e2e.p05.e2e_p05_protect, e2e.p05.e2e_p05_check
         return (
-            lambda data: e2e.p05.e2e_p05_protect(data, data_id, increment_counter=False),
-            lambda data: e2e.p05.e2e_p05_check(data, data_id),
+            lambda data: protect_p05(data, data_id, increment_counter=False),
+            lambda data: check_p05(data, data_id),
         )
     if mode not in _MODES[profile]:
         raise ConfigError(f"E2E data-id mode {mode!r}: profile {profile} has {', '.join(_MODES[profile])}")
@@ -105,11 +106,13 @@ def _functions(
         else (e2e.p11.e2e_p11_protect, e2e.p11.e2e_p11_check)
     )
 
+    # BOTH is the package's default; without a keyword the call takes half the time.
+    check_quickly = module_check if mode == "BOTH" else partial(module_check, data_id_mode=number)
     seal = partial(module_protect, data_id=data_id, data_id_mode=number, increment_counter=False)
 
     def check(data: bytes) -> bool:
         again = bytearray(data)
-        if module_check(again, data_id, data_id_mode=number):
+        if check_quickly(again, data_id):
             return True
         seal(again)
         return again == data

@@ -7,7 +7,14 @@ from cantools.database import Message, Signal
 
 from vehicle_iface.codec.binding import Binding, bits_of, suggest
 from vehicle_iface.codec.e2e import autosar_protection, header_bits
-from vehicle_iface.codec.protection_rules import CRC_BITS, DEFAULT_STEP, MessageRule, count_states, find_rule
+from vehicle_iface.codec.protection_rules import (
+    CRC_BITS,
+    DEFAULT_STEP,
+    MessageRule,
+    count_states,
+    find_places,
+    find_rule,
+)
 from vehicle_iface.codec.user_checksum import check_function, load_function
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile.schema import Checksum, ProtectedMessage, ProtectionRule
@@ -227,7 +234,7 @@ def _checksum_faults(
             function = load_function(checksum.function, Path(binding.profile.file).parent)
         except ConfigError:
             return  # reported with the rule
-        fault = check_function(function, message.frame_id, message.length, signal.length)
+        fault = check_function(function, message.frame_id, message.length, find_places(message)[signal.name])
         if fault:
             yield binding.fault(f"{place}.function", f"{checksum.function!r} for {message.name}: {fault}")
 

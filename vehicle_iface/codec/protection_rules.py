@@ -108,6 +108,11 @@ def count_states(signal: Signal) -> int:
     return max(1, min(states, math.floor((signal.maximum - signal.offset) / signal.scale + 1e-6) + 1))
 
 
+def find_places(message: Message) -> dict[str, BitPlace]:
+    """Where each signal of a message is."""
+    return {field.name: BitPlace.of(field) for field in Layout.of(message).fields}
+
+
 def build_protection(profile: Profile, message: Message) -> Protection | None:
     """The protection of a message in which `protection_faults` finds no fault; None where the profile gives it none."""
     rule = find_rule(profile, message.name)
@@ -117,7 +122,7 @@ def build_protection(profile: Profile, message: Message) -> Protection | None:
     if number is not None and rule.checksum is not None:
         mode, data_id = rule.checksum.data_id_mode or "BOTH", rule.data_id if rule.data_id is not None else ()
         return autosar_protection(number, data_id, message.length, mode, step or DEFAULT_STEP)
-    places = {field.name: BitPlace.of(field) for field in Layout.of(message).fields}
+    places = find_places(message)
     counter = places[rule.counter.signal] if rule.counter else None
     checksum = _build_checksum(profile, message, rule, rule.checksum, places) if rule.checksum else None
     states = next((count_states(one) for one in message.signals if rule.counter and one.name == rule.counter.signal), 1)

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+from vehicle_iface.codec.checksums import BitPlace
 from vehicle_iface.errors import ConfigError, SignalError
 
 log = logging.getLogger("vehicle_iface")
@@ -39,16 +40,16 @@ def load_function(place: str, folder: Path) -> UserFunction:
     return function
 
 
-def check_function(function: UserFunction, can_id: int, length: int, width: int) -> str:
+def check_function(function: UserFunction, can_id: int, length: int, place: BitPlace) -> str:
     """What is wrong with the function, tried with payloads of all zeros and all ones; empty if nothing is."""
-    for data in (bytes(length), b"\xff" * length):
+    for data in (bytes(length), place.clear(b"\xff" * length)):
         try:
             results = [function(can_id, data) for _ in range(2)]
         except Exception as error:  # noqa: BLE001 - a user's code; reported with file and line
             return describe_error(error)
         for result in results:
-            if not _fits(result, width):
-                return f"returned {result!r} for {data.hex()}; must be an int in [0, {(1 << width) - 1}]"
+            if not _fits(result, place.width):
+                return f"returned {result!r} for {data.hex()}; must be an int in [0, {place.mask}]"
         if results[0] != results[1]:
             return f"returned {results[0]!r} and {results[1]!r} for the same {data.hex()}"
     return ""
