@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("vehicle_iface", "viewer")
 
 WORDS = {"errors", "units", "clock", "checks", "command_line"}
-DATA = {"frame", "reason", "status", "state", "trajectory", "command", "decoded", "profile", "motion_sources", "pose"}
+DATA = {"frame", "reason", "status", "state", "trajectory", "command", "decoded", "profile", "motion_sources", "pose", "row"}
 ROOMS = {"bus", "codec", "control", "safety", "telemetry", "state_assembler", "trajectories"}
 UPPER = {"logs", "sim", "runtime"}
 TOP = {"arming", "compose", "drivable", "process", "recorder", "cli", "__main__"}
@@ -24,6 +24,7 @@ AMONG_DATA = {
     "profile": {"reason", "status"},
     "motion_sources": {"profile"},
     "pose": {"profile"},
+    "row": {"pose", "state", "status"},
 }
 """Which data may be made of which."""
 VIEWER_READS = (["telemetry"], ["recorder", "files"])

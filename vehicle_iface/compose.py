@@ -284,8 +284,7 @@ def build_state_assembler(database: VehicleDatabase) -> StateAssembler:
 def _freshness(database: VehicleDatabase) -> Freshness | None:
     """How old the parts of a sample may be; None where they belong together by their counter."""
     state, names = database.profile.state, [message.name for message in database.sample]
-    is_counted = all(message.protection is not None for message in database.sample)
-    if state.assemble == "counter" or (state.assemble is None and is_counted):
+    if database.is_counted:
         return None
     stale_s = database.profile.timing.state_stale_s
     ages_s = state.max_age_s if isinstance(state.max_age_s, dict) else {}
@@ -314,7 +313,7 @@ def _window_ns(database: VehicleDatabase) -> int:
     half_rounds_s = (
         0.5 * message.protection.counter_states * timing.sample_period_s
         for message in database.sample
-        if message.protection is not None
+        if message.protection is not None and message.protection.has_counter
     )
     return ns_from_s(min((timing.state_stale_s, *half_rounds_s)))
 

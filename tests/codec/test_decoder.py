@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from vehicle_iface.codec.database import load_database
 from vehicle_iface.codec.decoder import Decoder, DropCause
-from vehicle_iface.codec.e2e import Protection
+from vehicle_iface.codec.e2e import autosar_protection
 from vehicle_iface.decoded import DecodedMessage
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
@@ -26,7 +26,7 @@ def motion(
     counter: int, *, payload: bytes = bytes(8), can_id: int = MOTION, data_id: int | None = None, **flags: bool
 ) -> CanFrame:
     data = bytearray(payload)
-    Protection(1, can_id if data_id is None else data_id, len(data)).protect(data, counter)
+    autosar_protection(1, can_id if data_id is None else data_id, len(data)).protect(data, counter)
     return CanFrame(can_id, bytes(data), 5, **flags)
 
 

@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle_iface.codec.e2e import WINDOW, CounterCheck, Protection, Sequence
+from vehicle_iface.codec.e2e import (
+    WINDOW,
+    CounterCheck,
+    DamageCheck,
+    HeaderBits,
+    Sequence,
+    autosar_protection,
+    header_bits,
+)
 from vehicle_iface.errors import ConfigError
 
 P02_IDS = tuple(range(16))
@@ -47,7 +55,7 @@ counters = st.integers(0, 14)
 @pytest.mark.parametrize(("counter", "frame"), [(1, "0201"), (2, "e502")])
 def test_the_contracts_worked_example(counter: int, frame: str) -> None:
     data = bytearray(8)
-    Protection(1, 0x100, 8).protect(data, counter)
+    autosar_protection(1, 0x100, 8).protect(data, counter)
     assert data[:2].hex() == frame
 
 
@@ -59,39 +67,39 @@ def test_profiles_1_and_11_have_the_checksum_computed_here(
 ) -> None:
     if profile == 11 and mode in ("LOW", "ALT"):
         with pytest.raises(ConfigError, match="profile 11 has BOTH, NIBBLE"):
-            Protection(profile, data_id, 8, mode)
+            autosar_protection(profile, data_id, 8, mode)
         return
-    protection, data = Protection(profile, data_id, 8, mode), bytearray(payload)
+    protection, data = autosar_protection(profile, data_id, 8, mode), bytearray(payload)
     protection.protect(data, counter)
     assert data[0] == crc_profile_1(data, data_id, mode)
     assert data[1] >> 4 == (data_id >> 8 & 0x0F if mode == "NIBBLE" else payload[1] >> 4)
     assert data[2:] == payload[2:]
-    assert protection.counter_of(bytes(data)) == counter
+    assert protection.read_counter(bytes(data)) == counter
     assert protection.intact(bytes(data))
 
 
 @given(payload=payloads, ids=st.lists(st.integers(0, 255), min_size=16, max_size=16), counter=st.integers(0, 15))
 def test_profile_2_has_the_checksum_computed_here(payload: bytes, ids: list[int], counter: int) -> None:
-    protection, data = Protection(2, tuple(ids), 8), bytearray(payload)
+    protection, data = autosar_protection(2, tuple(ids), 8), bytearray(payload)
     protection.protect(data, counter)
     assert data[0] == crc_profile_2(data, ids)
-    assert protection.counter_of(bytes(data)) == counter
+    assert protection.read_counter(bytes(data)) == counter
     assert protection.intact(bytes(data))
 
 
 @given(payload=st.binary(min_size=3, max_size=64), data_id=data_ids, counter=st.integers(0, 255))
 def test_profile_5_has_the_checksum_computed_here(payload: bytes, data_id: int, counter: int) -> None:
-    protection, data = Protection(5, data_id, len(payload)), bytearray(payload)
+    protection, data = autosar_protection(5, data_id, len(payload)), bytearray(payload)
     protection.protect(data, counter)
     assert int.from_bytes(data[:2], "little") == crc_profile_5(data, data_id)
-    assert protection.counter_of(bytes(data)) == counter
+    assert protection.read_counter(bytes(data)) == counter
     assert protection.intact(bytes(data))
 
 
 @pytest.mark.parametrize("profile", [1, 2, 5, 11])
 @given(payload=payloads, bit=st.integers(0, 63), counter=counters)
 def test_one_flipped_bit_is_seen(profile: int, payload: bytes, bit: int, counter: int) -> None:
-    protection, data = Protection(profile, P02_IDS if profile == 2 else 0x123, 8), bytearray(payload)
+    protection, data = autosar_protection(profile, P02_IDS if profile == 2 else 0x123, 8), bytearray(payload)
     protection.protect(data, counter)
     data[bit // 8] ^= 1 << bit % 8
     assert not protection.intact(bytes(data))
@@ -101,13 +109,13 @@ def test_one_flipped_bit_is_seen(profile: int, payload: bytes, bit: int, counter
 @given(payload=payloads, counter=counters)
 def test_another_messages_data_id_is_seen(profile: int, payload: bytes, counter: int) -> None:
     data = bytearray(payload)
-    Protection(profile, 0x110, 8).protect(data, counter)
-    assert not Protection(profile, 0x111, 8).intact(bytes(data))
+    autosar_protection(profile, 0x110, 8).protect(data, counter)
+    assert not autosar_protection(profile, 0x111, 8).intact(bytes(data))
 
 
 @pytest.mark.parametrize(("profile", "states"), [(1, 15), (2, 16), (5, 256), (11, 15)])
 def test_the_counter_runs_through_all_its_values_and_starts_again(profile: int, states: int) -> None:
-    protection = Protection(profile, P02_IDS if profile == 2 else 1, 8)
+    protection = autosar_protection(profile, P02_IDS if profile == 2 else 1, 8)
     seen, counter = [], 0
     for _ in range(states + 1):
         seen.append(counter)
@@ -131,7 +139,7 @@ def test_the_counter_runs_through_all_its_values_and_starts_again(profile: int, 
 )
 def test_a_protection_that_does_not_exist_is_refused(arguments: tuple[Any, ...], text: str) -> None:
     with pytest.raises(ConfigError, match=text):
-        Protection(*arguments)
+        autosar_protection(*arguments)
 
 
 @pytest.mark.parametrize("first", range(15))
@@ -233,15 +241,15 @@ def test_checksum_and_counter_are_at_the_front_and_need_no_more_bytes_than_their
     profile: int, least_bytes: int, crc_bits: tuple[int, int], counter_bits: tuple[int, int]
 ) -> None:
     data_id = P02_IDS if profile == 2 else 0x123
-    protection = Protection(profile, data_id, least_bytes)
-    assert (protection.crc_bits, protection.counter_bits) == (crc_bits, counter_bits)
+    assert header_bits(profile) == HeaderBits(crc_bits, counter_bits)
+    assert autosar_protection(profile, data_id, least_bytes).has_checksum
     with pytest.raises(ConfigError, match=f"needs {least_bytes}"):
-        Protection(profile, data_id, least_bytes - 1)
+        autosar_protection(profile, data_id, least_bytes - 1)
 
 
 @pytest.mark.parametrize("profile", [1, 11])
 def test_a_counter_that_does_not_exist_is_no_damage(profile: int) -> None:
-    protection, data = Protection(profile, 0x123, 8), bytearray(8)
+    protection, data = autosar_protection(profile, 0x123, 8), bytearray(8)
     protection.protect(data, 15)
     assert protection.intact(bytes(data)) is True
     data[7] ^= 1
@@ -307,3 +315,13 @@ def test_damage_before_a_reset_widens_nothing_after_it() -> None:
     check.reset()
     assert check.step(0) is Sequence.INITIAL
     assert check.step(4) is Sequence.WRONG
+
+
+def test_without_a_counter_half_of_the_last_sixteen_frames_have_to_be_good() -> None:
+    check = DamageCheck()
+    for _ in range(9):
+        check.note_damaged()
+    assert [check.step(-1) for _ in range(2)] == [Sequence.UNTRUSTED, Sequence.UNTRUSTED]
+    assert [check.step(-1) for _ in range(7)][-1] is Sequence.OK
+    check.note_damaged()
+    assert check.step(-1) is Sequence.OK

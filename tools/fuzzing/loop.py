@@ -77,7 +77,7 @@ def _with_bits(message: BoundMessage, data: bytes, at: int, what: bytes, *, is_s
     bits = int.from_bytes(data, "little") & ~mask | int.from_bytes(what, "little") << at
     forged = bytearray((bits & (1 << 8 * len(data)) - 1).to_bytes(len(data), "little"))
     if is_sealed and message.protection is not None:
-        message.protection.protect(forged, message.protection.counter_of(data))
+        message.protection.protect(forged, max(0, message.protection.read_counter(data)))
     return bytes(forged)
 
 

@@ -12,6 +12,7 @@ import msgspec
 from cantools.database import Message, Signal
 
 from vehicle_iface.codec.dbc_file import DbcFile
+from vehicle_iface.codec.protection_rules import find_rule
 from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
@@ -116,7 +117,7 @@ class Binding:
         state = self.profile.state
         if state.assemble is not None:
             return state.assemble == "counter"
-        return all(map(self.is_protected, state.sample))
+        return self.profile.e2e is not None and set(state.sample) <= self.profile.e2e.data_ids.keys()
 
     def signals_used(self, message_name: str) -> list[str]:
         """The bound signals of a message, in its order, without the name of the message."""
@@ -128,16 +129,16 @@ class Binding:
         used = self.signals_used(message_name)
         return any(signal.multiplexer_signal for signal in self.messages[message_name].signals if signal.name in used)
 
-    def is_protected(self, message_name: str) -> bool:
-        """Whether the profile gives the message a checksum and a counter."""
-        return self.profile.e2e is not None and message_name in self.profile.e2e.data_ids
+    def has_counter(self, message_name: str) -> bool:
+        """Whether the profile protects the message with a counter."""
+        rule = find_rule(self.profile, message_name)
+        return rule is not None and rule.counter is not None
 
     @property
     def protection_signals(self) -> frozenset[str]:
         """Checksums and counters of protected messages, as MESSAGE.SIGNAL."""
-        rules = self.profile.e2e
-        names = (rules.crc_signal, rules.counter_signal) if rules is not None else ()
-        return frozenset(f"{message}.{name}" for message in (rules.data_ids if rules else ()) for name in names)
+        rules = {name: find_rule(self.profile, name) for name in self.roles}
+        return frozenset(f"{name}.{one}" for name, rule in rules.items() if rule for one in rule.signals)
 
     def fault(self, place: str, text: str) -> ConfigError:
         """An error about a place in the profile."""

@@ -3,19 +3,19 @@
 import math
 from collections.abc import Callable, Iterator
 
-from cantools.database import Message, Signal
+from cantools.database import Signal
 
 from vehicle_iface import checks
-from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, bits_of, suggest
+from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, suggest
 from vehicle_iface.codec.constants import constant_faults
-from vehicle_iface.codec.e2e import Protection
 from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults, name_map_faults
 from vehicle_iface.codec.expressions import Place, unknown_names
 from vehicle_iface.codec.layout import Layout
+from vehicle_iface.codec.protection_faults import protection_faults, rule_faults
 from vehicle_iface.codec.signal_view import unit_faults
 from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.profile.forms import FieldForm, signals_of
-from vehicle_iface.profile.schema import DriverConditions, EndToEnd, ModeConditions, StatusSignals
+from vehicle_iface.profile.schema import DriverConditions, ModeConditions, StatusSignals
 
 _COUNTS = ("ref_spatial_index", "ref_temporal_index", "deadline_misses")
 """Fields of the report in which every number means itself."""
@@ -90,16 +90,13 @@ def _condition_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _name_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Names that are not a field's signals exist: sample, data ids, ignored, constants."""
+    """Names that are not a field's signals exist: sample, ignored, constants."""
     profile = binding.profile
     for index, name in enumerate(profile.state.sample):
         if name not in binding.messages:
             yield _missing_message(binding, name, f"$.state.sample[{index}]")
         elif name in profile.state.sample[:index]:
             yield binding.fault(f"$.state.sample[{index}]", f"{name} is there twice")
-    for name in profile.e2e.data_ids if profile.e2e else ():
-        if name not in binding.messages:
-            yield _missing_message(binding, name, f"$.e2e.data_ids.{name}")
     for name in profile.messages:
         if name not in binding.messages:
             yield _missing_message(binding, name, f"$.messages.{name}")
@@ -142,26 +139,30 @@ def _sample_faults(binding: Binding) -> Iterator[ConfigError]:
     for name in state.max_age_s if isinstance(state.max_age_s, dict) else ():
         if name not in state.sample:
             yield binding.fault(f"$.state.max_age_s.{name}", f"must be one of: {', '.join(state.sample)}")
-    protected = [name for name in state.sample if binding.is_protected(name)]
-    if state.assemble is None and protected:
+    protected = binding.profile.e2e.data_ids if binding.profile.e2e is not None else {}
+    if state.assemble is None and any(name in protected for name in state.sample):
         for name in state.sample:
             if name in binding.messages and name not in protected:
                 text = 'missing; the other parts of the sample have one; or give $.state.assemble = "newest"'
-                yield binding.fault(f"$.e2e.data_ids.{name}", text)
+                yield binding.fault(f"$.{_protection_table(binding)}.{name}", text)
     if state.assemble == "counter":
         for key in ("trigger", "max_age_s"):
             if getattr(state, key) is not None:
                 yield binding.fault(f"$.state.{key}", 'means something only with assemble = "newest"')
         for name in state.sample:
-            if name in binding.messages and len(state.sample) > 1 and not binding.is_protected(name):
+            if name in binding.messages and len(state.sample) > 1 and not binding.has_counter(name):
                 text = 'missing; the parts of a sample need a counter, or assemble = "newest"'
-                yield binding.fault(f"$.e2e.data_ids.{name}", text)
+                yield binding.fault(f"$.{_protection_table(binding)}.{name}", text)
     names = {"frame_id": state.frame_id} | {f"frames.{key}": name for key, name in state.frames.items()}
     for place, name in names.items():
         try:
             checks.frame_id("frame of reference", name)
         except InvalidValueError as error:
             yield binding.fault(f"$.state.{place}", str(error))
+
+
+def _protection_table(binding: Binding) -> str:
+    return "protection.messages" if binding.profile.protection else "e2e.data_ids"
 
 
 # --- roles
@@ -298,7 +299,7 @@ def _message_faults(binding: Binding) -> Iterator[ConfigError]:
             yield binding.file.fault(name, str(error))
             continue
         yield from _value_faults(binding, layout)
-        yield from _protection_faults(binding, message)
+        yield from protection_faults(binding, message)
         for signal in message.signals:
             yield from enumeration_faults(binding, f"{name}.{signal.name}")
 
@@ -315,65 +316,11 @@ def _value_faults(binding: Binding, layout: Layout) -> Iterator[ConfigError]:
             yield binding.file.fault(dotted, f"is a count, but its VAL_ table names only {named} of its numbers")
 
 
-# --- protection
-
-
-def _protection_faults(binding: Binding, message: Message) -> Iterator[ConfigError]:
-    """Profile and DBC agree on checksum, counter and data id of a protected message."""
-    rules = binding.profile.e2e
-    if rules is None or not binding.is_protected(message.name):
-        return
-    place, data_id = f"$.e2e.data_ids.{message.name}", rules.data_ids[message.name]
-    attributes = message.dbc.attributes if message.dbc else {}
-    stated_id, stated_profile = attributes.get("E2EDataId"), attributes.get("E2EProfile")
-    if stated_id is not None and isinstance(data_id, int) and stated_id.value != data_id:
-        yield binding.fault(place, f"{data_id:#x}, but E2EDataId is {stated_id.value:#x} in {binding.file.name}")
-    if stated_profile is not None and stated_profile.value not in (0, rules.profile):
-        text = f"{rules.profile}, but E2EProfile of {message.name} is {stated_profile.value} in {binding.file.name}"
-        yield binding.fault("$.e2e.profile", text)
-    try:
-        protection = Protection(rules.profile, data_id, message.length, rules.data_id_mode)
-    except ConfigError as error:
-        yield binding.fault(place, str(error))
-        return
-    most = protection.counter_states - 2
-    if rules.max_counter_step > most:
-        yield binding.fault("$.e2e.max_counter_step", f"{rules.max_counter_step}: must be at most {most}")
-    yield from _header_faults(binding, rules, message, protection)
-    if rules.data_id_mode == "NIBBLE":
-        for signal in message.signals:
-            if set(bits_of(signal)).intersection(range(12, 16)):
-                yield binding.file.fault(f"{message.name}.{signal.name}", "bits 12|4 hold the data id's nibble")
-
-
-def _header_faults(
-    binding: Binding, rules: EndToEnd, message: Message, protection: Protection
-) -> Iterator[ConfigError]:
-    """Checksum and counter are where the E2E profile puts them, and are nothing else."""
-    for key, name, bits in (
-        ("crc_signal", rules.crc_signal, protection.crc_bits),
-        ("counter_signal", rules.counter_signal, protection.counter_bits),
-    ):
-        place, dotted = f"$.e2e.{key}", f"{message.name}.{name}"
-        signal = binding.find_signal(dotted)
-        if signal is None:
-            yield _missing_signal(binding, dotted, place)
-        elif (_first_bit(signal), signal.length) != bits:
-            wanted = f"E2E profile {rules.profile} has {bits[0]}|{bits[1]}"
-            yield binding.file.fault(dotted, f"bits {signal.start}|{signal.length}, but {wanted}")
-        elif dotted in binding.fields:
-            yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
-
-
-def _first_bit(signal: Signal) -> int:
-    """Lowest bit of a signal in little-endian numbering; within one byte the byte orders agree."""
-    return min(bits_of(signal)) if signal.length <= 8 else signal.start
-
-
 _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
     _signal_faults,
     _condition_faults,
     _name_faults,
+    rule_faults,
     _sample_faults,
     _role_faults,
     _sender_faults,

@@ -14,8 +14,9 @@ from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.consistency import find_faults
 from vehicle_iface.codec.constants import constant_payload
 from vehicle_iface.codec.dbc_file import read_dbc
-from vehicle_iface.codec.e2e import Protection
 from vehicle_iface.codec.enumerations import frames_of_reference, translate_from_wire, translate_to_wire
+from vehicle_iface.codec.protection import Protection
+from vehicle_iface.codec.protection_rules import build_protection
 from vehicle_iface.codec.row_reader import build_row_reader
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
@@ -50,7 +51,6 @@ class BoundMessage:
     to_wire: tuple[Mapping[int, int] | None, ...]
     """The program's number → number on the wire of each value; None where they are the same."""
     protection: Protection | None
-    max_counter_step: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +67,8 @@ class VehicleDatabase:
     commands: tuple[BoundMessage, ...]
     body: BoundMessage | None
     report: BoundMessage | None
+    is_counted: bool
+    """Whether the messages of a sample belong together by their counter, and not by time."""
     row: RowReader
     """How the values of the received messages become state and status."""
     frames: Mapping[int, str]
@@ -114,6 +116,7 @@ def build_database(binding: Binding) -> VehicleDatabase:
         commands=of_role(Role.COMMAND),
         body=next(iter(of_role(Role.BODY)), None),
         report=next(iter(of_role(Role.REPORT)), None),
+        is_counted=binding.is_counted,
         row=build_row_reader(binding, {message.name: message.codec.names for message in received}, frames),
         frames=frames,
         resolutions={
@@ -128,7 +131,7 @@ def build_database(binding: Binding) -> VehicleDatabase:
 
 
 def _bind_message(binding: Binding, name: str) -> BoundMessage:
-    message, e2e, used = binding.messages[name], binding.profile.e2e, binding.signals_used(name)
+    message, used = binding.messages[name], binding.signals_used(name)
     views = {signal: binding.view(f"{name}.{signal}") for signal in used}
     is_sent = binding.roles[name] in SENT_ROLES
     codec = MessageCodec(
@@ -139,9 +142,6 @@ def _bind_message(binding: Binding, name: str) -> BoundMessage:
     )
     places = [f"{name}.{value}" for value in codec.names]
     conversions = [views.get(value) for value in codec.names]
-    protection = None
-    if e2e is not None and binding.is_protected(name):
-        protection = Protection(e2e.profile, e2e.data_ids[name], message.length, e2e.data_id_mode)
     return BoundMessage(
         name=name,
         role=binding.roles[name],
@@ -157,8 +157,7 @@ def _bind_message(binding: Binding, name: str) -> BoundMessage:
         ),
         from_wire=tuple(translate_from_wire(binding, dotted) for dotted in places),
         to_wire=tuple(translate_to_wire(binding, dotted) for dotted in places),
-        protection=protection,
-        max_counter_step=e2e.max_counter_step if e2e else 1,
+        protection=build_protection(binding.profile, message),
     )
 
 

@@ -8,7 +8,8 @@ from enum import Enum
 
 from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.database import BoundMessage
-from vehicle_iface.codec.e2e import CounterCheck, Sequence
+from vehicle_iface.codec.e2e import CounterCheck, DamageCheck, Sequence
+from vehicle_iface.codec.protection import NO_COUNTER
 from vehicle_iface.decoded import DecodedMessage
 from vehicle_iface.errors import SignalError
 from vehicle_iface.frame import CanFrame
@@ -48,14 +49,13 @@ class _Input:
 
     __slots__ = (
         "convert",
-        "counter_byte",
-        "counter_mask",
         "counters",
         "decode",
         "intact",
         "is_fd",
         "length",
         "name",
+        "read_counter",
         "seen",
     )
 
@@ -64,12 +64,15 @@ class _Input:
         self.length = message.length
         self.is_fd = message.is_fd
         self.decode = message.codec.decode
-        self.counters: CounterCheck | None = None
+        self.counters: DamageCheck | None = None
         protection = message.protection
         if protection is not None:
-            self.counters = CounterCheck(protection.counter_states, message.max_counter_step)
-            self.intact = protection.intact
-            self.counter_byte, self.counter_mask = protection.counter_byte, protection.counter_mask
+            self.counters = (
+                CounterCheck(protection.counter_states, protection.max_step)
+                if protection.has_counter
+                else DamageCheck()
+            )
+            self.intact, self.read_counter = protection.intact, protection.read_counter
         self.convert = _compile_conversion(message)
         self.seen = 0
 
@@ -100,7 +103,7 @@ class Decoder:
     def lost(self) -> dict[str, int]:
         """Frames of each message that were sent but never arrived, counted by gaps in the counters."""
         checks = ((entry.name, entry.counters) for entry in self._inputs.values())
-        return {name: check.lost for name, check in checks if check is not None}
+        return {name: check.lost for name, check in checks if isinstance(check, CounterCheck)}
 
     def decode(self, frame: CanFrame) -> DecodedMessage | None:
         """The message in `frame`, or None when the frame is not ours or was dropped."""
@@ -116,14 +119,14 @@ class Decoder:
         if len(data) != entry.length:
             self._drop(DropCause.WRONG_LENGTH, entry.name)
             return None
-        counter = -1
+        counter = NO_COUNTER
         counters = entry.counters
         if counters is not None:
             if not entry.intact(data):
                 counters.note_damaged()
                 self._drop(DropCause.BAD_CRC, entry.name)
                 return None
-            counter = data[entry.counter_byte] & entry.counter_mask
+            counter = entry.read_counter(data)
             verdict = counters.step(counter)
             if verdict is not Sequence.OK and verdict is not Sequence.INITIAL:
                 self._drop(_SEQUENCE_DROPS[verdict], entry.name)

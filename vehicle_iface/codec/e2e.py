@@ -6,6 +6,7 @@ package; the rule for the counter is here.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 
@@ -14,6 +15,7 @@ import e2e.p02
 import e2e.p05
 import e2e.p11
 
+from vehicle_iface.codec.protection import Protection
 from vehicle_iface.errors import ConfigError
 
 _HEADER_BYTES = {1: 2, 2: 2, 5: 3, 11: 2}
@@ -32,52 +34,50 @@ _MODES = {
 }
 
 
-class Protection:
-    """The protection of one message.
+@dataclass(frozen=True, slots=True)
+class HeaderBits:
+    """Where an E2E profile puts its header: start and length, little-endian numbering."""
+
+    checksum: tuple[int, int]
+    counter: tuple[int, int]
+
+
+def header_bits(profile: int) -> HeaderBits:
+    """The places of checksum and counter in `profile`."""
+    return HeaderBits((0, _CRC_BITS[profile]), (8 * _COUNTER_BYTE[profile], _COUNTER_MASK[profile].bit_length()))
+
+
+def autosar_protection(
+    profile: int,
+    data_id: int | tuple[int, ...],
+    length: int,
+    data_id_mode: str = "BOTH",
+    max_step: int = 3,
+) -> Protection:
+    """The protection of one message by an E2E profile.
 
     Raises `ConfigError` for a profile, data id or mode that does not exist, or a payload shorter
     than the header.
     """
+    if profile not in _HEADER_BYTES:
+        raise ConfigError(f"E2E profile {profile}: must be one of 1, 2, 5, 11")
+    if length < _HEADER_BYTES[profile]:
+        raise ConfigError(f"{length} bytes: E2E profile {profile} needs {_HEADER_BYTES[profile]}")
+    place, mask = _COUNTER_BYTE[profile], _COUNTER_MASK[profile]
+    seal, intact = _functions(profile, data_id, data_id_mode)
 
-    __slots__ = ("_seal", "counter_byte", "counter_mask", "counter_states", "intact", "profile")
+    def protect(data: bytearray, counter: int) -> None:
+        data[place] = data[place] & ~mask | counter
+        seal(data)
 
-    intact: Callable[[bytes], bool]
-    """Whether the checksum in a payload of full length is the one of its bytes and the data id."""
-
-    def __init__(self, profile: int, data_id: int | tuple[int, ...], length: int, data_id_mode: str = "BOTH") -> None:
-        if profile not in _HEADER_BYTES:
-            raise ConfigError(f"E2E profile {profile}: must be one of 1, 2, 5, 11")
-        if length < _HEADER_BYTES[profile]:
-            raise ConfigError(f"{length} bytes: E2E profile {profile} needs {_HEADER_BYTES[profile]}")
-        self.profile = profile
-        self.counter_byte = _COUNTER_BYTE[profile]
-        self.counter_mask = _COUNTER_MASK[profile]
-        self.counter_states = _COUNTER_STATES[profile]
-        """Valid counters are 0 … counter_states − 1."""
-        self._seal, self.intact = _functions(profile, data_id, data_id_mode)
-
-    @property
-    def crc_bits(self) -> tuple[int, int]:
-        """Start and length of the checksum, little-endian numbering."""
-        return 0, _CRC_BITS[self.profile]
-
-    @property
-    def counter_bits(self) -> tuple[int, int]:
-        """Start and length of the counter, little-endian numbering."""
-        return 8 * self.counter_byte, self.counter_mask.bit_length()
-
-    def protect(self, data: bytearray, counter: int) -> None:
-        """Write counter and checksum into `data`, in place."""
-        data[self.counter_byte] = data[self.counter_byte] & ~self.counter_mask | counter
-        self._seal(data)
-
-    def counter_of(self, data: bytes) -> int:
-        """The counter in `data`; it may be an invalid one (15 in profiles 1 and 11)."""
-        return data[self.counter_byte] & self.counter_mask
-
-    def next_counter(self, counter: int) -> int:
-        """The counter after `counter`."""
-        return (counter + 1) % self.counter_states
+    return Protection(
+        intact=intact,
+        read_counter=lambda data: data[place] & mask,
+        protect=protect,
+        has_checksum=True,
+        counter_states=_COUNTER_STATES[profile],
+        max_step=max_step,
+    )
 
 
 def _functions(
@@ -92,9 +92,10 @@ def _functions(
     if not isinstance(data_id, int) or not 0 <= data_id <= 0xFFFF:
         raise ConfigError(f"E2E data id {data_id!r}: must be a number of 16 bits")
     if profile == 5:
+        protect_p05, check_p05 = e2e.p05.e2e_p05_protect, e2e.p05.e2e_p05_check
         return (
-            lambda data: e2e.p05.e2e_p05_protect(data, data_id, increment_counter=False),
-            lambda data: e2e.p05.e2e_p05_check(data, data_id),
+            lambda data: protect_p05(data, data_id, increment_counter=False),
+            lambda data: check_p05(data, data_id),
         )
     if mode not in _MODES[profile]:
         raise ConfigError(f"E2E data-id mode {mode!r}: profile {profile} has {', '.join(_MODES[profile])}")
@@ -105,11 +106,13 @@ def _functions(
         else (e2e.p11.e2e_p11_protect, e2e.p11.e2e_p11_check)
     )
 
+    # BOTH is the package's default; without a keyword the call takes half the time.
+    check_quickly = module_check if mode == "BOTH" else partial(module_check, data_id_mode=number)
     seal = partial(module_protect, data_id=data_id, data_id_mode=number, increment_counter=False)
 
     def check(data: bytes) -> bool:
         again = bytearray(data)
-        if module_check(again, data_id, data_id_mode=number):
+        if check_quickly(again, data_id):
             return True
         seal(again)
         return again == data
@@ -153,25 +156,51 @@ class Sequence(Enum):
     """Good by itself, but most frames of late were not; dropped."""
 
 
-class CounterCheck:
+class DamageCheck:
+    """The rule of a message without a counter: while most of its last frames were damaged, none is trusted
+    (AUTOSAR's E2E state machine, with a window of `WINDOW` checks). Among enough noise some of it has a right checksum.
+    """
+
+    __slots__ = ("_history",)
+
+    def __init__(self) -> None:
+        self._history = _ALL_GOOD
+
+    def step(self, _counter: int) -> Sequence:
+        """Judge the next frame, which is intact."""
+        self._history = (self._history << 1 | 1) & _ALL_GOOD
+        return Sequence.OK if self._is_trusted() else Sequence.UNTRUSTED
+
+    def note_damaged(self) -> None:
+        """A frame came whose checksum was wrong."""
+        self._history = self._history << 1 & _ALL_GOOD
+
+    def reset(self) -> None:
+        """Forget the last frames."""
+        self._history = _ALL_GOOD
+
+    def _is_trusted(self) -> bool:
+        return self._history.bit_count() >= WINDOW // 2
+
+
+class CounterCheck(DamageCheck):
     """The sequence rule of one message: steps of 1 … `max_step` are good, and one more for each damaged frame that
     came in between, for it was sent (AUTOSAR E2E profile 1 widens its MaxDeltaCounter likewise).
 
     A wrong step is dropped but remembered, so that one jump costs one frame, or two, and not the
-    connection. While most of the last frames were damaged, none is trusted (AUTOSAR's E2E state machine, with a
-    window of `WINDOW` checks): among enough noise some of it has a right checksum.
+    connection.
     """
 
-    __slots__ = ("_damaged", "_history", "_last", "_max_step", "_states", "lost")
+    __slots__ = ("_damaged", "_last", "_max_step", "_states", "lost")
 
     def __init__(self, states: int, max_step: int) -> None:
         if not 1 <= max_step < states - 1:
             raise ConfigError(f"max_counter_step = {max_step}: must be in [1, {states - 2}]")
+        super().__init__()
         self._states = states
         self._max_step = max_step
         self._last = -1
         self._damaged = 0
-        self._history = _ALL_GOOD
         self.lost = 0
         """Frames that must have been sent between accepted ones."""
 
@@ -185,7 +214,7 @@ class CounterCheck:
             return Sequence.INVALID
         self._last = counter
         self._history = (self._history << 1 | 1) & _ALL_GOOD
-        is_trusted = self._history.bit_count() >= WINDOW // 2
+        is_trusted = self._is_trusted()
         if last < 0:
             return Sequence.INITIAL if is_trusted else Sequence.UNTRUSTED
         step = (counter - last) % self._states
@@ -200,11 +229,11 @@ class CounterCheck:
 
     def note_damaged(self) -> None:
         """A frame came whose checksum was wrong, so that its counter cannot be known."""
+        super().note_damaged()
         self._damaged = min(self._damaged + 1, MOST_WIDENED)
-        self._history = self._history << 1 & _ALL_GOOD
 
     def reset(self) -> None:
         """Forget the last frame: the next one is the first."""
+        super().reset()
         self._last = -1
         self._damaged = 0
-        self._history = _ALL_GOOD

@@ -16,6 +16,7 @@ from vehicle_iface.codec.consistency import find_faults
 from vehicle_iface.codec.dbc_file import DbcFile, inspect_dbc
 from vehicle_iface.codec.enumerations import describe_unknown_names
 from vehicle_iface.codec.layout import Layout
+from vehicle_iface.codec.protection_faults import describe_gap
 from vehicle_iface.codec.quantities import find_unit
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.motion_sources import describe_missing
@@ -222,9 +223,8 @@ def _for_control(path: Path, binding: Binding) -> Iterator[LintFinding]:
     for name, role in binding.roles.items():
         if role in PERIODS:
             yield from _cycle_findings(path, file, binding.messages[name])
-        if role in (Role.SAMPLE, Role.COMMAND) and not binding.is_protected(name):
-            text = f"{name}: no counter and no checksum: repeated and damaged frames are not detected"
-            yield LintFinding(str(path), file.lines.get(name, 0), WARNING, text)
+        if role in (Role.SAMPLE, Role.COMMAND) and (gap := describe_gap(binding, name)):
+            yield LintFinding(str(path), file.lines.get(name, 0), WARNING, f"{name}: {gap}")
     for dotted, text in describe_unknown_names(binding):
         yield LintFinding(str(path), file.lines.get(dotted, 0), WARNING, f"{dotted}: {text}")
 

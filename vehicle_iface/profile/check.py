@@ -39,7 +39,7 @@ def check_tables(
     """
     if not isinstance(document, dict):
         return {}, [f"{place}: Expected a table, got {type(document).__name__}"]
-    fields = {field.name: field for field in msgspec.structs.fields(kind)}
+    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
     missing = [name for name, field in fields.items() if (field.required or name in needed) and name not in document]
     sound: dict[str, object] = {}
     faults: list[str] = []
@@ -50,22 +50,39 @@ def check_tables(
             hint = f"did you mean {nearest!r}?" if nearest else f"must be one of: {', '.join(fields)}"
             faults.append(f"{there}: unknown key; {hint}")
             missing = [name for name in missing if name != nearest]  # one mistake is one fault
-        elif (table := _table_type(fields[key].type)) is not None:
-            more = needed_pose_signals(document) if (kind, key) == (State, "signals") else NOTHING_MORE
-            sound[key], inner_faults = check_tables(value, table, there, more)
-            faults += inner_faults
-        elif (inner := _table_of_tables(fields[key].type)) is not None and isinstance(value, dict):
-            checked = {name: check_tables(one, inner, f"{there}.{name}") for name, one in value.items()}
-            sound[key] = {name: table for name, (table, _) in checked.items()}
-            faults += (fault for _, inner_faults in checked.values() for fault in inner_faults)
         else:
-            try:
-                msgspec.convert(value, fields[key].type)
-                sound[key] = value
-            except msgspec.ValidationError as error:
-                faults.append(_with_place(str(error), there))
+            more = needed_pose_signals(document) if (kind, key) == (State, "signals") else NOTHING_MORE
+            faults += _check_value(sound, key, value, fields[key].type, there, more)
     faults += (f"{place}: {name} is missing{needed.get(name, '')}" for name in missing)
     return sound, faults
+
+
+def _check_value(
+    sound: dict[str, object],
+    key: str,
+    value: object,
+    kind: object,
+    place: str,
+    needed: Mapping[str, str] = NOTHING_MORE,
+) -> list[str]:
+    """Put the part of a value that its type allows into `sound`; give the faults of the rest."""
+    named = typing.get_args(kind)[1] if typing.get_origin(kind) is dict else None
+    table = _table_type(named or kind)
+    if table is not None and named is not None and isinstance(value, dict):
+        tables: dict[str, object] = {}
+        sound[key] = tables
+        return [
+            fault for name, one in value.items() for fault in _check_value(tables, name, one, named, f"{place}.{name}")
+        ]
+    if table is not None and named is None and (isinstance(value, dict) or str not in typing.get_args(kind)):
+        sound[key], faults = check_tables(value, table, place, needed)
+        return faults
+    try:
+        msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        return [_with_place(str(error), place)]
+    sound[key] = value
+    return []
 
 
 def check_profile(profile: Profile) -> Iterator[str]:
@@ -100,16 +117,9 @@ def _nearest(key: str, known: list[str]) -> str | None:
 
 
 def _table_type(kind: object) -> type[msgspec.Struct] | None:
-    """The table that a field is; None where it may be text as well."""
+    """The table that a field is, or may be."""
     kinds = (kind, *typing.get_args(kind))
-    if str in kinds:
-        return None
     return next((one for one in kinds if isinstance(one, type) and issubclass(one, msgspec.Struct)), None)
-
-
-def _table_of_tables(kind: object) -> type[msgspec.Struct] | None:
-    """The type of the tables in a table with names of the user's."""
-    return _table_type(typing.get_args(kind)[1]) if typing.get_origin(kind) is dict else None
 
 
 def _with_place(message: str, place: str) -> str:

@@ -10,6 +10,7 @@ import msgspec
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile.check import check_document, check_profile, check_tables
+from vehicle_iface.profile.protection_table import gather_rules, place_rule_in_file
 from vehicle_iface.profile.renamed import rename_old_keys
 from vehicle_iface.profile.schema import Profile
 from vehicle_iface.profile.state_pose import name_odometry_frame
@@ -49,13 +50,14 @@ def inspect_profile(path: Path) -> Inspection:
     document = _read(path)
     renamed = rename_old_keys(document)
     faults = [*renamed.faults, *check_document(document)]
+    gather_rules(document)
     sound, more = check_tables(document, Profile)
     known = {fault.partition(": ")[0] for fault in faults}
     faults += (fault for fault in more if fault.partition(": ")[0] not in known)
     name_odometry_frame(sound)
     profile = _convert(sound, path)
     faults += check_profile(profile) if profile is not None else ()
-    return Inspection(profile, [renamed.place_in_file(fault) for fault in faults], renamed.warnings)
+    return Inspection(profile, [place_rule_in_file(renamed.place_in_file(fault)) for fault in faults], renamed.warnings)
 
 
 def _convert(sound: dict[str, object], path: Path) -> Profile | None:

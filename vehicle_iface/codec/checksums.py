@@ -1,0 +1,191 @@
+"""Checksums by parts: the bytes that are covered, and sums, exclusive ors and CRCs of them.
+
+`over` of a profile names the covered parts in their order:
+
+* `id`: the identifier, low byte first; 2 bytes, 4 of an extended one.
+* `length`: the payload's length in bytes, 1 byte.
+* `bytes`: the payload without the checksum's own bits. A byte that is all checksum is omitted; in a byte that the
+  checksum shares, its bits are 0.
+* `data_id`: a number as 2 bytes, low byte first; of a list the byte whose place is the counter.
+* `counter`: the counter in as few bytes as hold it, low byte first.
+
+A checksum of at most 4 bits is the sum or exclusive or of nibbles, a wider one of bytes. A sum is taken modulo 2^width.
+"""
+
+import operator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import Literal
+
+from vehicle_iface.codec.layout import Field
+from vehicle_iface.codec.protection import Payload
+
+_NIBBLE = 4
+_NIBBLE_SUMS = bytes((byte >> 4) + (byte & 0x0F) for byte in range(256))
+_NIBBLE_XORS = bytes(byte >> 4 ^ byte & 0x0F for byte in range(256))
+_Part = Callable[[Payload], Payload]
+
+
+@dataclass(frozen=True, slots=True)
+class BitPlace:
+    """The bits of one signal in the payload, read as one integer of the signal's byte order."""
+
+    shift: int
+    width: int
+    order: Literal["little", "big"]
+
+    @classmethod
+    def of(cls, field: Field) -> "BitPlace":
+        return cls(field.shift, field.width, "big" if field.is_big else "little")
+
+    @property
+    def mask(self) -> int:
+        """The greatest number that the bits can hold."""
+        return (1 << self.width) - 1
+
+    def read(self, data: Payload) -> int:
+        return int.from_bytes(data, self.order) >> self.shift & self.mask
+
+    def clear(self, data: Payload) -> bytes:
+        """The payload with these bits 0."""
+        return (int.from_bytes(data, self.order) & ~(self.mask << self.shift)).to_bytes(len(data), self.order)
+
+    def write(self, data: bytearray, number: int) -> None:
+        bits = int.from_bytes(data, self.order) & ~(self.mask << self.shift) | number << self.shift
+        data[:] = bits.to_bytes(len(data), self.order)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoveredMessage:
+    """What a checksum may cover."""
+
+    can_id: int
+    is_extended: bool
+    length: int
+    """Payload, bytes."""
+    checksum: BitPlace
+    counter: BitPlace | None
+    data_id: int | tuple[int, ...] | None
+    """A list has one byte, or one for each value of the counter."""
+
+
+def build_cover(over: Sequence[str], message: CoveredMessage) -> Callable[[Payload], Payload]:
+    """A function that gives the covered bytes of a payload whose counter is in place."""
+    parts = [_PARTS[name](message) for name in over]
+    return parts[0] if len(parts) == 1 else lambda data: b"".join([part(data) for part in parts])
+
+
+def _cover_constant(value: bytes) -> _Part:
+    return lambda _data: value
+
+
+def _cover_id(message: CoveredMessage) -> _Part:
+    return _cover_constant(message.can_id.to_bytes(4 if message.is_extended else 2, "little"))
+
+
+def _cover_length(message: CoveredMessage) -> _Part:
+    return _cover_constant(bytes([message.length]))
+
+
+def _cover_bytes(message: CoveredMessage) -> _Part:
+    place = message.checksum
+    own = (place.mask << place.shift).to_bytes(message.length, place.order)
+    whole = [index for index, bits in enumerate(own) if bits == 0xFF]
+    first, end = (whole[0], whole[-1] + 1) if whole else (0, 0)
+    shared = [(index, 0xFF ^ bits) for index, bits in enumerate(own) if 0 < bits < 0xFF]
+
+    def cover(data: Payload) -> Payload:
+        covered = bytearray(data)
+        for index, others in shared:
+            covered[index] &= others
+        del covered[first:end]
+        return covered
+
+    return cover
+
+
+def _cover_data_id(message: CoveredMessage) -> _Part:
+    data_id, counter = message.data_id, message.counter
+    if data_id is None or isinstance(data_id, int):
+        return _cover_constant((data_id or 0).to_bytes(2, "little"))
+    if counter is None or len(data_id) == 1:
+        return _cover_constant(bytes(data_id[:1]))
+    rows, read = [bytes([byte]) for byte in data_id], counter.read
+    return lambda data: rows[read(data) % len(rows)]
+
+
+def _cover_counter(message: CoveredMessage) -> _Part:
+    counter = message.counter
+    if counter is None:
+        return _cover_constant(b"")
+    read, size = counter.read, -(-counter.width // 8)
+    return lambda data: read(data).to_bytes(size, "little")
+
+
+_PARTS: dict[str, Callable[[CoveredMessage], _Part]] = {
+    "id": _cover_id,
+    "length": _cover_length,
+    "bytes": _cover_bytes,
+    "data_id": _cover_data_id,
+    "counter": _cover_counter,
+}
+
+
+def sum_function(width: int, init: int = 0, xor_out: int = 0) -> Callable[[Payload], int]:
+    """The sum of the bytes or nibbles, modulo 2^width."""
+    mask = (1 << width) - 1
+    if width <= _NIBBLE:
+        return lambda covered: (init + sum(covered.translate(_NIBBLE_SUMS)) & mask) ^ xor_out
+    return lambda covered: (init + sum(covered) & mask) ^ xor_out
+
+
+def xor_function(width: int, init: int = 0, xor_out: int = 0) -> Callable[[Payload], int]:
+    """The exclusive or of the bytes or nibbles."""
+    mask, last = (1 << width) - 1, init ^ xor_out
+    if width <= _NIBBLE:
+        return lambda covered: reduce(operator.xor, covered.translate(_NIBBLE_XORS), last) & mask
+    return lambda covered: reduce(operator.xor, covered, last) & mask
+
+
+def crc_function(
+    bits: int, poly: int, init: int = 0, xor_out: int = 0, *, reflect: bool = False
+) -> Callable[[Payload], int]:
+    """The CRC of the bytes; poly, init and xor_out are written most significant bit first, as in catalogues of CRCs."""
+    if reflect:
+        return _reflected_crc(bits, poly, init, xor_out)
+    mask, shift, top = (1 << bits) - 1, bits - 8, 1 << bits - 1
+    table = []
+    for register in (byte << shift for byte in range(256)):
+        for _ in range(8):
+            register = (register << 1 ^ (poly if register & top else 0)) & mask
+        table.append(register)
+
+    def crc(covered: Payload) -> int:
+        register = init
+        for byte in covered:
+            register = table[register >> shift ^ byte] ^ register << 8 & mask
+        return register ^ xor_out
+
+    return crc
+
+
+def _reflected_crc(bits: int, poly: int, init: int, xor_out: int) -> Callable[[Payload], int]:
+    poly, first = _reverse_bits(poly, bits), _reverse_bits(init, bits)
+    table = []
+    for register in range(256):
+        for _ in range(8):
+            register = register >> 1 ^ (poly if register & 1 else 0)
+        table.append(register)
+
+    def crc(covered: Payload) -> int:
+        register = first
+        for byte in covered:
+            register = table[(register ^ byte) & 0xFF] ^ register >> 8
+        return register ^ xor_out
+
+    return crc
+
+
+def _reverse_bits(number: int, bits: int) -> int:
+    return int(f"{number:0{bits}b}"[::-1], 2)

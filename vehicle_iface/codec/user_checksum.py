@@ -1,0 +1,111 @@
+"""A checksum that a user's Python function computes."""
+
+import importlib.util
+import logging
+import sys
+import traceback
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+from vehicle_iface.codec.checksums import BitPlace
+from vehicle_iface.errors import ConfigError, SignalError
+
+log = logging.getLogger("vehicle_iface")
+
+UserFunction = Callable[[int, bytes], object]
+"""`checksum(can_id, data)`; the checksum's own bits in `data` are 0."""
+
+
+def load_function(place: str, folder: Path) -> UserFunction:
+    """The function of `FILE.py:NAME`, relative to `folder`.
+
+    Whatever the file raises becomes a `ConfigError` with file and line.
+    """
+    file, _, name = place.rpartition(":")
+    path = folder / file
+    if not file.endswith(".py") or not name:
+        raise ConfigError(f"{place!r}: must be FILE.py:FUNCTION")
+    if not path.is_file():
+        raise ConfigError(f"{place!r}: no such file {path}")
+    try:
+        function: UserFunction | None = getattr(_load_module(path, path.stat().st_mtime_ns), name, None)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise ConfigError(f"{place!r}: {describe_error(error)}") from error
+    if not callable(function):
+        raise ConfigError(f"{place!r}: there is no function {name} in {path}")
+    return function
+
+
+def check_function(function: UserFunction, can_id: int, length: int, place: BitPlace) -> str:
+    """What is wrong with the function, tried with payloads of all zeros and all ones; empty if nothing is."""
+    for data in (bytes(length), place.clear(b"\xff" * length)):
+        try:
+            results = [function(can_id, data) for _ in range(2)]
+        except Exception as error:  # noqa: BLE001 - a user's code; reported with file and line
+            return describe_error(error)
+        for result in results:
+            if not _fits(result, place.width):
+                return f"returned {result!r} for {data.hex()}; must be an int in [0, {place.mask}]"
+        if results[0] != results[1]:
+            return f"returned {results[0]!r} and {results[1]!r} for the same {data.hex()}"
+    return ""
+
+
+class UserChecksum:
+    """The function for one message, guarded: no payload makes `matches` raise."""
+
+    def __init__(self, function: UserFunction, message_name: str, can_id: int, width: int) -> None:
+        self._function = function
+        self._message_name = message_name
+        self._can_id = can_id
+        self._width = width
+        self._has_failed = False
+
+    def compute(self, data: bytes) -> int:
+        """The checksum of a payload that will be sent. `SignalError` when the function fails."""
+        try:
+            number = self._function(self._can_id, data)
+        except Exception as error:
+            raise SignalError(f"{self._message_name}: checksum: {describe_error(error)}") from error
+        if not isinstance(number, int) or not _fits(number, self._width):
+            raise SignalError(f"{self._message_name}: checksum = {number!r}: must be an int of {self._width} bits")
+        return number
+
+    def matches(self, data: bytes, number: int) -> bool:
+        """Whether the checksum of a received payload is `number`; a payload on which the function fails is damaged."""
+        try:
+            return self.compute(data) == number
+        except SignalError as error:
+            if not self._has_failed:
+                log.error("%s; frames on which it fails are dropped as damaged", error)
+            self._has_failed = True
+            return False
+
+
+def describe_error(error: BaseException) -> str:
+    """What a user's code raised, with file and line."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    line = error.lineno if isinstance(error, SyntaxError) else where.lineno
+    file = error.filename if isinstance(error, SyntaxError) else where.filename
+    return f"{type(error).__name__}: {error} ({file}:{line})"
+
+
+def _fits(number: object, width: int) -> bool:
+    return isinstance(number, int) and 0 <= number < 1 << width
+
+
+@cache
+def _load_module(path: Path, _changed_ns: int) -> ModuleType:
+    """The module in a file, loaded once for all messages, under a name that no other module has."""
+    name = f"vehicle_iface_checksum_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ConfigError(f"{path}: cannot be loaded")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
