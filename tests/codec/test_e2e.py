@@ -242,7 +242,7 @@ def test_checksum_and_counter_are_at_the_front_and_need_no_more_bytes_than_their
 ) -> None:
     data_id = P02_IDS if profile == 2 else 0x123
     assert header_bits(profile) == HeaderBits(crc_bits, counter_bits)
-    assert autosar_protection(profile, data_id, least_bytes).has_checksum
+    assert autosar_protection(profile, data_id, least_bytes).has_counter
     with pytest.raises(ConfigError, match=f"needs {least_bytes}"):
         autosar_protection(profile, data_id, least_bytes - 1)
 

@@ -74,7 +74,6 @@ def autosar_protection(
         intact=intact,
         read_counter=lambda data: data[place] & mask,
         protect=protect,
-        has_checksum=True,
         counter_states=_COUNTER_STATES[profile],
         max_step=max_step,
     )

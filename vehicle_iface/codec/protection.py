@@ -18,7 +18,6 @@ class Protection:
     """The counter in a payload, which may be an invalid one; `NO_COUNTER` where the message has none."""
     protect: Callable[[bytearray, int], None]
     """Write a counter, then the checksum, into a payload, in place."""
-    has_checksum: bool
     counter_states: int
     """Valid counters are 0 … counter_states − 1; 1 where the message has none."""
     max_step: int

@@ -137,7 +137,6 @@ def build_protection(profile: Profile, message: Message) -> Protection | None:
         intact=checksum.is_right if checksum is not None else lambda _data: True,
         read_counter=counter.read if counter is not None else lambda _data: NO_COUNTER,
         protect=protect,
-        has_checksum=checksum is not None,
         counter_states=states,
         max_step=(step or min(DEFAULT_STEP, states - 2)) if counter is not None else 0,
     )
