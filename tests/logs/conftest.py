@@ -39,6 +39,12 @@ class Decode(Protocol):
     def __call__(self, text: str | bytes, of: list[Message] = ...) -> DecodedLog: ...
 
 
+def adds_up(log: DecodedLog) -> bool:
+    """Whether each line is counted once."""
+    parts = (log.decoded, log.foreign, log.other_channels, log.remote, log.errors, log.blank, log.comments)
+    return sum(parts) + len(log.refused) == log.lines
+
+
 @pytest.fixture
 def decode_text(tmp_path: Path) -> Decode:
     """Decode a text as a log of the reference vehicle's messages."""

@@ -9,17 +9,12 @@ from hypothesis import strategies as st
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.logs import candump
 from vehicle_iface.logs.candump_line import LineReader
-from vehicle_iface.logs.columns import DecodedLog, decode_log, scan_log
+from vehicle_iface.logs.columns import decode_log, scan_log
 from vehicle_iface.logs.frames import Chunk
 from vehicle_iface.logs.reading import open_candump
 from vehicle_iface.logs.stamps import Stamps
 
-from .conftest import CLASSICAL, POSE, REGULAR, Decode
-
-
-def adds_up(log: DecodedLog) -> bool:
-    parts = (log.decoded, log.foreign, log.other_channels, log.remote, log.errors, log.blank, log.comments)
-    return sum(parts) + len(log.refused) == log.lines
+from .conftest import CLASSICAL, POSE, REGULAR, Decode, adds_up
 
 
 def test_regular_lines_of_every_shape_are_read(decode_text: Decode) -> None:

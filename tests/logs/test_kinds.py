@@ -11,7 +11,7 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.logs.columns import DecodedLog, decode_log, summarize
 from vehicle_iface.logs.kinds import LogKind, recognize_log
 
-from .conftest import CLASSICAL, FD
+from .conftest import CLASSICAL, FD, adds_up
 
 START_S = 1_700_000_000.0
 PAYLOADS = [bytes([7 * i % 256, i, *range(6)]) for i in range(20)]
@@ -49,10 +49,6 @@ def reference_log(tmp_path: Path) -> DecodedLog:
 def lines_of(path: Path, *lines: str) -> Path:
     path.write_text("\n".join(lines) + "\n")
     return path
-
-
-def adds_up(log: DecodedLog) -> bool:
-    return log.frames + log.blank + log.comments + len(log.refused) == log.lines
 
 
 @pytest.mark.parametrize(

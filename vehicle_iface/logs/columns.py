@@ -69,16 +69,16 @@ class DecodedLog:
     refused: Sequence[RefusedLine]
     """Lines that are no frame, and frames that are too short or of an unknown multiplexer, in the log's order."""
     channels: Mapping[str, int]
-    """Frames of the messages on each channel of the log, also on those that were not asked for."""
+    """Each channel of the log, also those that were not asked for, with its frames of the messages."""
     kind: str
     """What the log was read as."""
     stamps: str
     """What the stamps mean, for a person."""
 
     @property
-    def frames(self) -> int:
-        """All frames that could be read."""
-        return self.decoded + self.foreign + self.other_channels + self.remote + self.errors
+    def has_frames(self) -> bool:
+        """Whether any line is a frame, of whatever identifier or channel."""
+        return bool(self.channels or self.remote or self.errors)
 
 
 def decode_log(
@@ -96,7 +96,7 @@ def decode_log(
     Whether a frame was FD is not looked at, nor a checksum: a log shows what was on the bus.
     """
     log = scan_log(open_log(path), messages, checked=checked, channel=channel, progress=progress)
-    if not log.frames:
+    if not log.has_frames:
         why = f"; line {log.refused[0].line}: {log.refused[0].why}" if log.refused else ""
         ways = f"Logs that can be read: {READABLE}; python-can's can_logconvert converts others"
         raise ConfigError(f"{path}: no frame in {log.lines} lines, read as {log.kind}{why}. {ways}")
