@@ -1,6 +1,7 @@
 """Logs of other programs come to the same columns as `candump -L`, or are refused with a way on."""
 
 import logging
+import os
 from pathlib import Path
 
 import can
@@ -139,6 +140,14 @@ def test_damaged_lines_of_another_program_are_refused_with_their_number_and_the_
     assert adds_up(asc)
 
 
+def test_a_length_that_is_not_its_code_is_refused(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    frame = "   0.0 CANFD   1 Rx        110                                  1 0 {} 12 " + "00 " * 12
+    log = decode_log(lines_of(tmp_path / "drive.asc", "base hex", frame.format(9), frame.format(8)), CLASSICAL)
+    assert (log.decoded, [refused.line for refused in log.refused]) == (1, [3])
+    assert "mismatch" in log.refused[0].why
+    assert caplog.records == []
+
+
 def test_errors_and_status_lines_of_a_trc_are_counted_and_damaged_ones_refused_without_a_word_of_python_can(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -203,6 +212,10 @@ def test_a_blf_that_is_cut_off_is_read_as_far_as_it_goes_and_says_so(tmp_path: P
     assert len(log.refused) == 1
     assert "the file is cut off" in log.refused[0].why
     assert adds_up(log)
+    container = whole.index(b"LOBJ") + 16
+    path.write_bytes(whole[:container] + b"\x07" + whole[container + 1 :])  # a compression that nobody knows
+    with pytest.raises(ConfigError, match="line 1: frames before this one are missing: Unknown compression method"):
+        decode_log(path, CLASSICAL)
     path.write_bytes(whole[:20])
     with pytest.raises(ConfigError, match=r"drive\.blf: cannot be read as \.blf"):
         decode_log(path, CLASSICAL)
@@ -259,3 +272,9 @@ def test_what_cannot_be_read_is_refused_with_a_way_on(tmp_path: Path, name: str,
     path.write_bytes(content)
     with pytest.raises(ConfigError, match=way):
         decode_log(path, CLASSICAL)
+
+
+def test_a_pipe_is_refused_since_its_beginning_cannot_be_read_twice() -> None:
+    reading, writing = os.pipe()
+    with open(reading), open(writing, "w"), pytest.raises(ConfigError, match="must be a file, not a pipe"):
+        decode_log(Path(f"/dev/fd/{reading}"), CLASSICAL)

@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
+from shlex import quote
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.logs.candump import BYTE_ORDER_MARK
@@ -46,12 +47,15 @@ def recognize_log(path: Path) -> RecognizedLog:
     """The kind of a file. `ConfigError` when it cannot be read or is of a kind that nothing here reads."""
     try:
         with path.open("rb") as file:
+            if not file.seekable():
+                raise ConfigError(f"{path}: must be a file, not a pipe or a device; write the log to a file first")
             head = file.read(_HEAD_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
     for magic, what, way in _FOREIGN:
         if head.startswith(magic):
-            raise ConfigError(f"{path}: {what} cannot be read; {way.format(path=path, log=path.with_suffix('.log'))}")
+            way = way.format(path=quote(str(path)), log=quote(str(path.with_suffix(".log"))))
+            raise ConfigError(f"{path}: {what} cannot be read; {way}")
     if head.startswith(b"LOGG"):
         return RecognizedLog(LogKind.BLF, Stamps.AS_LOGGED)
     return _recognize_text(path, head.removeprefix(BYTE_ORDER_MARK))

@@ -5,6 +5,7 @@ import itertools
 import logging
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -60,10 +61,32 @@ class _PythonCanText(TextFormat):
 
     def _try(self, texts: Sequence[str]) -> "_Parsed":
         """The messages of some lines, or why they cannot be read."""
-        try:
-            return _Parsed(list(self.read_messages(io.StringIO("\n".join((*self._header, *texts))))))
-        except Exception as error:  # noqa: BLE001 (python-can lets through whatever its parsing runs into)
-            return _Parsed([], str(error) or type(error).__name__)
+        with _collected_warnings() as warnings:
+            try:
+                messages = list(self.read_messages(io.StringIO("\n".join((*self._header, *texts)))))
+            except Exception as error:  # noqa: BLE001 (python-can lets through whatever its parsing runs into)
+                return _Parsed([], str(error) or type(error).__name__)
+        return _Parsed([], warnings[0]) if warnings else _Parsed(messages)
+
+
+@contextmanager
+def _collected_warnings() -> Iterator[list[str]]:
+    """What python-can's readers warn of, instead of their log: it is a fault of the line that is read."""
+    warnings: list[str] = []
+
+    def collect(record: logging.LogRecord) -> bool:
+        if record.levelno >= logging.WARNING:
+            warnings.append(record.getMessage())
+        return record.levelno < logging.WARNING
+
+    loggers = [logging.getLogger(f"can.io.{name}") for name in ("asc", "trc", "blf")]
+    for logger in loggers:
+        logger.addFilter(collect)
+    try:
+        yield warnings
+    finally:
+        for logger in loggers:
+            logger.removeFilter(collect)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +155,6 @@ class TrcFormat(_PythonCanText):
     def __init__(self) -> None:
         super().__init__()
         self._has_begun = False
-        logging.getLogger("can.io.trc").setLevel(logging.ERROR)  # its warnings: each such line is refused here
 
     @property
     def stamps(self) -> str:  # type: ignore[override]
@@ -196,23 +218,25 @@ def read_blf(path: Path) -> Iterator[Chunk]:
 def _read_blf_messages(
     messages: "Iterator[Message]", fault: str, tell_done: Callable[[], int], total_bytes: int
 ) -> Iterator[Chunk]:
-    """All messages; then, as a line of its own, the fault of the file."""
+    """All messages; each fault of the file is counted as a line of its own."""
     number, is_over = 1, False
     while not is_over:
         batch: list[Message] = []
-        try:
-            for message in itertools.islice(messages, BATCH_FRAMES):
-                batch.append(message)
-            is_over = len(batch) < BATCH_FRAMES
-        except Exception as error:  # noqa: BLE001 (as above)
-            fault, is_over = fault or f"the rest cannot be read: {str(error) or type(error).__name__}", True
+        with _collected_warnings() as warnings:
+            try:
+                for message in itertools.islice(messages, BATCH_FRAMES):
+                    batch.append(message)
+                is_over = len(batch) < BATCH_FRAMES
+            except Exception as error:  # noqa: BLE001 (as above)
+                fault, is_over = fault or f"the rest cannot be read: {str(error) or type(error).__name__}", True
         chunk = Chunk(lines=len(batch), done_bytes=total_bytes if is_over else tell_done(), total_bytes=total_bytes)
         found = (to_frame(message, line, None, 1, chunk) for line, message in enumerate(batch, start=number))
         chunk.add(frame for frame in found if frame is not None)
         number += len(batch)
-        if is_over and fault:
-            chunk.lines += 1
-            chunk.refused.append(RefusedLine(number, fault))
+        faults = [f"frames before this one are missing: {warning}" for warning in warnings]
+        faults += [fault] if is_over and fault else []
+        chunk.lines += len(faults)
+        chunk.refused += [RefusedLine(number, text) for text in faults]
         yield chunk
 
 
