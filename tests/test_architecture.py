@@ -29,7 +29,7 @@ AMONG_DATA = {
 """Which data may be made of which."""
 VIEWER_READS = (["telemetry"], ["recorder", "files"])
 HOMES = {
-    "can": ("vehicle_iface/bus/",),
+    "can": ("vehicle_iface/bus/", "vehicle_iface/logs/"),
     "cantools": ("vehicle_iface/codec/", "vehicle_iface/logs/"),
     "e2e": ("vehicle_iface/codec/",),
     "viser": ("viewer/",),

@@ -1,9 +1,10 @@
-"""Decode a candump log with a DBC into NumPy arrays: one for each signal, in the units of the DBC.
+"""Decode the log of a bus with a DBC into NumPy arrays: one for each signal, in the units of the DBC.
 
     candump -L vcan0 > drive.log
     python docs/examples/05_decode_log.py drive.log
 
-`vehicle-iface decode drive.log --out drive.npz` does the same and saves the arrays.
+Logs of other programs (.asc, .trc, .blf, .csv) are read too. `vehicle-iface decode drive.log --out drive.npz` does the
+same and saves the arrays.
 """
 
 import sys

@@ -165,7 +165,7 @@ def test_a_controller_that_cannot_be_made_is_refused_by_file_and_line(
                 "sim": "channel profile start frame driver-socket",
                 "demo": "summary record",
                 "doctor": "channel profile",
-                "decode": "profile dbc out message",
+                "decode": "profile dbc out message channel",
             }.items()
             for option in options.split()
         ),

@@ -8,7 +8,8 @@ import pytest
 from cantools.database import Message
 from cantools.database.can import Database
 
-from vehicle_iface.logs.columns import DecodedLog, decode_log
+from vehicle_iface.logs.columns import DecodedLog, scan_log
+from vehicle_iface.logs.reading import open_candump
 
 DBC_FOLDER = Path(__file__).parents[2] / "dbc"
 
@@ -38,6 +39,12 @@ class Decode(Protocol):
     def __call__(self, text: str | bytes, of: list[Message] = ...) -> DecodedLog: ...
 
 
+def adds_up(log: DecodedLog) -> bool:
+    """Whether each line is counted once."""
+    parts = (log.decoded, log.foreign, log.other_channels, log.remote, log.errors, log.blank, log.comments)
+    return sum(parts) + len(log.refused) == log.lines
+
+
 @pytest.fixture
 def decode_text(tmp_path: Path) -> Decode:
     """Decode a text as a log of the reference vehicle's messages."""
@@ -45,6 +52,6 @@ def decode_text(tmp_path: Path) -> Decode:
     def decode(text: str | bytes, of: list[Message] = CLASSICAL) -> DecodedLog:
         path = tmp_path / "candump.log"
         path.write_bytes(text.encode() if isinstance(text, str) else text)
-        return decode_log(path, of)
+        return scan_log(open_candump(path), of)
 
     return decode

@@ -8,15 +8,13 @@ from hypothesis import strategies as st
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.logs import candump
-from vehicle_iface.logs.columns import DecodedLog, decode_log
+from vehicle_iface.logs.candump_line import LineReader
+from vehicle_iface.logs.columns import decode_log, scan_log
 from vehicle_iface.logs.frames import Chunk
+from vehicle_iface.logs.reading import open_candump
+from vehicle_iface.logs.stamps import Stamps
 
-from .conftest import CLASSICAL, POSE, REGULAR, Decode
-
-
-def adds_up(log: DecodedLog) -> bool:
-    parts = (log.decoded, log.foreign, log.remote, log.errors, log.blank)
-    return sum(parts) + len(log.refused) == log.lines
+from .conftest import CLASSICAL, POSE, REGULAR, Decode, adds_up
 
 
 def test_regular_lines_of_every_shape_are_read(decode_text: Decode) -> None:
@@ -83,8 +81,9 @@ def lines(draw: st.DrawFn) -> str:
     stamp = f"({draw(st.integers(0, 10**10))}.{draw(st.integers(0, 10**6 - 1)):06d})"
     can_id = draw(st.sampled_from(["110", "111", "7FF", "00000110", "20000004", "FFF", "1F", "9FFFFFFF"]))
     data = draw(HEX | st.sampled_from([POSE, POSE, POSE, "R", "R4", "", "##", "1122 R", "1122 T", POSE * 4]))
+    channel = draw(st.sampled_from(["vcan0", "vcan0", "can0", "vcan1"]))
     mark = draw(st.sampled_from(["#", "#", "#", "##1", "##", "###"]))
-    return draw(st.sampled_from([f"{stamp} vcan0 {can_id}{mark}{data}"] * 9 + ["", "noise", f"{stamp} # {data}"]))
+    return draw(st.sampled_from([f"{stamp} {channel} {can_id}{mark}{data}"] * 9 + ["", "noise", f"{stamp} # {data}"]))
 
 
 @settings(max_examples=150, deadline=None)
@@ -92,14 +91,14 @@ def lines(draw: st.DrawFn) -> str:
 def test_the_fast_way_and_the_careful_way_agree_on_every_log(tmp_path_factory, text, size) -> None:  # type: ignore[no-untyped-def]
     path = tmp_path_factory.mktemp("log") / "candump.log"
     path.write_text("\n".join(text))
-    careful = Chunk()
-    slow = [candump._parse_irregular(line.encode(), i, careful) for i, line in enumerate(text, start=1)]
+    careful, reader = Chunk(), LineReader(Stamps.AS_LOGGED)
+    slow = [reader.read(line.encode(), i, careful) for i, line in enumerate(text, start=1)]
     wanted = sorted(frame for frame in slow if frame is not None)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(candump, "CHUNK_BYTES", size)
         chunks = list(candump.read_candump(path))
     found = sorted(
-        (line, stamp_ns, key, data.tobytes())
+        (line, stamp_ns, key, data.tobytes(), group.channel)
         for chunk in chunks
         for group in chunk.frames
         for line, stamp_ns, key, data in zip(
@@ -119,7 +118,7 @@ def test_the_fast_way_and_the_careful_way_agree_on_every_log(tmp_path_factory, t
 def test_noise_is_counted_line_by_line(tmp_path_factory, noise) -> None:  # type: ignore[no-untyped-def]
     path = tmp_path_factory.mktemp("noise") / "candump.log"
     path.write_bytes(noise)
-    log = decode_log(path, CLASSICAL)
+    log = scan_log(open_candump(path), CLASSICAL)
     assert adds_up(log)
     assert log.lines == noise.replace(b"\r\n", b"\n").count(b"\n") + (not noise.endswith(b"\n") and bool(noise))
 

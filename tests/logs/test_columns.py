@@ -19,7 +19,8 @@ from vehicle_iface import cli
 from vehicle_iface.codec import MessageCodec
 from vehicle_iface.errors import ConfigError, SignalError
 from vehicle_iface.logs.bulk_codec import BulkCodec
-from vehicle_iface.logs.columns import Columns, DecodedLog, decode_log, save, summarize, to_arrays
+from vehicle_iface.logs.columns import Columns, DecodedLog, save, scan_log, summarize, to_arrays
+from vehicle_iface.logs.reading import open_candump
 
 from .conftest import CLASSICAL, FD, POSE, REGULAR, Decode
 
@@ -50,7 +51,7 @@ def decode(payloads: Sequence[bytes], *of: Message, checked: bool = False) -> De
     with tempfile.NamedTemporaryFile("w", suffix=".log") as file:
         file.writelines(f"(1.{i:09d}) vcan0 {can_id}{mark}{data.hex()}\n" for i, data in enumerate(payloads))
         file.flush()
-        return decode_log(Path(file.name), of, checked=checked)
+        return scan_log(open_candump(Path(file.name)), of, checked=checked)
 
 
 def expected(codec: MessageCodec, payloads: list[bytes]) -> list[tuple[int, tuple[object, ...]]]:
@@ -192,7 +193,7 @@ def test_the_command_writes_the_arrays_and_says_what_it_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, out = tmp_path / "candump.log", tmp_path / "out.npz"
-    path.write_text(REGULAR.format(pose=POSE) + "noise\n")
+    path.write_text(REGULAR.format(pose=POSE).replace(" can1 ", " vcan0 ") + "noise\n")
     arguments = ["decode", str(path), "--profile", "reference", "--out", str(out), "--message", "POSE"]
     assert cli.main(arguments) == 0
     said = capsys.readouterr()
@@ -215,6 +216,6 @@ def test_the_command_writes_the_arrays_and_says_what_it_found(
 )
 def test_the_command_names_what_it_cannot_use(tmp_path: Path, capsys, arguments, text) -> None:  # type: ignore[no-untyped-def]
     path = tmp_path / "candump.log"
-    path.write_text("")
+    path.write_text(f"(1.000000) vcan0 110#{POSE}\n")
     assert cli.main(["decode", *(argument.format(log=path) for argument in arguments)]) == 2
     assert text in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""`vehicle-iface decode`: a candump log as arrays."""
+"""`vehicle-iface decode`: the log of a bus as arrays."""
 
 import argparse
 import sys
@@ -8,11 +8,12 @@ from vehicle_iface.cli.exit_status import DONE
 from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.logs.columns import decode_log, save, summarize
+from vehicle_iface.logs.columns import DecodedLog, decode_log, save, summarize
 from vehicle_iface.profile import load_profile
 
 MAX_REFUSED_SHOWN = 20
 """Lines of a log that are named one by one."""
+MAX_NAMES_SHOWN = 8
 
 
 def decode(options: argparse.Namespace) -> int:
@@ -23,11 +24,13 @@ def decode(options: argparse.Namespace) -> int:
         if name not in messages:
             raise ConfigError(f"--message {name}: must be one of: {', '.join(messages)}")
     selected = [messages[name] for name in dict.fromkeys(options.message) or messages]
-    log = decode_log(Path(options.log), selected, checked=True, progress=_show_progress)
+    log = decode_log(Path(options.log), selected, checked=True, channel=options.channel, progress=_show_progress)
     for refused in log.refused[:MAX_REFUSED_SHOWN]:
         print(f"{options.log}:{refused.line}: {refused.why}", file=sys.stderr)
     if len(log.refused) > MAX_REFUSED_SHOWN:
         print(f"… and {len(log.refused) - MAX_REFUSED_SHOWN} more lines", file=sys.stderr)
+    if not log.decoded:
+        raise ConfigError(_explain_empty(log, options.log, dbc))
     try:
         with open(options.out, "wb") as out:
             save(log, out)
@@ -36,6 +39,14 @@ def decode(options: argparse.Namespace) -> int:
     for line in summarize(log):
         print_safely(line)
     return DONE
+
+
+def _explain_empty(log: DecodedLog, path: str, dbc: Path) -> str:
+    """Why none of the frames became values."""
+    names = list(log.messages)
+    wanted = ", ".join(names[:MAX_NAMES_SHOWN]) + (", …" if len(names) > MAX_NAMES_SHOWN else "")
+    *_, counts = summarize(log)
+    return f"{path}: no values of {wanted} of {dbc} ({counts}): choose another --profile, --dbc, --message or --channel"
 
 
 def _show_progress(done_bytes: int, total_bytes: int) -> None:

@@ -33,7 +33,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_check_dbc(
         _command(commands, "check-dbc", "check a DBC or profile for use in control; each fault comes with its line")
     )
-    _add_decode(_command(commands, "decode", "decode a candump log (candump -L) into one NumPy array for each signal"))
+    _add_decode(_command(commands, "decode", "decode a log of a bus into one NumPy array for each signal"))
     commands.add_parser("view", add_help=False, help="the browser viewer (vehicle-iface view --help)")
     return parser
 
@@ -172,7 +172,15 @@ def _add_check_dbc(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_decode(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("log", metavar="LOG", help="the log; its stamps become MESSAGE:stamp_ns, nanoseconds")
+    parser.add_argument(
+        "log",
+        metavar="LOG",
+        help="candump (with or without -L and -t), .asc, .trc, .blf, .csv of SavvyCAN or python-can; its stamps become "
+        "MESSAGE:stamp_ns, nanoseconds",
+    )
+    parser.add_argument(
+        "--channel", metavar="NAME", help="decode only this channel, as the log calls it; required if there are several"
+    )
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--profile", default="reference", help="profile of the vehicle: its name, or a .toml file")
     which.add_argument(

@@ -1,13 +1,13 @@
-"""A candump log (`candump -L`, can-utils) as arrays: a million lines without a line of Python for each.
+"""A log of candump (can-utils) as arrays; of `candump -L` a million lines without a line of Python for each.
 
 Regular lines are `(1436509052.249713) vcan0 123#1122334455667788`, with 8 digits for an extended identifier, `##` and
 one digit of flags before FD data, and perhaps ` R` or ` T` at the end. They are found by where their spaces and `#`
-are and turned to numbers two characters at a time. Every other line is looked at by itself: what can be understood
-is taken, what cannot is reported. Nothing is passed over in silence.
+are and turned to numbers two characters at a time. Every other line is looked at by itself, and so is every line of a
+log whose stamps are differences, dates or missing: what can be understood is taken, what cannot is reported. Nothing
+is passed over in silence.
 """
 
 import mmap
-import re
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
@@ -17,55 +17,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.logs.candump_line import LineReader
 from vehicle_iface.logs.digits import (
     are_hexadecimal,
+    group_by_text,
     group_by_value,
     parse_hexadecimal,
     parse_keys,
     parse_stamps_ns,
 )
-from vehicle_iface.logs.frames import (
-    EXTENDED,
-    GREATEST_STAMP_S,
-    LAST_ID,
-    LAST_STANDARD_ID,
-    Bools,
-    Bytes,
-    Chunk,
-    Frame,
-    Frames,
-    Ints,
-    RefusedLine,
-)
-from vehicle_iface.units import NS_PER_S
+from vehicle_iface.logs.frames import MAX_CLASSICAL_BYTES, MAX_FD_BYTES, Bools, Bytes, Chunk, Frames, Ints
+from vehicle_iface.logs.stamps import Stamps
 
 CHUNK_BYTES = 1 << 20
 """Looked at in one go: what a processor's cache holds."""
-_ERROR = 0x20000000
-_LONGEST = {False: 8, True: 64}
-"""Payload bytes of a classical frame and of an FD frame."""
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-def read_candump(path: Path) -> Iterator[Chunk]:
+def read_candump(path: Path, stamps: Stamps = Stamps.AS_LOGGED) -> Iterator[Chunk]:
     """The log in pieces. `ConfigError` when the file cannot be read."""
     try:
         with path.open("rb") as file:
             size = file.seek(0, 2)
             if size:
                 with closing(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) as content:
-                    yield from _chunks(content, size)
+                    yield from _chunks(content, size, stamps)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
 
 
-def _chunks(content: mmap.mmap, size: int) -> Iterator[Chunk]:
-    begin, line = 0, 1
+def _chunks(content: mmap.mmap, size: int, stamps: Stamps) -> Iterator[Chunk]:
+    begin, line, reader = 0, 1, LineReader(stamps)
+    may_be_regular = stamps in (Stamps.AS_LOGGED, Stamps.SINCE_START)
     while begin < size:
         end = _end_of_chunk(content, begin, size)
-        text = content[begin:end]
+        text = content[begin:end] if begin else content[:end].removeprefix(BYTE_ORDER_MARK)
         if b"\r" in text:
             text = text.replace(b"\r\n", b"\n")
-        chunk = _parse_lines(text if text.endswith(b"\n") else text + b"\n", line)
+        chunk = _parse_lines(text if text.endswith(b"\n") else text + b"\n", line, reader, may_be_regular)
         chunk.done_bytes, chunk.total_bytes = end, size
         yield chunk
         begin, line = end, line + chunk.lines
@@ -82,20 +71,20 @@ def _end_of_chunk(content: mmap.mmap, begin: int, size: int) -> int:
     return newline + 1 if newline >= 0 else size
 
 
-def _parse_lines(raw: bytes, first_line: int) -> Chunk:
+def _parse_lines(raw: bytes, first_line: int, reader: LineReader, may_be_regular: bool) -> Chunk:
     """Whole lines; `raw` ends with a line end."""
     text = np.frombuffer(raw, np.uint8)
     starts, ends, rows = _find_regular(text)
     chunk = Chunk(lines=len(starts))
     taken = np.zeros(len(starts), bool)
-    for width, group in group_by_value(rows.stops - rows.firsts):
-        _parse_regular(text, rows.some(group), width, first_line, chunk, taken)
-    by_length: dict[int, list[Frame]] = {}
-    for index in np.flatnonzero(~taken).tolist():
-        frame = _parse_irregular(raw[starts[index] : ends[index]], first_line + index, chunk)
-        if frame is not None:
-            by_length.setdefault(len(frame[-1]), []).append(frame)
-    chunk.frames += [Frames.of(frames) for frames in by_length.values()]
+    if may_be_regular:
+        for channel, some in group_by_text(text, rows.channel_firsts, rows.channel_stops):
+            of_channel = rows.some(some)
+            for width, group in group_by_value(of_channel.stops - of_channel.firsts):
+                _parse_regular(text, of_channel.some(group), width, channel, first_line, chunk, taken)
+    others = np.flatnonzero(~taken).tolist()
+    read = (reader.read(raw[starts[index] : ends[index]], first_line + index, chunk) for index in others)
+    chunk.add(frame for frame in read if frame is not None)
     return chunk
 
 
@@ -114,6 +103,8 @@ class _Rows:
     index: Ints
     stamp_firsts: Ints
     stamp_stops: Ints
+    channel_firsts: Ints
+    channel_stops: Ints
     id_firsts: Ints
     id_stops: Ints
     firsts: Ints
@@ -166,14 +157,16 @@ def _match_shape(text: Bytes, index: Ints, starts: Ints, marks: Ints, signs: Byt
         good &= (marks[:, 3] == hash_ + 1) & (stops >= firsts)
         good &= are_hexadecimal(text[np.minimum(hash_ + 2, len(text) - 1)])
     width = stops - firsts
-    good &= (width % 2 == 0) & (width <= 2 * _LONGEST[is_fd])
+    good &= (width % 2 == 0) & (width <= 2 * (MAX_FD_BYTES if is_fd else MAX_CLASSICAL_BYTES))
     good &= (after_stamp - starts <= _LONGEST_STAMP) & (hash_ - before_id <= _LONGEST_ID)
-    rows = _Rows(index, starts + 1, after_stamp - 1, before_id + 1, hash_, firsts, stops)
+    rows = _Rows(index, starts + 1, after_stamp - 1, after_stamp + 1, before_id, before_id + 1, hash_, firsts, stops)
     return rows if good.all() else rows.some(np.flatnonzero(good))
 
 
-def _parse_regular(text: Bytes, rows: _Rows, width: int, first_line: int, chunk: Chunk, taken: Bools) -> None:
-    """Turn lines with payloads of one width into numbers; those that are none stay for the other way."""
+def _parse_regular(
+    text: Bytes, rows: _Rows, width: int, channel: str, first_line: int, chunk: Chunk, taken: Bools
+) -> None:
+    """Turn lines of one channel with payloads of one width into numbers; those that are none stay for the other way."""
     stamps_ns, good = parse_stamps_ns(text, rows.stamp_firsts, rows.stamp_stops)
     keys, good_keys = parse_keys(text, rows.id_firsts, rows.id_stops)
     data, good_data = parse_hexadecimal(text, rows.firsts, width)
@@ -188,42 +181,4 @@ def _parse_regular(text: Bytes, rows: _Rows, width: int, first_line: int, chunk:
             data[good],
         )
     taken[rows.index] = True
-    chunk.frames.append(Frames(lines=lines, stamps_ns=stamps_ns, keys=keys, data=data))
-
-
-_LINE = re.compile(
-    rb"\((?P<s>\d{1,10})\.(?P<f>\d{1,9})\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3,8})"
-    rb"#(?P<fd>#[0-9A-Fa-f])?(?P<data>(?:[0-9A-Fa-f]{2}\.?)*|R[0-8]?)(?:_[9A-Fa-f])?(?:\s+[RT])?"
-)
-
-
-def _parse_irregular(text: bytes, line: int, chunk: Chunk) -> Frame | None:
-    """One line by itself: a frame, or counted as what it is."""
-    text = text.strip()
-    if not text:
-        chunk.blank += 1
-        return None
-    found = _LINE.fullmatch(text)
-    if found is None:
-        chunk.refused.append(RefusedLine(line, f"no frame: {text[:60].decode('ascii', 'backslashreplace')}"))
-        return None
-    number, is_long = int(found["id"], 16), len(found["id"]) > 3
-    seconds = int(found["s"])
-    if is_long and _ERROR <= number < 2 * _ERROR:
-        chunk.errors += 1
-    elif number > (LAST_ID if is_long else LAST_STANDARD_ID) or seconds > GREATEST_STAMP_S:
-        chunk.refused.append(RefusedLine(line, f"identifier or stamp too great: {text[:40].decode('ascii')}"))
-    elif found["data"].startswith(b"R") and not found["fd"]:
-        chunk.remote += 1
-    elif len(data := _hexadecimal_to_bytes(found["data"])) > _LONGEST[bool(found["fd"])] or found["data"].startswith(
-        b"R"
-    ):
-        chunk.refused.append(RefusedLine(line, f"{len(data)} bytes: no payload of such a frame"))
-    else:
-        stamp_ns = seconds * NS_PER_S + int(found["f"].ljust(9, b"0"))
-        return line, stamp_ns, number | EXTENDED if is_long else number, data
-    return None
-
-
-def _hexadecimal_to_bytes(digits: bytes) -> bytes:
-    return b"" if digits.startswith(b"R") else bytes.fromhex(digits.replace(b".", b"").decode("ascii"))
+    chunk.frames.append(Frames(lines=lines, stamps_ns=stamps_ns, keys=keys, data=data, channel=channel))

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.logs.bulk_codec import BulkCodec, Column, Decoded
-from vehicle_iface.logs.candump import read_candump
 from vehicle_iface.logs.frames import EXTENDED, Bools, Bytes, Chunk, Frames, Ints, RefusedLine
+from vehicle_iface.logs.kinds import READABLE
+from vehicle_iface.logs.reading import OpenedLog, open_log
 
 Progress = Callable[[int, int], None]
 """Called with the bytes that are done and all of them."""
@@ -57,28 +58,78 @@ class DecodedLog:
     decoded: int
     foreign: int
     """Data frames with other identifiers."""
+    other_channels: int
+    """Data frames of channels that were not asked for."""
     remote: int
     errors: int
     """Error frames."""
     blank: int
+    comments: int
+    """Headers, comments and events that are no frames."""
     refused: Sequence[RefusedLine]
     """Lines that are no frame, and frames that are too short or of an unknown multiplexer, in the log's order."""
+    channels: Mapping[str, int]
+    """Each channel of the log, also those that were not asked for, with its frames of the messages."""
+    kind: str
+    """What the log was read as."""
+    stamps: str
+    """What the stamps mean, for a person."""
+
+    @property
+    def has_frames(self) -> bool:
+        """Whether any line is a frame, of whatever identifier or channel."""
+        return bool(self.channels or self.remote or self.errors)
 
 
 def decode_log(
-    path: Path, messages: Iterable[Message], *, checked: bool = False, progress: Progress | None = None
+    path: Path,
+    messages: Iterable[Message],
+    *,
+    checked: bool = False,
+    channel: str | None = None,
+    progress: Progress | None = None,
 ) -> DecodedLog:
-    """All frames of the messages in a candump log (`candump -L`).
+    """All frames of the messages in a log of any kind that can be read (`kinds.LogKind`), of one channel.
 
-    `ConfigError` when the file cannot be read, two of the messages have one identifier, or one cannot be compiled.
+    `ConfigError` when the file or none of its lines can be read, the messages come on more than one channel and none
+    is chosen, the chosen one is not in the log, two of the messages have one identifier, or one cannot be compiled.
     Whether a frame was FD is not looked at, nor a checksum: a log shows what was on the bus.
     """
-    collector = _Collector(messages, checked)
-    for chunk in read_candump(path):
+    log = scan_log(open_log(path), messages, checked=checked, channel=channel, progress=progress)
+    if not log.has_frames:
+        why = f"; line {log.refused[0].line}: {log.refused[0].why}" if log.refused else ""
+        ways = f"Logs that can be read: {READABLE}; python-can's can_logconvert converts others"
+        raise ConfigError(f"{path}: no frame in {log.lines} lines, read as {log.kind}{why}. {ways}")
+    present = {name: count for name, count in log.channels.items() if count}
+    if channel is None and len(present) > 1:
+        listed = _list_channels(present)
+        raise ConfigError(
+            f"{path}: frames of these messages on {len(present)} channels: {listed}: choose one: --channel"
+        )
+    if channel is not None and channel not in log.channels:
+        raise ConfigError(f"--channel {channel}: must be one of {path}: {_list_channels(log.channels)}")
+    return log
+
+
+def _list_channels(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name or 'without a name'} ({count} frames)" for name, count in sorted(counts.items()))
+
+
+def scan_log(
+    opened: OpenedLog,
+    messages: Iterable[Message],
+    *,
+    checked: bool = False,
+    channel: str | None = None,
+    progress: Progress | None = None,
+) -> DecodedLog:
+    """As `decode_log`, but a log without frames is no error, and without a channel all of them are put together."""
+    collector = _Collector(messages, checked, channel)
+    for chunk in opened.chunks:
         collector.take(chunk)
         if progress is not None:
             progress(chunk.done_bytes, chunk.total_bytes)
-    return collector.result()
+    return collector.result(opened.kind.value, opened.describe_stamps())
 
 
 @dataclass(slots=True)
@@ -132,7 +183,7 @@ class _Parts:
 class _Collector:
     """Sorts frames to their messages, and counts the rest."""
 
-    def __init__(self, messages: Iterable[Message], checked: bool) -> None:
+    def __init__(self, messages: Iterable[Message], checked: bool, channel: str | None) -> None:
         parts: dict[int, _Parts] = {}
         for message in messages:
             key = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
@@ -143,33 +194,48 @@ class _Collector:
         self._parts = [parts[key] for key in sorted(parts)]
         self._in_order = list(parts.values())
         self._total = Chunk()
-        self._decoded = self._foreign = 0
+        self._channel = channel
+        self._channels: dict[str, int] = {}
+        self._decoded = self._foreign = self._other_channels = 0
 
     def take(self, chunk: Chunk) -> None:
         total = self._total
         total.lines += chunk.lines
         total.blank += chunk.blank
+        total.comments += chunk.comments
         total.remote += chunk.remote
         total.errors += chunk.errors
         total.refused += chunk.refused
         for frames in chunk.frames:
             self._take_frames(frames)
 
-    def result(self) -> DecodedLog:
+    def result(self, kind: str, stamps: str) -> DecodedLog:
         total = self._total
         return DecodedLog(
             messages={parts.name: parts.columns() for parts in self._in_order},
             lines=total.lines,
             decoded=self._decoded,
             foreign=self._foreign,
+            other_channels=self._other_channels,
             remote=total.remote,
             errors=total.errors,
             blank=total.blank,
+            comments=total.comments,
             refused=tuple(sorted(total.refused, key=lambda refused: refused.line)),
+            channels=self._channels,
+            kind=kind,
+            stamps=stamps,
         )
 
     def _take_frames(self, frames: Frames) -> None:
-        for index, rows in self._by_message(frames.keys):
+        found = list(self._by_message(frames.keys))
+        bound = sum(len(rows) for _, rows in found)
+        self._channels[frames.channel] = self._channels.get(frames.channel, 0) + bound
+        if self._channel not in (None, frames.channel):
+            self._other_channels += len(frames.keys)
+            return
+        self._foreign += len(frames.keys) - bound
+        for index, rows in found:
             parts, lines, length = self._parts[index], frames.lines[rows], frames.data.shape[1]
             if length < parts.codec.length:
                 self._refuse(lines, f"{parts.name}: {length} bytes: must be {parts.codec.length}")
@@ -181,12 +247,10 @@ class _Collector:
     def _by_message(self, keys: Ints) -> Iterator[tuple[int, NDArray[np.intp]]]:
         """Index of each message that is there, and its rows in their order."""
         if not len(self._keys) or not len(keys):
-            self._foreign += len(keys)
             return
         place = np.searchsorted(self._keys, keys).astype(np.uint16)
         place[self._keys[np.minimum(place, len(self._keys) - 1)] != keys] = len(self._keys)
         counts = np.bincount(place, minlength=len(self._keys) + 1)
-        self._foreign += int(counts[-1])
         rows = np.split(np.argsort(place, kind="stable"), np.cumsum(counts)[:-1])
         for index in np.flatnonzero(counts[:-1]).tolist():
             yield index, rows[index]
@@ -197,6 +261,7 @@ class _Collector:
 
 def summarize(log: DecodedLog) -> Iterator[str]:
     """Lines for a person: what was found."""
+    yield f"read as {log.kind}; stamps: {log.stamps}"
     for name, columns in log.messages.items():
         bad = len(columns) - int(columns.in_range.sum())
         yield f"{name}: {len(columns)} frames" + (f", {bad} with values out of range" if bad else "")
@@ -204,9 +269,11 @@ def summarize(log: DecodedLog) -> Iterator[str]:
         "lines": log.lines,
         "decoded": log.decoded,
         "of other identifiers": log.foreign,
+        "of other channels": log.other_channels,
         "remote": log.remote,
         "error frames": log.errors,
         "blank": log.blank,
+        "headers, comments or events": log.comments,
         "refused": len(log.refused),
     }
     yield ", ".join(f"{count} {what}" for what, count in counts.items() if count or what in ("lines", "decoded"))

@@ -25,6 +25,24 @@ def group_by_value(values: Ints) -> list[tuple[int, NDArray[np.intp] | slice]]:
     return [(int(value), np.flatnonzero(values == value)) for value in present]
 
 
+def group_by_text(text: Bytes, firsts: Ints, stops: Ints) -> list[tuple[str, NDArray[np.intp] | slice]]:
+    """Each word, and where it is; word `i` is the text from `firsts[i]` to `stops[i]`."""
+    found: list[tuple[str, NDArray[np.intp] | slice]] = []
+    for width, group in group_by_value(stops - firsts):
+        words = sliding_window_view(text, width)[firsts[group]]
+        if _whole_rows(words == words[0]).all():
+            found.append((_decoded(words[0]), group))
+            continue
+        index = np.arange(len(firsts))[group]
+        each, which = np.unique(words.view(f"V{width}")[:, 0], return_inverse=True)
+        found += [(_decoded(word), index[which == number]) for number, word in enumerate(each)]
+    return found
+
+
+def _decoded(word: Bytes | np.void) -> str:
+    return word.tobytes().decode("utf-8", "backslashreplace")
+
+
 def parse_stamps_ns(text: Bytes, begins: Ints, stops: Ints) -> tuple[Ints, Bools]:
     """Stamps of 6 or 9 digits after the point; and whether they are such."""
     stamps_ns, good = np.zeros(len(begins), np.int64), np.zeros(len(begins), bool)
