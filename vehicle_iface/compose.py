@@ -6,12 +6,13 @@ from vehicle_iface import clock
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.bus.socketcan import SocketCanBus
 from vehicle_iface.codec.binding import Role
-from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
+from vehicle_iface.codec.database import EXACT_ID, BoundMessage, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase, StopSteering
 from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
 from vehicle_iface.control.user_controller import load_controller
+from vehicle_iface.frame import IdFilter
 from vehicle_iface.motion_sources import sources_of
 from vehicle_iface.pose import Locator
 from vehicle_iface.profile import Profile
@@ -63,20 +64,23 @@ def open_bus(
     `sent` are confirmed where the bus can tell; `receive_timeout_ns` is for an event-driven reader (see
     `SocketCanBus`).
     """
-    can_ids = [message.can_id for message in received]
+    kept = list(received)
+    can_ids = [message.can_id for message in kept if message.id_mask == EXACT_ID]
+    masked = [IdFilter(message.can_id, message.id_mask) for message in kept if message.id_mask != EXACT_ID]
     if interface == "socketcan":
         own_ids = [message.can_id for message in sent]
         return SocketCanBus(
             channel,
             can_ids,
             own_ids=own_ids,
+            masked=masked,
             bitrate=profile.bus.bitrate,
             data_bitrate=profile.bus.data_bitrate or profile.bus.bitrate,
             receive_timeout_ns=receive_timeout_ns,
         )
     from vehicle_iface.bus.python_can import PythonCanBus  # 0.2 s to import, and SocketCAN does not need it
 
-    return PythonCanBus(interface, channel, can_ids, bitrate=profile.bus.bitrate, is_fd=profile.bus.fd)
+    return PythonCanBus(interface, channel, can_ids, masked=masked, bitrate=profile.bus.bitrate, is_fd=profile.bus.fd)
 
 
 def build_controller(name: str, profile: Profile) -> ControllerBase:

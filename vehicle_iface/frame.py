@@ -21,6 +21,17 @@ class _Fields(NamedTuple):
     is_error: bool = False
 
 
+class IdFilter(NamedTuple):
+    """Extended identifiers of which only some bits matter."""
+
+    can_id: int
+    mask: int
+
+    def matches(self, can_id: int) -> bool:
+        """Whether the identifier is one of them."""
+        return (can_id ^ self.can_id) & self.mask == 0
+
+
 class CanFrame(_Fields):
     """A classical or FD data frame with the moment it was seen.
 

@@ -6,7 +6,7 @@ import can
 
 from vehicle_iface import clock
 from vehicle_iface.errors import BusError
-from vehicle_iface.frame import CanFrame
+from vehicle_iface.frame import CanFrame, IdFilter
 from vehicle_iface.units import NS_PER_MS
 
 INTERFACES: frozenset[str] = can.VALID_INTERFACES
@@ -19,13 +19,20 @@ class PythonCanBus:
     """An adapter that python-can knows. Frames are stamped when they are read: adapters' clocks differ."""
 
     def __init__(
-        self, interface: str, channel: str, can_ids: Iterable[int], *, bitrate: int, is_fd: bool = False
+        self,
+        interface: str,
+        channel: str,
+        can_ids: Iterable[int],
+        *,
+        masked: Iterable[IdFilter] = (),
+        bitrate: int,
+        is_fd: bool = False,
     ) -> None:
         self.description = f"python-can {interface} {channel}"
         self._counters = {"received": 0, "sent": 0, "send_no_room": 0, "error_frames": 0}
         self._next: CanFrame | None = None
         # Filtered here: with its own filters python-can reports an empty queue at the first frame of another node.
-        self._can_ids = frozenset(can_ids)
+        self._can_ids, self._masked = frozenset(can_ids), tuple(masked)
         try:
             self._bus = can.Bus(
                 interface=interface,
@@ -56,6 +63,9 @@ class PythonCanBus:
             frame = self._read()
         self._counters["received"] += len(frames)
         return frames
+
+    def _is_wanted(self, can_id: int) -> bool:
+        return can_id in self._can_ids or any(one.matches(can_id) for one in self._masked)
 
     def has_room(self) -> bool:
         """Always true: python-can does not report what its adapters still hold."""
@@ -106,7 +116,7 @@ class PythonCanBus:
                 return None
             if message.is_error_frame:
                 self._counters["error_frames"] += 1
-            elif message.arbitration_id in self._can_ids:
+            elif self._is_wanted(message.arbitration_id):
                 return CanFrame(
                     message.arbitration_id,
                     bytes(message.data),

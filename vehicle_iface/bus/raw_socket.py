@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from vehicle_iface.bus.receive import SO_RXQ_OVFL, SO_TIMESTAMPNS, Packet
 from vehicle_iface.errors import BusError, BusGoneError
-from vehicle_iface.frame import CanFrame, unchecked_frame
+from vehicle_iface.frame import CanFrame, IdFilter, unchecked_frame
 
 # From <linux/can.h>, <linux/can/raw.h>, <linux/sockios.h>, <linux/sock_diag.h> and <asm-generic/socket.h>.
 EFF_FLAG, RTR_FLAG, ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
@@ -48,9 +48,14 @@ def unpack_frame(packet: Packet, stamp_ns: int) -> CanFrame:
 
 
 def open_socket(
-    channel: str, can_ids: Iterable[int] | None, *, receive_bytes: int, errors: bool = False
+    channel: str,
+    can_ids: Iterable[int] | None,
+    *,
+    receive_bytes: int,
+    errors: bool = False,
+    masked: Iterable[IdFilter] = (),
 ) -> socket.socket:
-    """A raw socket on an interface that is up, filtered to `can_ids` (None: all of them, of either kind).
+    """A raw socket on an interface that is up, filtered to `can_ids` (None: all of them, of either kind) and `masked`.
 
     `BusError` with the command that fixes it; `BusGoneError` where there is no such interface.
     """
@@ -65,6 +70,7 @@ def open_socket(
     try:
         # Exact identifiers over all 29 bits; the flags are left open (see SocketCanBus).
         pairs = [(0, 0)] if can_ids is None else [(can_id, EFF_MASK) for can_id in sorted(set(can_ids))]
+        pairs += [(one.can_id | EFF_FLAG, one.mask | EFF_FLAG) for one in masked]
         filters = b"".join(struct.pack("=II", *pair) for pair in pairs)
         raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
         raw.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, _UINT32.pack(ERR_MASK if errors else 0))

@@ -24,7 +24,7 @@ from vehicle_iface.bus.raw_socket import (
 from vehicle_iface.bus.receive import BATCH, BatchReceiver, Packet
 from vehicle_iface.bus.traffic_monitor import TrafficMonitor, TrafficSample
 from vehicle_iface.bus.transmit import BatchSender
-from vehicle_iface.frame import CanFrame
+from vehicle_iface.frame import CanFrame, IdFilter
 from vehicle_iface.units import NS_PER_MS
 
 RECEIVE_BUFFER_BYTES = 1 << 20
@@ -51,12 +51,14 @@ class SocketCanBus:
         can_ids: Iterable[int],
         *,
         own_ids: Iterable[int] = (),
+        masked: Iterable[IdFilter] = (),
         bitrate: int,
         data_bitrate: int,
         receive_timeout_ns: int | None = None,
     ) -> None:
-        """Hear `can_ids`; take note of `own_ids` when they were sent. The bit rates, in bits per second, are for the
-        bus load only: the interface has its own.
+        """Receive `can_ids` and `masked`; take note of `own_ids` when they were sent.
+
+        The bit rates, in bits per second, are for the bus load only: the interface has its own.
 
         With `receive_timeout_ns`, `wait` is one call that sleeps and receives, for at most so long (in the kernel's
         ticks, up to 10 ms more), whatever `until_ns` is: one system call a frame, for an event-driven reader. Without
@@ -81,7 +83,7 @@ class SocketCanBus:
         self._to_confirm, self._to_confirm_since_ns = 0, clock.monotonic_ns()
         with ExitStack() as unless_all_open:
             self._socket = unless_all_open.enter_context(
-                open_socket(channel, can_ids, receive_bytes=RECEIVE_BUFFER_BYTES)
+                open_socket(channel, can_ids, receive_bytes=RECEIVE_BUFFER_BYTES, masked=masked)
             )
             self._watch = unless_all_open.enter_context(
                 open_socket(channel, own_ids, receive_bytes=RECEIVE_BUFFER_BYTES, errors=True)

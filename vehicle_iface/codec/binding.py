@@ -16,7 +16,7 @@ from vehicle_iface.codec.protection_rules import find_rule
 from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
-from vehicle_iface.profile.forms import signals_of
+from vehicle_iface.profile.forms import FieldForm, signals_of, value_of
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
 from vehicle_iface.profile.state_pose import StatePose
 
@@ -181,7 +181,9 @@ class Binding:
 def _named_signals(*tables: msgspec.Struct | None) -> dict[str, tuple[str, ...]]:
     """Field or condition → its signals, without those that are not bound."""
     places = {field: getattr(table, field) for table in tables if table for field in _source_fields(table)}
-    return {field: tuple(signals_of(form)) for field, form in places.items() if form is not None}
+    found = {field: tuple(signals_of(value_of(form))) for field, form in places.items() if form is not None}
+    signs = [form.negative_if for form in places.values() if isinstance(form, FieldForm)]
+    return found | ({"negative_if": tuple(signals_of(tuple(signs)))} if any(signs) else {})
 
 
 def _source_fields(table: msgspec.Struct) -> tuple[str, ...]:

@@ -19,7 +19,9 @@ from vehicle_iface.profile.schema import DriverConditions, ModeConditions, Statu
 
 _COUNTS = ("ref_spatial_index", "ref_temporal_index", "deadline_misses")
 """Fields of the report in which every number means itself."""
-_CONDITIONS = frozenset(("valid", *ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__))
+_CONDITIONS = frozenset(
+    ("valid", "negative_if", *ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__)
+)
 _ONE_SAMPLE = ("x_m", "y_m", "heading_rad", "latitude_deg", "longitude_deg", "speed_mps", "pose_frame")
 """Fields of the state that must come in messages of its sample: where the vehicle is, in which frame, how fast."""
 
@@ -100,6 +102,9 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
     for name in profile.messages:
         if name not in binding.messages:
             yield _missing_message(binding, name, f"$.messages.{name}")
+        elif profile.messages[name].j1939 is not None and not binding.messages[name].is_extended_frame:
+            text = f"{name} has an identifier of 11 bits; those of J1939 have 29"
+            yield binding.fault(f"$.messages.{name}.j1939", text)
     for dotted in profile.signals:
         if binding.find_signal(dotted) is None:
             yield _missing_signal(binding, dotted, f"$.signals.{dotted}")

@@ -22,6 +22,10 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.row import RowReader
 
+EXACT_ID = 0x1FFF_FFFF
+J1939_PGN, J1939_SOURCE = 0x03FF_FF00, 0xFF
+"""Bits of an extended identifier (SAE J1939-21): page, format and group, without the priority above; the sender."""
+
 
 class Conversion(NamedTuple):
     """Field = scale · (value in the DBC's unit) + offset."""
@@ -38,6 +42,8 @@ class BoundMessage:
     role: Role
     can_id: int
     is_extended: bool
+    id_mask: int
+    """The bits of a received frame's identifier that must be those of `can_id`."""
     is_fd: bool
     length: int
     """Payload, bytes."""
@@ -145,8 +151,9 @@ def _bind_message(binding: Binding, name: str) -> BoundMessage:
     return BoundMessage(
         name=name,
         role=binding.roles[name],
-        can_id=message.frame_id,
+        can_id=_can_id(binding, name),
         is_extended=message.is_extended_frame,
+        id_mask=_id_mask(binding, name),
         is_fd=message.is_fd,
         length=message.length,
         codec=codec,
@@ -159,6 +166,21 @@ def _bind_message(binding: Binding, name: str) -> BoundMessage:
         to_wire=tuple(translate_to_wire(binding, dotted) for dotted in places),
         protection=build_protection(binding.profile, message),
     )
+
+
+def _can_id(binding: Binding, name: str) -> int:
+    """The DBC's identifier, with the source address of the profile's notes."""
+    can_id, j1939 = binding.messages[name].frame_id, binding.message_notes(name).j1939
+    if j1939 is None or j1939.source_address is None:
+        return can_id
+    return can_id & ~J1939_SOURCE | j1939.source_address
+
+
+def _id_mask(binding: Binding, name: str) -> int:
+    j1939 = binding.message_notes(name).j1939
+    if j1939 is None or binding.roles[name] in SENT_ROLES:
+        return EXACT_ID
+    return J1939_PGN if j1939.source_address is None else J1939_PGN | J1939_SOURCE
 
 
 def _common_range(ranges: list[tuple[float, float]]) -> tuple[float, float]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from enum import Enum
 
 from vehicle_iface.codec.compiled import Value
-from vehicle_iface.codec.database import BoundMessage
+from vehicle_iface.codec.database import EXACT_ID, BoundMessage
 from vehicle_iface.codec.e2e import CounterCheck, DamageCheck, Sequence
 from vehicle_iface.codec.protection import NO_COUNTER
 from vehicle_iface.decoded import DecodedMessage
@@ -83,12 +83,12 @@ class Decoder:
     `decode(frame)` gives the message, or None when the frame is not ours or was dropped.
     """
 
-    __slots__ = ("_inputs", "accepted", "drops")
+    __slots__ = ("_by_mask", "_inputs", "accepted", "drops")
 
     def __init__(self, messages: Iterable[BoundMessage]) -> None:
-        self._inputs = {
-            message.can_id | (_EXTENDED if message.is_extended else 0): _Input(message) for message in messages
-        }
+        kept = tuple(messages)
+        self._inputs = {message.can_id | (_EXTENDED if message.is_extended else 0): _Input(message) for message in kept}
+        self._by_mask = [message for message in kept if message.id_mask != EXACT_ID]
         self.accepted = 0
         """Frames that became messages."""
         self.drops: dict[tuple[DropCause, str], int] = {}
@@ -109,6 +109,8 @@ class Decoder:
         """The message in `frame`, or None when the frame is not ours or was dropped."""
         can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error = frame
         entry = self._inputs.get(can_id | _EXTENDED if is_extended else can_id)
+        if entry is None and self._by_mask and is_extended:
+            entry = self._find_by_mask(can_id)
         if entry is None:
             self._drop_unknown(frame)
             return None
@@ -146,6 +148,13 @@ class Decoder:
         for entry in self._inputs.values():
             if entry.counters is not None:
                 entry.counters.reset()
+
+    def _find_by_mask(self, can_id: int) -> _Input | None:
+        """The message that is recognised by a part of its identifier."""
+        for message in self._by_mask:
+            if (can_id ^ message.can_id) & message.id_mask == 0:
+                return self._inputs[message.can_id | _EXTENDED]
+        return None
 
     def _drop_unknown(self, frame: CanFrame) -> None:
         """A frame whose identifier is none of ours, or ours in the other format."""

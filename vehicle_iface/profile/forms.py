@@ -65,6 +65,11 @@ def signals_of(form: object) -> Iterator[SignalName]:
         yield from signals_of((form.signal, form.all or (), form.any or (), form.negated))
 
 
+def value_of(form: object) -> object:
+    """A form without the condition on its sign; what is no form is itself."""
+    return msgspec.structs.replace(form, negative_if=None) if isinstance(form, FieldForm) else form
+
+
 def check_form(form: object, place: str) -> Iterator[str]:
     """What the types of a form cannot express, as `place: text`."""
     if isinstance(form, FieldForm):
