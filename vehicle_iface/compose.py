@@ -153,7 +153,7 @@ def build_loop(
     transmitter = Transmitter(encoder, transmit_filter, link, gate, engagement, counters, now_ns)
     handover = Handover(ns_from_s(profile.handover.warning_s), hold_until_warned=profile.handover.hold_until_warned)
     publisher = TelemetryPublisher(telemetry, controller, counters)
-    shadow = None if armed else _shadow(database)
+    shadow = None if armed or not database.commands else _shadow(database)
     names = {(m.can_id, m.is_extended): m.name for m in (*database.received, *database.sent)}
     return Loop(
         LoopComponents(

@@ -63,7 +63,7 @@ class Binding:
         self.sections: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "state": _named_signals(profile.state.signals, profile.state.pose),
             "status": _named_signals(profile.status.signals, profile.status.when, profile.status.driver),
-            "command": _named_signals(profile.command.signals),
+            "command": _named_signals(profile.command.signals) if profile.command else {},
             "body": _named_signals(profile.body.signals) if profile.body else {},
             "report": _named_signals(profile.report.signals) if profile.report else {},
         }

@@ -432,6 +432,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     protection: MessageProtection | None = None
     state: State
     status: Status
-    command: Command
+    command: Command | None = None
+    """Without it, the vehicle is only watched."""
     body: Body | None = None
     report: Report | None = None

@@ -104,6 +104,6 @@ class CommandWatch:
     @property
     def expires_ns(self) -> int | None:
         """When the commands are lost unless more come; None before the first of each kind."""
-        if len(self._last_ns) < len(self._kinds):
+        if not self._kinds or len(self._last_ns) < len(self._kinds):
             return None
         return min(self._last_ns.values()) + WATCHDOG_NS
