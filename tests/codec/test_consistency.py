@@ -93,7 +93,7 @@ DBC_FAULTS = [
     ('4 "EMERGENCY_STOP"', '4 "PANIC"', r"4 'PANIC' is unknown; must be one of: MANUAL"),
     (' 17 "NOT_ENGAGED"', "", r"REASON: VAL_ table without NOT_ENGAGED"),
     ("VAL_ 256 MODE", "VAL_ 256 MOED", r"reference\.dbc"),
-    ("VAL_ 384 STATE", 'VAL_ 384 DEADLINE_MISSES 255 "OR_MORE" ;\nVAL_ 384 STATE', r"MISSES: is a count, but .* only 1 of"),
+    ("VAL_ 384 STATE", 'VAL_ 384 DEADLINE_MISSES 0 "NONE" 1 "ONE" ;\nVAL_ 384 STATE', r"MISSES: is a count, but .* only 2 of"),
     ("CRC : 0|8@1+ (1,0) [0|255]", "CRC : 4|4@1+ (1,0) [0|15]", r"CRC: bits 4\|4, but E2E profile 1 has 0\|8"),
     ('SG_ POS_Y : 40|24@1- (0.005,0)', 'SG_ POS_Y : 40|24@1- 0.005,0)', rf"reference\.dbc:{line_of('SG_ POS_Y')}: "),
     (' SG_ HEADING : 16|16@1-', ' SG_ HEADING m3 : 16|16@1-', r"MOTION\.HEADING is multiplexed, but MOTION has no multiplexer"),

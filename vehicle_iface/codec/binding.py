@@ -158,14 +158,3 @@ def value_range(signal: Signal) -> tuple[float, float]:
 def resolution(signal: Signal) -> float:
     """The step of one count, in the signal's unit; 0 for a float."""
     return 0.0 if signal.is_float else abs(float(signal.scale))
-
-
-def bits_of(signal: Signal) -> Iterator[int]:
-    """The signal's bits in little-endian numbering, the one that comes first in the wire's byte order first."""
-    bit = signal.start
-    for _ in range(signal.length):
-        yield bit
-        if signal.byte_order == "little_endian":
-            bit += 1
-        else:
-            bit = bit - 1 if bit % 8 else bit + 15

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Mapping
 from cantools.database import Message, Signal
 
 from vehicle_iface import checks
-from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, bits_of, resolution, suggest, value_range
+from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, resolution, suggest, value_range
 from vehicle_iface.codec.e2e import Protection
 from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults
-from vehicle_iface.codec.layout import Layout
+from vehicle_iface.codec.layout import Layout, bits_of
 from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.profile.schema import EndToEnd
 

@@ -15,7 +15,7 @@ from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.consistency import find_faults
 from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.codec.e2e import Protection
-from vehicle_iface.codec.enumerations import frames_of_reference, translate_from_wire
+from vehicle_iface.codec.enumerations import enumerated_signals, frames_of_reference, translate_from_wire
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 
@@ -115,7 +115,7 @@ def build_database(binding: Binding) -> VehicleDatabase:
 
 def _bind_message(binding: Binding, name: str) -> BoundMessage:
     message, e2e = binding.messages[name], binding.profile.e2e
-    codec = MessageCodec(message)
+    codec = MessageCodec(message, enumerated=enumerated_signals(binding, name))
     places = [f"{name}.{value}" for value in codec.names]
     from_wire = tuple(translate_from_wire(binding, dotted) for dotted in places)
     protection = None

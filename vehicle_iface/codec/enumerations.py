@@ -36,6 +36,12 @@ def translate_from_wire(binding: Binding, dotted: str) -> dict[int, int] | None:
     return None if all(wire == ours for wire, ours in numbers.items()) else numbers
 
 
+def enumerated_signals(binding: Binding, message_name: str) -> frozenset[str]:
+    """The signals of a message in which the program knows no number without a name."""
+    dotted = {place for place, field in binding.fields.items() if field in _VOCABULARIES or field == "pose_frame"}
+    return frozenset(place.partition(".")[2] for place in dotted if place.partition(".")[0] == message_name)
+
+
 def frames_of_reference(binding: Binding) -> dict[int, str]:
     """Number of `pose_frame` on the wire → frame of reference."""
     dotted, frames = binding.profile.state.signals.pose_frame, binding.profile.state.frames

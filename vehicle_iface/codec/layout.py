@@ -3,7 +3,7 @@ its multiplexers.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 from cantools.database import Message, Signal
@@ -38,8 +38,11 @@ class Field:
     offset: float
     minimum: float | None
     maximum: float | None
+    has_unit: bool
     table: frozenset[int]
     """Numbers that VAL_ names; empty without a table."""
+    is_enumerated: bool
+    """Whether the program needs a name for each number, however many of them VAL_ names."""
     parent: str | None
     """The multiplexer that this signal depends on."""
     parent_ids: frozenset[int]
@@ -85,11 +88,18 @@ class Field:
         return low, high, frozenset(named) if gaps else None
 
     def enumeration(self) -> frozenset[int]:
+        """All allowed numbers, where the VAL_ table is a list of them.
+
+        It is one when it counts up from the bottom, and all of it is in range. A table that names only a few special
+        numbers of a measured quantity ("error", "not available") says nothing about the others."""
         if self.kind is not IdentityConversion or self.is_float:
             return frozenset()
-        if any(not self.lowest <= raw <= self.highest for raw in self.table):
-            return frozenset()
-        return self.table
+        in_range = frozenset(raw for raw in self.table if self.lowest <= raw <= self.highest)
+        if self.is_enumerated:
+            return in_range
+        bottoms = {0, 1, math.ceil(max(self.lowest, self.raw_minimum))}
+        counts_up = any({bottom, bottom + 1} <= in_range for bottom in bottoms)
+        return in_range if counts_up and in_range == self.table and not self.has_unit else frozenset()
 
     def _raw_bounds(self) -> tuple[int, int]:
         low, high = (self.lowest, self.highest) if self.scale > 0 else (-self.highest, -self.lowest)
@@ -131,10 +141,13 @@ class Layout:
     branches: Mapping[str, tuple[Branch, ...]]
 
     @classmethod
-    def of(cls, message: Message) -> "Layout":
+    def of(cls, message: Message, enumerated: Collection[str] = ()) -> "Layout":
+        """The layout of a message; `enumerated` are its signals of which every allowed number has a name."""
         if message.is_container:
             raise ConfigError(f"{message.name}: container messages cannot be compiled")
-        fields = tuple(_field(message, index, signal) for index, signal in enumerate(message.signals))
+        fields = tuple(
+            _field(message, index, signal, signal.name in enumerated) for index, signal in enumerate(message.signals)
+        )
         branches = {
             signal.name: _branches(field, [child for child in fields if child.parent == signal.name])
             for signal, field in zip(message.signals, fields, strict=True)
@@ -151,7 +164,18 @@ class Layout:
                 yield from self.below(child)
 
 
-def _field(message: Message, index: int, signal: Signal) -> Field:
+def bits_of(signal: Signal) -> Iterator[int]:
+    """The signal's bits in little-endian numbering, the one that comes first in the wire's byte order first."""
+    bit = signal.start
+    for _ in range(signal.length):
+        yield bit
+        if signal.byte_order == "little_endian":
+            bit += 1
+        else:
+            bit = bit - 1 if bit % 8 else bit + 15
+
+
+def _field(message: Message, index: int, signal: Signal, is_enumerated: bool) -> Field:
     where = f"{message.name}.{signal.name}"
     is_big = signal.byte_order == "big_endian"
     shift = signal.start
@@ -176,6 +200,8 @@ def _field(message: Message, index: int, signal: Signal) -> Field:
         offset=linear.offset,
         minimum=signal.minimum,
         maximum=signal.maximum,
+        has_unit=bool(signal.unit),
+        is_enumerated=is_enumerated,
         table=frozenset(int(number) for number in signal.choices or ()),
         parent=signal.multiplexer_signal,
         parent_ids=frozenset(signal.multiplexer_ids or ()),

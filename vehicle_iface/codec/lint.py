@@ -11,10 +11,10 @@ from pathlib import Path
 
 from cantools.database import Message, Signal
 
-from vehicle_iface.codec.binding import PERIODS, Binding, Role, bits_of
+from vehicle_iface.codec.binding import PERIODS, Binding, Role
 from vehicle_iface.codec.consistency import UNITS, find_faults
 from vehicle_iface.codec.dbc_file import DbcFile, inspect_dbc
-from vehicle_iface.codec.layout import Layout
+from vehicle_iface.codec.layout import Layout, bits_of
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.motion_sources import describe_missing
 from vehicle_iface.profile import Profile, inspect_profile
