@@ -10,6 +10,7 @@ from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, reso
 from vehicle_iface.codec.e2e import Protection
 from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults
 from vehicle_iface.codec.layout import Layout, bits_of
+from vehicle_iface.codec.usage import used_dbc_faults
 from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.profile.schema import EndToEnd
 
@@ -86,7 +87,7 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
 
 def _missing_message(binding: Binding, name: str, place: str) -> ConfigError:
     text = f"no message {name!r} in {binding.file.name}{suggest(name, binding.messages)}"
-    return binding.fault(place, text)
+    return binding.file.find_error(name) or binding.fault(place, text)
 
 
 def _missing_signal(binding: Binding, dotted: str, place: str) -> ConfigError:
@@ -95,7 +96,8 @@ def _missing_signal(binding: Binding, dotted: str, place: str) -> ConfigError:
     if message is None:
         return _missing_message(binding, message_name, place)
     names = [signal.name for signal in message.signals]
-    return binding.fault(place, f"no signal {name!r} in {message_name}{suggest(name, names)}")
+    text = f"no signal {name!r} in {message_name}{suggest(name, names)}"
+    return binding.file.find_error(dotted) or binding.fault(place, text)
 
 
 def _sample_faults(binding: Binding) -> Iterator[ConfigError]:
@@ -311,6 +313,7 @@ def _first_bit(signal: Signal) -> int:
 
 
 _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
+    used_dbc_faults,
     _signal_faults,
     _name_faults,
     _sample_faults,
