@@ -80,7 +80,8 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
     for place, names in (("$.ignored", profile.ignored), ("$.constants", tuple(profile.constants))):
         for dotted in names:
             if binding.find_signal(dotted) is None:
-                yield _missing_signal(binding, dotted, place)
+                if place != "$.ignored" or binding.file.find_error(dotted) is None:
+                    yield _missing_signal(binding, dotted, place)
             elif dotted in binding.fields:
                 yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
 

@@ -116,7 +116,7 @@ def _node(name: str) -> str:
 
 def _number(written: str) -> str:
     """With a digit before the point."""
-    return re.sub(r"^([-+]?)\.", r"\g<1>0.", written)
+    return re.sub(r"^([-+]?)\.", r"\g<1>0.", written) if "." in written[:2] else written
 
 
 def _quote(text: str) -> str:

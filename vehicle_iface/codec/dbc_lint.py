@@ -77,8 +77,12 @@ def _impossible_ranges(file: DbcFile, message: Message) -> Iterator[DbcFinding]:
         yield message_finding(file, message.name, ERROR, text, "messages that cannot be compiled")
         return
     for field, signal in zip(fields, message.signals, strict=True):
-        upside_down = field.minimum is not None and field.maximum is not None and field.minimum > field.maximum
-        if not field.is_float and not upside_down and field.allowed_raw()[0] > field.allowed_raw()[1]:
+        if field.minimum is None or field.maximum is None or field.is_float or field.minimum > field.maximum:
+            continue
+        low, high = sorted((field.scaled(field.raw_minimum), field.scaled(field.raw_maximum)))
+        if min(high, field.maximum) - max(low, field.minimum) >= abs(field.scale):
+            continue  # wide enough for one; only a narrow one has to be searched
+        if field.allowed_raw()[0] > field.allowed_raw()[1]:
             text = f"no value lies in its range [{field.minimum}|{field.maximum}]"
             yield signal_finding(file, message, signal, ERROR, text, "ranges without a value")
 

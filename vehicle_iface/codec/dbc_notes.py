@@ -230,9 +230,9 @@ class DbcNotes:
         found = _COMMENT.fullmatch(statement.body)
         if found:
             self.comments[int(found[1] or found[2]), found[3] or ""] = unquote(found[4])
-        elif not statement.is_whole:
-            return False
         elif not _OTHER_COMMENT.fullmatch(statement.body):
+            if not statement.is_whole:
+                return False
             text = f"a comment that belongs to nothing known: {shorten(statement.body)}"
             self.findings.add_warning(statement.line, "", text, "comments that belong to nothing known")
         return True
