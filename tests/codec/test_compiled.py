@@ -298,6 +298,31 @@ def test_between_two_names_there_is_no_third(names: dict[int, str], between: flo
         assert MessageCodec(message, checked=False).encode([between]) == bytes([round(between)]) + bytes(7)
 
 
+@pytest.mark.parametrize(
+    ("names", "unit"),
+    [
+        ({65534: "ERROR", 65535: "NOT_AVAILABLE"}, None),
+        ({0: "NONE", 65535: "NOT_AVAILABLE"}, None),
+        ({0: "STANDS", 1: "CREEPS", 65535: "NOT_AVAILABLE"}, "rpm"),
+    ],
+)
+def test_a_table_of_a_few_special_numbers_is_no_list_of_all_that_are_allowed(names: dict[int, str], unit: str) -> None:
+    message = message_of(signal(width=16, choices=names, minimum=0, maximum=65535, unit=unit))
+    payload = bytes([0xE8, 3]) + bytes(6)
+    assert MessageCodec(message).decode(payload) == (1000,)
+    with pytest.raises(SignalError, match="1000: must be one of"):
+        MessageCodec(message, enumerated={"SIGNAL"}).decode(payload)
+
+
+def test_a_number_that_the_program_needs_a_name_for_is_refused_beside_a_marker_out_of_range() -> None:
+    gear = signal(width=4, choices={1: "REVERSE", 2: "DRIVE", 15: "NOT_AVAILABLE"}, minimum=0, maximum=7)
+    codec = MessageCodec(message_of(gear), enumerated={"SIGNAL"})
+    assert codec.decode(bytes([2]) + bytes(7)) == (2,)
+    for number in (3, 15):
+        with pytest.raises(SignalError, match=r"must be one of \{1, 2\}"):
+            codec.decode(bytes([number]) + bytes(7))
+
+
 def test_a_name_outside_the_range_is_a_marker_for_no_value() -> None:
     percent = signal(width=8, choices={255: "NOT_AVAILABLE"}, minimum=0, maximum=100)
     codec = MessageCodec(message_of(percent))

@@ -84,11 +84,11 @@ def test_all_faults_of_a_profile_are_reported_at_once(variant: Variant) -> None:
 
 
 DBC_FAULTS = [
-    ("BO_ 273 MOTION", "BO_ 272 MOTION", r"reference\.dbc:\d+: message MOTION: id 272 is already in line"),
-    ("BO_ 273 MOTION", "BO_ 273 POSE", r"reference\.dbc:\d+: message POSE is already in line"),
-    ("SG_ SPEED ", "SG_ HEADING ", r"reference\.dbc:\d+: signal MOTION\.HEADING is already in line"),
+    ("BO_ 273 MOTION", "BO_ 272 MOTION", r"reference\.dbc:\d+: MOTION: id 272 is already in line"),
+    ("BO_ 273 MOTION", "BO_ 273 POSE", r"reference\.dbc:\d+: POSE: is already in line"),
+    ("SG_ SPEED ", "SG_ HEADING ", r"reference\.dbc:\d+: MOTION\.HEADING: is already in line"),
     ("SPEED : 32|16", "SPEED : 31|16", r"reference\.dbc:\d+: .*overlapping"),
-    ("YAW_RATE : 48|16", "YAW_RATE : 56|16", r"reference\.dbc:\d+: .*does not fit"),
+    ("YAW_RATE : 48|16", "YAW_RATE : 56|16", r"reference\.dbc:\d+: .*do not fit"),
     ("YAW_RATE : 48|16@1- (0.0002,0)", "YAW_RATE : 48|16@1- (0,0)", r"MOTION\.YAW_RATE: factor 0"),
     ("[-6.5536|6.5534]", "[6.5|-6.5]", r"MOTION\.YAW_RATE: range .* upside down"),
     ("[-6.5536|6.5534]", "[7|8]", r"MOTION\.YAW_RATE: no value lies in its range"),
@@ -97,10 +97,10 @@ DBC_FAULTS = [
     ('1 "READY" ', "", r"VEHICLE_STATUS\.MODE: VAL_ table without READY"),
     (' 17 "NOT_ENGAGED"', "", r"REASON: VAL_ table without NOT_ENGAGED"),
     ("VAL_ 256 MODE", "VAL_ 256 MOED", r"reference\.dbc"),
-    ("VAL_ 384 STATE", 'VAL_ 384 DEADLINE_MISSES 255 "OR_MORE" ;\nVAL_ 384 STATE', r"MISSES: is a count, but .* only 1 of"),
+    ("VAL_ 384 STATE", 'VAL_ 384 DEADLINE_MISSES 0 "NONE" 1 "ONE" ;\nVAL_ 384 STATE', r"MISSES: is a count, but .* only 2 of"),
     ("CRC : 0|8@1+ (1,0) [0|255]", "CRC : 4|4@1+ (1,0) [0|15]", r"CRC: bits 4\|4, but E2E profile 1 has 0\|8"),
     ('SG_ POS_Y : 40|24@1- (0.005,0)', 'SG_ POS_Y : 40|24@1- 0.005,0)', rf"reference\.dbc:{line_of('SG_ POS_Y')}: "),
-    (' SG_ HEADING : 16|16@1-', ' SG_ HEADING m3 : 16|16@1-', r"MOTION\.HEADING is multiplexed, but MOTION has no multiplexer"),
+    (' SG_ HEADING : 16|16@1-', ' SG_ HEADING m3 : 16|16@1-', r"MOTION\.HEADING: is multiplexed, but MOTION has no multiplexer"),
 ]  # fmt: skip
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from vehicle_iface import cli
-from vehicle_iface.codec.lint import ERROR, WARNING, LintFinding, check_file
+from vehicle_iface.codec.dbc_findings import ERROR, WARNING
+from vehicle_iface.codec.lint import LintFinding, check_file
 from vehicle_iface.errors import ConfigError
 
 from .conftest import DBC_FOLDER
@@ -51,8 +52,8 @@ def test_the_shipped_profiles_are_clean(name: str) -> None:
 # what is replaced by what, what is said of it, and a text of the line that is named
 # ruff: noqa: E501
 IN_THE_DBC = [
-    ("BO_ 273 MOTION", "BO_ 272 MOTION", ERROR, "message MOTION: id 272 is already in line", "BO_ 272 MOTION"),
-    ("SG_ YAW_RATE ", "SG_ HEADING ", ERROR, "signal MOTION.HEADING is already in line", "SG_ HEADING : 48"),
+    ("BO_ 273 MOTION", "BO_ 272 MOTION", ERROR, "MOTION: id 272 is already in line", "BO_ 272 MOTION"),
+    ("SG_ YAW_RATE ", "SG_ HEADING ", ERROR, "MOTION.HEADING: is already in line", "SG_ HEADING : 48"),
     ("SPEED : 32|16", "SPEED : 31|16", ERROR, "MOTION.SPEED: overlapping: shares bits with HEADING", "SPEED : 31"),
     (
         "YAW_RATE : 48|16",
@@ -179,8 +180,8 @@ def test_all_faults_are_found_at_once(copy) -> None:  # type: ignore[no-untyped-
     [
         (b"", "the file is empty", 1),
         (b'VERSION ""\n\x00', "a NUL byte", 2),
-        (b'VERSION "', "ends inside a string", 1),
-        (b'VERSION ""\nBO_ 1 A: 8 X\n SG_ B : 0|8@1+ (1', "ends in the middle of a line", 3),
+        (b'VERSION "', "ends in the middle of this statement", 1),
+        (b'VERSION ""\nBO_ 1 A: 8 X\n SG_ B : 0|8@1+ (1', "ends in the middle of this statement", 3),
         (b'VERSION ""\n', "no message in it", 0),
         (b'VERSION ""\nBO_ nonsense\n', "", 2),
     ],

@@ -210,7 +210,7 @@ def test_the_command_writes_the_arrays_and_says_what_it_found(
     [
         (("none.log", "--out", "x.npz"), "none.log: cannot be read"),
         (("{log}", "--out", "{log}/x.npz"), "cannot be written"),
-        (("{log}", "--out", "x.npz", "--message", "POOSE"), "--message POOSE: must be one of: "),
+        (("{log}", "--out", "x.npz", "--message", "POOSE"), "message POOSE: must be one of: "),
         (("{log}", "--out", "x.npz", "--dbc", "none.dbc"), "none.dbc: cannot be read"),
     ],
 )

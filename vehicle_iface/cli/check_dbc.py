@@ -8,6 +8,7 @@ from pathlib import Path
 from vehicle_iface.cli.exit_status import BAD_USAGE, DONE
 from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec import lint
+from vehicle_iface.codec.dbc_findings import ERROR
 
 
 def check_dbc(options: argparse.Namespace) -> int:
@@ -18,4 +19,4 @@ def check_dbc(options: argparse.Namespace) -> int:
     else:
         for finding in findings:
             print_safely(str(finding))
-    return BAD_USAGE if any(finding.severity == lint.ERROR for finding in findings) else DONE
+    return BAD_USAGE if any(finding.severity == ERROR for finding in findings) else DONE

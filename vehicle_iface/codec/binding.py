@@ -196,12 +196,3 @@ def suggest(name: str, names: Iterable[str]) -> str:
     return f"; nearest: {', '.join(found)}" if found else ""
 
 
-def bits_of(signal: Signal) -> Iterator[int]:
-    """The signal's bits in little-endian numbering, the one that comes first in the wire's byte order first."""
-    bit = signal.start
-    for _ in range(signal.length):
-        yield bit
-        if signal.byte_order == "little_endian":
-            bit += 1
-        else:
-            bit = bit - 1 if bit % 8 else bit + 15

@@ -34,9 +34,10 @@ class MessageCodec:
 
     With `checked` both refuse, as `SignalError`: a wrong length, a value outside the DBC's range or
     not finite, a number that the signal's VAL_ table does not name, an unknown multiplexer. A VAL_
-    table counts as an enumeration when the signal is unscaled and all of its entries lie in the
-    signal's range; otherwise its entries outside the range are markers ("not available") and
-    refused as the missing values that they are. Without `checked` the values are those of cantools
+    table counts as an enumeration when the signal is among `enumerated`, or when it is unscaled,
+    without unit, and the table counts up from the bottom of the range and stays in it; otherwise
+    its entries outside the range are markers ("not available") and refused as the missing values
+    that they are. Without `checked` the values are those of cantools
     with `decode_choices=False`, longer payloads are cut like there, and `SignalError` says what
     cannot be represented at all.
 

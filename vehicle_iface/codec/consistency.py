@@ -13,6 +13,7 @@ from vehicle_iface.codec.expressions import Place, unknown_names
 from vehicle_iface.codec.layout import Layout
 from vehicle_iface.codec.protection_faults import protection_faults, rule_faults
 from vehicle_iface.codec.signal_view import unit_faults
+from vehicle_iface.codec.usage import used_dbc_faults
 from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.profile.forms import FieldForm, signals_of
 from vehicle_iface.profile.schema import DriverConditions, ModeConditions, StatusSignals
@@ -111,14 +112,15 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
     for place, names in (("$.ignored", profile.ignored), ("$.constants", tuple(profile.constants))):
         for dotted in names:
             if binding.find_signal(dotted) is None:
-                yield _missing_signal(binding, dotted, place)
+                if place != "$.ignored" or binding.file.find_error(dotted) is None:
+                    yield _missing_signal(binding, dotted, place)
             elif dotted in binding.fields:
                 yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
 
 
 def _missing_message(binding: Binding, name: str, place: str) -> ConfigError:
     text = f"no message {name!r} in {binding.file.name}{suggest(name, binding.messages)}"
-    return binding.fault(place, text)
+    return binding.file.find_error(name) or binding.fault(place, text)
 
 
 def _missing_signal(binding: Binding, dotted: str, place: str) -> ConfigError:
@@ -127,7 +129,8 @@ def _missing_signal(binding: Binding, dotted: str, place: str) -> ConfigError:
     if message is None:
         return _missing_message(binding, message_name, place)
     names = [signal.name for signal in message.signals]
-    return binding.fault(place, f"no signal {name!r} in {message_name}{suggest(name, names)}")
+    text = f"no signal {name!r} in {message_name}{suggest(name, names)}"
+    return binding.file.find_error(dotted) or binding.fault(place, text)
 
 
 def _sample_faults(binding: Binding) -> Iterator[ConfigError]:
@@ -322,6 +325,7 @@ def _value_faults(binding: Binding, layout: Layout) -> Iterator[ConfigError]:
 
 
 _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
+    used_dbc_faults,
     _signal_faults,
     _condition_faults,
     _name_faults,

@@ -1,14 +1,21 @@
-"""One DBC file, read strictly: what cantools would load with a shrug is refused here, with its line."""
+"""One DBC file, read message by message: a fault in one hides no other, and each fault has its line."""
 
-import re
-from collections.abc import Iterable, Iterator, Mapping
+import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cantools.database import load_string
+from cantools.database import Message, load_string
 from cantools.database.can import Database
 from cantools.database.errors import Error as CantoolsError
 
+from vehicle_iface.codec.dbc_canonical import CanonicalWriter
+from vehicle_iface.codec.dbc_findings import ERROR, DbcFinding, DbcFindings
+from vehicle_iface.codec.dbc_notes import DbcNotes
+from vehicle_iface.codec.dbc_overlap import find_overlaps
+from vehicle_iface.codec.dbc_repair import SoundMessage, repair_messages
+from vehicle_iface.codec.dbc_source import MessageText, collect_messages
+from vehicle_iface.codec.dbc_text import read_text, split_statements
 from vehicle_iface.errors import ConfigError
 
 _FOREIGN = (
@@ -20,197 +27,106 @@ _FOREIGN = (
     ArithmeticError,
     RecursionError,
 )
-_STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
-_MESSAGE = re.compile(r"^[ \t]*BO_[ \t]+(\d{1,10})[ \t]+(\w+)[ \t]*:", re.MULTILINE)
-_SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
-_MULTIPLEXED = re.compile(r"^[ \t]*SG_[ \t]+(\w+)[ \t]+m\d+M?[ \t]*:", re.MULTILINE)
-_MULTIPLEXER = re.compile(r"^[ \t]*SG_[ \t]+\w+[ \t]+(?:m\d+)?M[ \t]*:", re.MULTILINE)
-_UNBOUND = "VECTOR__INDEPENDENT_SIG_MSG"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DbcFile:
-    """A DBC that was loaded, with the lines of what is in it."""
+    """A DBC that was loaded, with the lines of what is in it and all that is odd or wrong."""
 
     name: str
     database: Database
+    """What can be used. Messages and signals that cannot are not in it."""
     lines: Mapping[str, int]
     """Of each MESSAGE and MESSAGE.SIGNAL."""
+    findings: Sequence[DbcFinding] = ()
+    """In the order of lines. Their errors only matter for what is used."""
 
     def fault(self, dotted: str, text: str) -> ConfigError:
         """An error about a message or signal, with its line."""
         return _fault(self.name, self.lines.get(dotted, 0), f"{dotted}: {text}")
 
+    def error_of(self, finding: DbcFinding) -> ConfigError:
+        """The error that a finding is where the program uses what it is about."""
+        return _fault(self.name, finding.line, finding.text)
+
+    @property
+    def errors(self) -> list[ConfigError]:
+        """What makes messages or signals unusable."""
+        return [self.error_of(finding) for finding in self.findings if finding.severity == ERROR]
+
+    def select_messages(self, names: Sequence[str]) -> list[Message]:
+        """The messages of these names, each once; without names all but those that are unsound as a whole."""
+        messages = {message.name: message for message in self.database.messages}
+        for name in names:
+            if name not in messages:
+                unknown = ConfigError(f"message {name}: must be one of: {', '.join(messages)}")
+                raise self.find_error(name) or unknown
+        unsound = {place for finding in self.findings if finding.severity == ERROR for place in finding.about}
+        return [messages[name] for name in dict.fromkeys(names) or messages if name in names or name not in unsound]
+
+    def find_error(self, dotted: str) -> ConfigError | None:
+        """Why a message or signal is not in the database, although the file has it."""
+        about = (one for one in self.findings if one.severity == ERROR and dotted in one.about)
+        return next((self.error_of(finding) for finding in about), None)
+
 
 def read_dbc(path: Path) -> DbcFile:
-    """Load a DBC; `ConfigError` with file and line of everything in it that is doubtful.
-
-    Refused besides what cantools refuses: text that is not text, an end in mid-statement, two
-    messages of one id or name, two signals of one name, a factor of 0, a range upside down."""
-    file, faults = _load(path, strict=True)
-    if file is None or faults:
-        raise ConfigError("\n".join(map(str, faults)))
+    """Load a DBC. `ConfigError` for a file that is none, is cut short, or has no message that can be used."""
+    name, text = path.name, read_text(path)
+    if not text.strip():
+        raise _fault(name, 1, "the file is empty")
+    findings = DbcFindings()
+    statements = list(split_statements(name, text))
+    messages = collect_messages(name, statements, findings)
+    notes = DbcNotes(name, messages, statements, findings)
+    database = _parse(list(repair_messages(messages, notes, findings)), notes, findings)
+    lines = _lines(messages)
+    for message in database.messages:
+        for signal, other in find_overlaps(message):
+            about = (f"{message.name}.{signal.name}", f"{message.name}.{other.name}")
+            text = f"overlapping: shares bits with {other.name}"
+            findings.add_error(lines[about[0]], about, text, "overlapping signals")
+    file = DbcFile(name=name, database=database, lines=lines, findings=tuple(findings))
+    if not database.messages:
+        raise ConfigError("\n".join([*map(str, file.errors), f"{name}: no message in it"]))
     return file
 
 
-def inspect_dbc(path: Path) -> tuple[DbcFile | None, list[ConfigError]]:
-    """Load a DBC as far as it goes, with its faults; overlaps and signals beyond their message are left to the caller.
-    None when there is nothing to look at."""
-    return _load(path, strict=False)
-
-
-def _load(path: Path, *, strict: bool) -> tuple[DbcFile | None, list[ConfigError]]:
-    name, faults = path.name, list[ConfigError]()
+def _parse(messages: Sequence[SoundMessage], notes: DbcNotes, findings: DbcFindings) -> Database:
+    """All of them at once; where cantools refuses that, one by one."""
+    writer = CanonicalWriter(notes)
+    text, head = writer.write_messages(messages), writer.write_head()
+    logging.getLogger(Database.__module__).setLevel(logging.ERROR)  # what it warns of is among the findings
     try:
-        text = _text(path)
-        bare = _STRING.sub(_blank, text)
-        if not bare.strip():
-            raise _fault(name, 1, "the file is empty")
-        messages = list(_messages(bare))
-        faults += _ending_faults(name, text, bare)
-        faults += _duplicate_faults(name, messages)
-        lines = _lines(messages)
-        file = DbcFile(name=name, database=_parse(name, text, lines, strict), lines=lines)
-    except ConfigError as error:
-        return None, [*faults, error]
-    faults += _content_faults(file)
-    if not file.database.messages:
-        return None, [*faults, ConfigError(f"{name}: no message in it")]
-    return file, faults
-
-
-def _parse(name: str, text: str, lines: Mapping[str, int], strict: bool) -> Database:
-    try:
-        database = load_string(text, database_format="dbc", strict=strict)
-    except _FOREIGN as error:
-        raise _explain(name, lines, error) from None
-    if not isinstance(database, Database):
-        raise ConfigError(f"{name}: describes diagnostics, not a bus")
+        database = _load(head + text)
+    except _FOREIGN:
+        database = Database(strict=False)
+        for message in messages:
+            try:
+                database.messages.extend(_load(head + writer.write_messages([message])).messages)
+            except _FOREIGN as error:
+                text = f"was not understood: {' '.join(str(error).split()) or type(error).__name__}"
+                findings.add_error(message.text.line, message.text.name, text, "not understood")
+        database.refresh()
+    writer.restore_names(database)
     return database
 
 
-def _text(path: Path) -> str:
-    """UTF-8 or, as DBC tools write it, Windows code page 1252."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-    if 0 in data:
-        raise _fault(path.name, data[: data.index(0)].count(b"\n") + 1, "a NUL byte: not a DBC, or in UTF-16")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        pass
-    try:
-        return data.decode("cp1252")
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise _fault(path.name, line, f"byte {data[error.start]:#04x} is neither UTF-8 nor code page 1252") from None
+def _load(text: str) -> Database:
+    database = load_string(text, database_format="dbc", strict=False)
+    assert isinstance(database, Database)  # of diagnostics are other formats
+    return database
 
 
-def _blank(found: re.Match[str]) -> str:
-    """A string literal without its text, but with its line ends."""
-    return '"' + "\n" * found[0].count("\n") + '"'
-
-
-def _ending_faults(name: str, text: str, bare: str) -> Iterator[ConfigError]:
-    last = text.count("\n") + 1
-    if bare.count('"') % 2:
-        yield _fault(name, last, "the file ends inside a string; it is cut short")
-    elif not text.endswith(("\n", ";")):
-        yield _fault(name, last, "the file ends in the middle of a line; it may be cut short")
-
-
-@dataclass(frozen=True, slots=True)
-class _MessageText:
-    """A message as it stands in the file."""
-
-    name: str
-    can_id: int
-    line: int
-    signals: tuple[tuple[str, int], ...]
-    """MESSAGE.SIGNAL and line of each."""
-    orphan: tuple[str, int] | None
-    """MESSAGE.SIGNAL and line of the first multiplexed signal, where there is no multiplexer."""
-
-
-def _messages(bare: str) -> Iterator[_MessageText]:
-    found = list(_MESSAGE.finditer(bare))
-    ends = [match.start() for match in found[1:]] + [len(bare)] * bool(found)
-    for match, end in zip(found, ends, strict=True):
-        name, body = match[2], bare[match.start(1) : end]
-        if name == _UNBOUND:
-            continue
-        line = bare[: match.start(1)].count("\n") + 1
-        signals = tuple(_place(name, body, line, signal) for signal in _SIGNAL.finditer(body))
-        orphan = _MULTIPLEXED.search(body) if not _MULTIPLEXER.search(body) else None
-        orphan_place = _place(name, body, line, orphan) if orphan else None
-        yield _MessageText(name, int(match[1]), line, signals, orphan_place)
-
-
-def _place(name: str, body: str, line: int, signal: re.Match[str]) -> tuple[str, int]:
-    """MESSAGE.SIGNAL and line of a signal in a message's text, which begins in `line`."""
-    return f"{name}.{signal[1]}", line + body[: signal.start(1)].count("\n")
-
-
-def _lines(messages: Iterable[_MessageText]) -> dict[str, int]:
+def _lines(messages: Sequence[MessageText]) -> dict[str, int]:
     """Lines of all messages and signals, the first ones of duplicates."""
     lines: dict[str, int] = {}
     for message in messages:
         if message.name not in lines:
             lines[message.name] = message.line
-            for dotted, line in message.signals:
-                lines.setdefault(dotted, line)
+            for signal in message.signals:
+                lines.setdefault(f"{message.name}.{signal.name}", signal.line)
     return lines
-
-
-def _duplicate_faults(name: str, messages: Iterable[_MessageText]) -> Iterator[ConfigError]:
-    """Names and identifiers that are there twice, and multiplexed signals without a multiplexer."""
-    lines: dict[str, int] = {}
-    ids: dict[int, int] = {}
-    for message in messages:
-        if message.name in lines:
-            yield _fault(name, message.line, f"message {message.name} is already in line {lines[message.name]}")
-            continue
-        lines[message.name] = message.line
-        if message.can_id in ids:
-            text = f"message {message.name}: id {message.can_id} is already in line {ids[message.can_id]}"
-            yield _fault(name, message.line, text)
-        ids.setdefault(message.can_id, message.line)
-        for dotted, line in message.signals:
-            if dotted in lines:
-                yield _fault(name, line, f"signal {dotted} is already in line {lines[dotted]}")
-            lines.setdefault(dotted, line)
-        if message.orphan is not None:
-            dotted, line = message.orphan
-            yield _fault(name, line, f"{dotted} is multiplexed, but {message.name} has no multiplexer")
-
-
-def _content_faults(file: DbcFile) -> Iterator[ConfigError]:
-    parsed = {message.name for message in file.database.messages}
-    written = {name for name in file.lines if "." not in name}
-    for name in sorted(written ^ parsed):
-        yield file.fault(name, "was not understood; the file is damaged")
-    for message in file.database.messages:
-        for signal in message.signals:
-            dotted = f"{message.name}.{signal.name}"
-            if signal.scale == 0:
-                yield file.fault(dotted, "factor 0: every value would be the same")
-            low, high = signal.minimum, signal.maximum
-            if low is not None and high is not None and not low <= high:
-                yield file.fault(dotted, f"range [{low}|{high}] is upside down")
-
-
-def _explain(name: str, lines: Mapping[str, int], error: Exception) -> ConfigError:
-    """cantools' words, with the line that they are about."""
-    text = " ".join(str(error).split()).removeprefix('DBC: "').removesuffix('"')
-    stated = re.search(r"line (\d+)", text)
-    if stated:
-        return _fault(name, int(stated[1]), text)
-    words = re.findall(r"\w+", text)
-    message = next((word for word in words if word in lines), "")
-    dotted = next((f"{message}.{word}" for word in words if f"{message}.{word}" in lines), message)
-    return _fault(name, lines.get(dotted, 0), text or type(error).__name__)
 
 
 def _fault(name: str, line: int, text: str) -> ConfigError:

@@ -38,8 +38,11 @@ class Field:
     offset: float
     minimum: float | None
     maximum: float | None
+    has_unit: bool
     table: frozenset[int]
     """Numbers that VAL_ names; empty without a table."""
+    is_enumerated: bool
+    """Whether the program needs a name for each number, however many of them VAL_ names."""
     parent: str | None
     """The multiplexer that this signal depends on."""
     parent_ids: frozenset[int]
@@ -87,11 +90,18 @@ class Field:
         return low, high, frozenset(named) if gaps else None
 
     def enumeration(self) -> frozenset[int]:
+        """All allowed numbers, where the VAL_ table is a list of them.
+
+        It is one when it counts up from the bottom, and all of it is in range. A table that names only a few special
+        numbers of a measured quantity ("error", "not available") says nothing about the others."""
         if self.kind is not IdentityConversion or self.is_float:
             return frozenset()
-        if any(not self.lowest <= raw <= self.highest for raw in self.table):
-            return frozenset()
-        return self.table
+        in_range = frozenset(raw for raw in self.table if self.lowest <= raw <= self.highest)
+        if self.is_enumerated:
+            return in_range
+        bottoms = {0, 1, math.ceil(max(self.lowest, self.raw_minimum))}
+        counts_up = any({bottom, bottom + 1} <= in_range for bottom in bottoms)
+        return in_range if counts_up and in_range == self.table and not self.has_unit else frozenset()
 
     def _raw_bounds(self) -> tuple[int, int]:
         low, high = (self.lowest, self.highest) if self.scale > 0 else (-self.highest, -self.lowest)
@@ -123,6 +133,10 @@ class SignalRules:
     names: Mapping[int, str] | None = None
     missing: frozenset[int] = frozenset()
     """Raw numbers by which the sender says that there is no value."""
+    has_unit: bool | None = None
+    """Whether it measures a quantity; None: as the DBC says."""
+    is_enumerated: bool = False
+    """Whether every allowed number has a name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +210,17 @@ def _with_multiplexers(message: Message, names: Collection[str]) -> set[str]:
     return found
 
 
+def bits_of(signal: Signal) -> Iterator[int]:
+    """The signal's bits in little-endian numbering, the one that comes first in the wire's byte order first."""
+    bit = signal.start
+    for _ in range(signal.length):
+        yield bit
+        if signal.byte_order == "little_endian":
+            bit += 1
+        else:
+            bit = bit - 1 if bit % 8 else bit + 15
+
+
 def _field(message: Message, index: int, signal: Signal, rules: SignalRules, *, is_flat: bool) -> Field:
     where = f"{message.name}.{signal.name}"
     is_big = signal.byte_order == "big_endian"
@@ -221,6 +246,8 @@ def _field(message: Message, index: int, signal: Signal, rules: SignalRules, *, 
         offset=linear.offset,
         minimum=rules.limits[0] if rules.limits else signal.minimum,
         maximum=rules.limits[1] if rules.limits else signal.maximum,
+        has_unit=bool(signal.unit) if rules.has_unit is None else rules.has_unit,
+        is_enumerated=rules.is_enumerated,
         table=frozenset(int(number) for number in (signal.choices if rules.names is None else rules.names) or ()),
         parent=None if is_flat else signal.multiplexer_signal,
         parent_ids=frozenset(signal.multiplexer_ids or ()),

@@ -1,28 +1,36 @@
 """All that is wrong with a DBC or a profile for control use, each with its line: `vehicle-iface check-dbc FILE`.
 
-An error keeps the program from driving, a warning asks for a look. A `.toml` profile is
-checked together with its DBC. A `.dbc` alone is checked without knowledge of what its signals are for.
+An error keeps the program from driving, a warning asks for a look. A `.toml` profile is checked together with its
+DBC: what it does not use is warned of at most, and many warnings of one kind become one. A `.dbc` alone is checked
+without knowledge of what its signals are for.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from cantools.database import Message, Signal
-
-from vehicle_iface.codec.binding import PERIODS, Binding, Role, bits_of
+from vehicle_iface.codec.binding import PERIODS, Binding, Role
 from vehicle_iface.codec.consistency import find_faults
-from vehicle_iface.codec.dbc_file import DbcFile, inspect_dbc
+from vehicle_iface.codec.dbc_file import read_dbc
+from vehicle_iface.codec.dbc_findings import ERROR, WARNING, DbcFinding
+from vehicle_iface.codec.dbc_lint import (
+    find_cycle_doubts,
+    find_doubts,
+    find_range_doubts,
+    message_finding,
+    signal_finding,
+)
 from vehicle_iface.codec.enumerations import describe_unknown_names
-from vehicle_iface.codec.layout import Layout
 from vehicle_iface.codec.protection_faults import describe_gap
-from vehicle_iface.codec.quantities import find_unit
+from vehicle_iface.codec.usage import Usage
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.motion_sources import describe_missing
 from vehicle_iface.profile import Profile, inspect_profile
 
-ERROR, WARNING = "error", "warning"
+_MOST_OF_A_KIND = 5
+"""More warnings of one kind, about what is not used, become one."""
+_EXAMPLES = 3
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -43,26 +51,21 @@ class LintFinding:
 
 def check_file(path: Path) -> list[LintFinding]:
     """All findings, in the order of file and line. `ConfigError` for a file that is neither `.dbc` nor `.toml`."""
-    if path.suffix == ".dbc":
+    if path.suffix.lower() == ".dbc":
         found = _of_dbc(path)
-    elif path.suffix == ".toml":
+    elif path.suffix.lower() == ".toml":
         found = _of_profile(path)
     else:
         raise ConfigError(f"{path}: must end in .dbc or .toml")
     return sorted(set(found))
 
 
-MOST_BITS = 512
-"""Of the longest FD frame."""
-
-
 def _of_dbc(path: Path) -> list[LintFinding]:
-    file, errors = inspect_dbc(path)
-    found = [_located(str(error), {path.name: path}) for error in errors]
-    if file is not None:
-        found += _of_content(path, file)
-        found += _for_nobody(path, file)
-    return found
+    try:
+        file = read_dbc(path)
+    except ConfigError as error:
+        return [_located(line, {path.name: path}) for line in str(error).splitlines()]
+    return list(_present(path, [*file.findings, *find_range_doubts(file), *find_doubts(file)], None))
 
 
 def _of_profile(path: Path) -> list[LintFinding]:
@@ -84,19 +87,37 @@ def _of_pair(path: Path, profile: Profile, lines: "_TomlLines") -> list[LintFind
     dbc = (
         path.parent / Path(profile.dbc).name if path.parent.resolve() == Path(profile.dbc).parent else Path(profile.dbc)
     )
-    file, errors = inspect_dbc(dbc)
-    if file is None:
-        return [_located(str(error), {dbc.name: dbc}) for error in errors]
-    found = list(_of_content(dbc, file))
+    try:
+        file = read_dbc(dbc)
+    except ConfigError as error:
+        return [_located(line, {dbc.name: dbc}) for line in str(error).splitlines()]
     binding = Binding(profile, file)
-    for error in [*errors, *find_faults(binding)]:
-        text = str(error)
+    doubts = [*file.findings, *find_range_doubts(file), *_control_doubts(binding)]
+    found = list(_present(dbc, doubts, Usage(binding)))
+    for text in map(str, find_faults(binding)):
         if text.startswith(f"{path.name}: "):
             found.append(lines.finding(text.removeprefix(f"{path.name}: "), ERROR))
         else:
             found.append(_located(text, {dbc.name: dbc}))
-    found += (lines.finding(text, WARNING) for text in describe_missing(profile))
-    return [*found, *_for_control(dbc, binding)]
+    return [*found, *(lines.finding(text, WARNING) for text in describe_missing(profile))]
+
+
+def _present(path: Path, findings: Iterable[DbcFinding], usage: Usage | None) -> Iterator[LintFinding]:
+    """Findings about a DBC: in front of a profile, what it does not use is a warning. Many such of a kind are one."""
+    unused: dict[str, list[DbcFinding]] = {}
+    for finding in sorted(findings, key=lambda finding: finding.line):
+        is_used = usage is not None and usage.concerns(finding)
+        if is_used or (usage is None and finding.severity == ERROR):
+            yield LintFinding(str(path), finding.line, finding.severity, finding.text)
+        else:
+            unused.setdefault(finding.kind, []).append(finding)
+    for kind, group in unused.items():
+        if len(group) > _MOST_OF_A_KIND:
+            examples = (f"{one.about[0] if one.about else one.text} (line {one.line})" for one in group[:_EXAMPLES])
+            text = f"{kind}: {len(group)} times; first: {', '.join(examples)}"
+            yield LintFinding(str(path), group[0].line, WARNING, text)
+        else:
+            yield from (LintFinding(str(path), one.line, WARNING, one.text) for one in group)
 
 
 def _located(text: str, files: dict[str, Path]) -> LintFinding:
@@ -118,120 +139,16 @@ def _line_in(text: str, path: Path) -> int:
     return int(stated[1]) if stated else 0
 
 
-# --- what needs no profile
-
-
-def _of_content(path: Path, file: DbcFile) -> Iterator[LintFinding]:
-    """Bits and ranges of every message."""
-    for message in file.database.messages:
-        yield from _bit_findings(path, file, message)
-        for signal in message.signals:
-            text = _range_beyond_bits(signal)
-            if text:
-                yield _finding(path, file, message, signal, WARNING, text)
-
-
-def _bit_findings(path: Path, file: DbcFile, message: Message) -> Iterator[LintFinding]:
-    """Signals beyond their message, and signals on the bits of another one."""
-    taken: list[tuple[Signal, frozenset[int]]] = []
-    for signal in message.signals:
-        bits = frozenset(bits_of(signal))
-        if max(bits, default=0) >= 8 * message.length or min(bits, default=0) < 0:
-            text = f"bits {signal.start}|{signal.length} do not fit into {message.length} bytes"
-            yield _finding(path, file, message, signal, ERROR, text)
-        for other, others in taken:
-            if bits & others and not _apart(message, signal, other):
-                yield _finding(path, file, message, signal, ERROR, f"overlapping: shares bits with {other.name}")
-        taken.append((signal, bits))
-
-
-def _apart(message: Message, one: Signal, other: Signal) -> bool:
-    """Whether some multiplexer never shows both."""
-    ids = dict(_multiplexers(message, one))
-    return any(name in ids and not ids[name] & shown for name, shown in _multiplexers(message, other))
-
-
-def _multiplexers(message: Message, signal: Signal) -> Iterator[tuple[str, frozenset[int]]]:
-    """Each multiplexer that the signal depends on, with the ids that show it."""
-    by_name = {one.name: one for one in message.signals}
-    seen: set[str] = set()
-    while signal.multiplexer_signal in by_name and signal.multiplexer_signal not in seen:
-        seen.add(signal.multiplexer_signal)
-        yield signal.multiplexer_signal, frozenset(signal.multiplexer_ids or ())
-        signal = by_name[signal.multiplexer_signal]
-
-
-def _range_beyond_bits(signal: Signal) -> str:
-    """A range whose ends the bits cannot express; empty where they can."""
-    if signal.is_float or signal.minimum is None or signal.maximum is None or not signal.scale:
-        return ""
-    if signal.length > MOST_BITS:
-        return f"{signal.length} bits: a frame has {MOST_BITS} at most"
-    least = -(1 << signal.length - 1) if signal.is_signed else 0
-    most = (1 << signal.length - bool(signal.is_signed)) - 1
-    low, high = sorted(raw * signal.scale + signal.offset for raw in (least, most))
-    step = abs(signal.scale) * 1e-6
-    if low - step <= signal.minimum and signal.maximum <= high + step:
-        return ""
-    return f"range [{signal.minimum}|{signal.maximum}]: {signal.length} bits express [{low:.10g}|{high:.10g}]"
-
-
-def _for_nobody(path: Path, file: DbcFile) -> Iterator[LintFinding]:
-    """Findings that matter if the signal is used, which only a profile can tell."""
-    for message in file.database.messages:
-        yield from _cycle_findings(path, file, message)
-        yield from _impossible(path, file, message)
-        for signal in message.signals:
-            if signal.length > 1 and not signal.choices and (signal.minimum is None or signal.maximum is None):
-                yield _finding(path, file, message, signal, WARNING, "no range")
-            yield from _unit_findings(path, file, message, signal)
-
-
-def _cycle_findings(path: Path, file: DbcFile, message: Message) -> Iterator[LintFinding]:
-    if not message.cycle_time:
-        yield LintFinding(str(path), file.lines.get(message.name, 0), WARNING, f"{message.name}: no cycle time")
-
-
-def _impossible(path: Path, file: DbcFile, message: Message) -> Iterator[LintFinding]:
-    """Ranges without a value, and messages that cannot be compiled."""
-    try:
-        fields = Layout.of(message).fields
-    except ConfigError as error:
-        yield LintFinding(str(path), file.lines.get(message.name, 0), ERROR, str(error))
-        return
-    for field, signal in zip(fields, message.signals, strict=True):
-        upside_down = field.minimum is not None and field.maximum is not None and field.minimum > field.maximum
-        if not field.is_float and field.scale and not upside_down and field.allowed_raw()[0] > field.allowed_raw()[1]:
-            text = f"no value lies in its range [{field.minimum}|{field.maximum}]"
-            yield _finding(path, file, message, signal, ERROR, text)
-
-
-def _unit_findings(path: Path, file: DbcFile, message: Message, signal: Signal) -> Iterator[LintFinding]:
-    """Units that are not known, and scaled numbers without one."""
-    if signal.unit and find_unit(signal.unit) is None:
-        yield _finding(path, file, message, signal, WARNING, f"unit {signal.unit!r} is not known")
-    elif not signal.unit and (signal.scale != 1 or signal.is_float):
-        yield _finding(path, file, message, signal, WARNING, "a scaled number without a unit")
-
-
-# --- what needs one
-
-
-def _for_control(path: Path, binding: Binding) -> Iterator[LintFinding]:
+def _control_doubts(binding: Binding) -> Iterator[DbcFinding]:
     """Warnings: the program drives with these."""
     file = binding.file
     for name, role in binding.roles.items():
         if role in PERIODS:
-            yield from _cycle_findings(path, file, binding.messages[name])
+            yield from find_cycle_doubts(file, binding.messages[name], binding.cycle_ms(name))
         if role in (Role.SAMPLE, Role.COMMAND) and (gap := describe_gap(binding, name)):
-            yield LintFinding(str(path), file.lines.get(name, 0), WARNING, f"{name}: {gap}")
+            yield message_finding(file, name, WARNING, gap, "no protection")
     for dotted, text in describe_unknown_names(binding):
-        yield LintFinding(str(path), file.lines.get(dotted, 0), WARNING, f"{dotted}: {text}")
-
-
-def _finding(path: Path, file: DbcFile, message: Message, signal: Signal, severity: str, text: str) -> LintFinding:
-    dotted = f"{message.name}.{signal.name}"
-    return LintFinding(str(path), file.lines.get(dotted, 0), severity, f"{dotted}: {text}")
+        yield message_finding(file, dotted, WARNING, text, "names without a meaning")
 
 
 class _TomlLines:
@@ -264,4 +181,4 @@ class _TomlLines:
 
     def dbc(self) -> Path | None:
         """The DBC that the profile names, where it can be read from a profile that is not whole."""
-        return self._path.parent / self._dbc if self._dbc.endswith(".dbc") else None
+        return self._path.parent / self._dbc if self._dbc.lower().endswith(".dbc") else None

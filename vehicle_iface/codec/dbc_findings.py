@@ -1,0 +1,48 @@
+"""What is odd or wrong in a DBC: a finding for each, about the messages and signals that it concerns."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+ERROR, WARNING = "error", "warning"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DbcFinding:
+    """One thing that is wrong with a DBC."""
+
+    line: int
+    """From 1; 0 where it has no line of its own."""
+    severity: str
+    """`error`: what it is about cannot be used. `warning`: it can, and somebody should have a look."""
+    about: tuple[str, ...]
+    """Each MESSAGE or MESSAGE.SIGNAL that it concerns; empty where none can be named."""
+    text: str
+    kind: str
+    """What findings of the same kind have in common, for a summary of many."""
+
+    @property
+    def message(self) -> str:
+        """The first message that it is about, or ""."""
+        return self.about[0].partition(".")[0] if self.about else ""
+
+
+class DbcFindings:
+    """The findings of one file, as they are made."""
+
+    def __init__(self) -> None:
+        self._found: list[DbcFinding] = []
+
+    def __iter__(self) -> Iterator[DbcFinding]:
+        return iter(sorted(self._found, key=lambda finding: finding.line))
+
+    def add_error(self, line: int, about: str | tuple[str, ...], text: str, kind: str = "") -> None:
+        self._add(ERROR, line, about, text, kind)
+
+    def add_warning(self, line: int, about: str | tuple[str, ...], text: str, kind: str = "") -> None:
+        self._add(WARNING, line, about, text, kind)
+
+    def _add(self, severity: str, line: int, about: str | tuple[str, ...], text: str, kind: str) -> None:
+        """A finding; its text begins with the first that it is about."""
+        places = tuple(filter(None, (about,) if isinstance(about, str) else about))
+        text = f"{places[0]}: {text}" if places else text
+        self._found.append(DbcFinding(line=line, severity=severity, about=places, text=text, kind=kind or text))

@@ -1,0 +1,195 @@
+"""The messages and signals of a DBC as they are written, before anything is made of them."""
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from vehicle_iface.codec.dbc_findings import DbcFindings
+from vehicle_iface.codec.dbc_text import STRING, Statement, cut_short
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_UNASSIGNED = "VECTOR__INDEPENDENT_SIG_MSG"
+"""The message in which editors keep signals that are in no message."""
+_MESSAGE = re.compile(r"(?P<number>\d{1,10})\s+(?P<name>\w+)\s*:\s*(?P<length>\d{1,5})\s*(?P<sender>\w*)")
+_SIGNAL = re.compile(
+    r"(?P<name>\w+)\s*(?P<marker>\s(?:M|m\d{1,10}M?)|)\s*:\s*(?P<start>\d{1,5})\s*\|\s*"
+    rf"(?P<length>\d{{1,5}})\s*@\s*(?P<order>[01])\s*(?P<sign>[-+])\s*\(\s*(?P<scale>{NUMBER})\s*,\s*(?P<offset>{NUMBER})\s*\)\s*"
+    rf"\[\s*(?P<minimum>{NUMBER})\s*\|\s*(?P<maximum>{NUMBER})\s*\]\s*(?P<unit>{STRING})\s*(?P<receivers>[\w\s,]*)"
+)
+_LONG_NAME = re.compile(
+    r'"System(?:Message|Signal)LongSymbol"\s+(?:BO_\s+(\d+)|SG_\s+(\d+)\s+(\w+))\s*"(\w+)"',
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalText:
+    """One signal as it is written."""
+
+    name: str
+    """Its long name, where it has one."""
+    written: str
+    """Its name in the line, by which other statements call it."""
+    line: int
+    marker: str
+    """`M`, `m5`, `m5M`, or empty where it has nothing to do with multiplexing."""
+    start: int
+    length: int
+    is_big: bool
+    is_signed: bool
+    scale: float
+    offset: float
+    minimum: float
+    maximum: float
+    numbers: tuple[str, str, str, str]
+    """Scale, offset, minimum and maximum as they are written."""
+    unit: str
+    receivers: tuple[str, ...]
+
+    @property
+    def is_multiplexer(self) -> bool:
+        return self.marker.endswith("M")
+
+    @property
+    def is_multiplexed(self) -> bool:
+        return self.marker.startswith("m")
+
+    @property
+    def first_bit(self) -> int:
+        """Counted in the direction of its byte order."""
+        return 8 * (self.start // 8) + 7 - self.start % 8 if self.is_big else self.start
+
+
+@dataclass(slots=True, kw_only=True)
+class MessageText:
+    """One message as it is written; repairs take signals out of it."""
+
+    name: str
+    number: int
+    """Its identifier as in the file, with the flag of extended ones; other statements call it by this."""
+    line: int
+    length: int
+    sender: str
+    signals: list[SignalText] = field(default_factory=list)
+    places: dict[str, str] = field(default_factory=dict)
+    """Written name → MESSAGE.SIGNAL of all signals, those that could not be kept included."""
+
+    def remove(self, signal: SignalText) -> None:
+        self.signals = [one for one in self.signals if one is not signal]
+
+
+def collect_messages(file_name: str, statements: Iterable[Statement], findings: DbcFindings) -> list[MessageText]:
+    """All messages of which the line was understood, with such signals. `ConfigError` where the file is cut short."""
+    statements = list(statements)
+    long_names = _collect_long_names(statements)
+    messages: list[MessageText] = []
+    message: MessageText | None = None
+    is_signal_expected, before = False, ""
+    for statement in statements:
+        if statement.keyword == "BO_":
+            message = _parse_message(statement, long_names)
+            is_signal_expected = True
+            if message is not None:
+                messages.append(message)
+            elif statement.may_be_cut:
+                raise cut_short(file_name, statement.line)
+            else:
+                _report_damage(statement, _guess_name(statement.body, r"\d+\s+(\w+)"), findings)
+        elif statement.keyword == "SG_":
+            if message is not None:
+                _add_signal(file_name, message, statement, long_names, findings)
+            elif not is_signal_expected:
+                _report_damage(statement, "", findings)
+        elif not statement.keyword:
+            if before not in ("BU_", "BS_") or not re.fullmatch(r"[\w\s,:]*", statement.body):
+                belongs = message is not None and before in ("BO_", "SG_")
+                _report_damage(statement, message.name if message and belongs else "", findings)
+        else:
+            message, is_signal_expected = None, False
+        before = statement.keyword
+    return [one for one in messages if one.name != _UNASSIGNED]
+
+
+def _collect_long_names(statements: Iterable[Statement]) -> dict[tuple[int, str], str]:
+    """(Number, written name of the signal or "") → long name."""
+    found = (_LONG_NAME.match(one.body) for one in statements if one.keyword == "BA_" and "LongSymbol" in one.body)
+    return {(int(match[1] or match[2]), match[3] or ""): match[4] for match in found if match}
+
+
+def _parse_message(statement: Statement, long_names: Mapping[tuple[int, str], str]) -> MessageText | None:
+    found = _MESSAGE.fullmatch(statement.body)
+    if found is None:
+        return None
+    number = int(found["number"])
+    return MessageText(
+        name=long_names.get((number, ""), found["name"]),
+        number=number,
+        line=statement.line,
+        length=int(found["length"]),
+        sender=found["sender"],
+    )
+
+
+def _add_signal(
+    file_name: str,
+    message: MessageText,
+    statement: Statement,
+    long_names: Mapping[tuple[int, str], str],
+    findings: DbcFindings,
+) -> None:
+    found = _SIGNAL.fullmatch(statement.body)
+    written = found["name"] if found else _guess_name(statement.body, r"(\w+)")
+    name = long_names.get((message.number, written), written)
+    dotted = f"{message.name}.{name}" if written else message.name
+    if found is None:
+        if statement.may_be_cut:
+            raise cut_short(file_name, statement.line)
+        message.places.setdefault(written, dotted)
+        _report_damage(statement, dotted, findings)
+        return
+    numbers = tuple(float(found[key]) for key in ("scale", "offset", "minimum", "maximum"))
+    if not all(map(math.isfinite, numbers)):
+        findings.add_error(statement.line, dotted, "a number that is not finite", "numbers that are not finite")
+        return
+    minimum, maximum = ("0", "0") if numbers[2] == numbers[3] == 0 else (found["minimum"], found["maximum"])
+    message.places.setdefault(written, dotted)
+    message.signals.append(
+        SignalText(
+            name=name,
+            written=written,
+            line=statement.line,
+            marker=found["marker"].strip(),
+            start=int(found["start"]),
+            length=int(found["length"]),
+            is_big=found["order"] == "0",
+            is_signed=found["sign"] == "-",
+            scale=numbers[0],
+            offset=numbers[1],
+            minimum=numbers[2],
+            maximum=numbers[3],
+            numbers=(found["scale"], found["offset"], minimum, maximum),
+            unit=unquote(found["unit"]),
+            receivers=tuple(re.findall(r"\w+", found["receivers"])),
+        )
+    )
+
+
+def unquote(literal: str) -> str:
+    """The text of a string literal."""
+    return literal[1:-1].replace('\\"', '"')
+
+
+def shorten(body: str) -> str:
+    """The beginning of a statement, for a finding."""
+    words = " ".join(body.split())
+    return repr(words if len(words) <= 60 else f"{words[:60]}…")
+
+
+def _guess_name(body: str, pattern: str) -> str:
+    found = re.match(pattern, body)
+    return found[1] if found else ""
+
+
+def _report_damage(statement: Statement, about: str, findings: DbcFindings) -> None:
+    shown = shorten(f"{statement.keyword} {statement.body}".strip())
+    findings.add_error(statement.line, about, f"was not understood: {shown}", "not understood")
