@@ -82,9 +82,10 @@ def read_dbc(path: Path) -> DbcFile:
     database = _parse(list(repair_messages(messages, notes, findings)), notes, findings)
     lines = _lines(messages)
     for message in database.messages:
-        for signal, other in find_overlaps(message):
-            about = (f"{message.name}.{signal.name}", f"{message.name}.{other.name}")
-            text = f"overlapping: shares bits with {other.name}"
+        for overlap in find_overlaps(message):
+            about = tuple(f"{message.name}.{name}" for name in (overlap.signal, *overlap.others))
+            more = f" and {len(overlap.others) - 3} more" if len(overlap.others) > 3 else ""
+            text = f"overlapping: shares bits with {', '.join(overlap.others[:3])}{more}"
             findings.add_error(lines[about[0]], about, text, "overlapping signals")
     file = DbcFile(name=name, database=database, lines=lines, findings=tuple(findings))
     if not database.messages:

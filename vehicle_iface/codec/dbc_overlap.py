@@ -1,23 +1,34 @@
 """Signals of a message that lie on the same bits."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from cantools.database import Message, Signal
 
 from vehicle_iface.codec.layout import bits_of
 
 
-def find_overlaps(message: Message) -> Iterator[tuple[Signal, Signal]]:
-    """Each signal with an earlier one whose bits it shares while both are there."""
-    taken: list[tuple[Signal, int]] = []
+@dataclass(frozen=True, slots=True)
+class Overlap:
+    """A signal, and earlier ones whose bits it shares while both are there."""
+
+    signal: str
+    others: tuple[str, ...]
+
+
+def find_overlaps(message: Message) -> Iterator[Overlap]:
+    """The overlaps of all signals that have one."""
+    by_name = {signal.name: signal for signal in message.signals}
+    shown = {name: dict(_multiplexers(by_name, signal)) for name, signal in by_name.items()}
+    taken: dict[str, int] = {}
     union = 0
-    for signal in message.signals:
+    for name, signal in by_name.items():
         mask = _mask(signal)
         if mask & union:
-            for other, bits in taken:
-                if mask & bits and not _is_apart(message, signal, other):
-                    yield signal, other
-        taken.append((signal, mask))
+            others = tuple(one for one, bits in taken.items() if mask & bits and not _is_apart(shown[name], shown[one]))
+            if others:
+                yield Overlap(name, others)
+        taken[name] = mask
         union |= mask
 
 
@@ -27,17 +38,15 @@ def _mask(signal: Signal) -> int:
     return sum(1 << bit for bit in bits_of(signal))
 
 
-def _is_apart(message: Message, one: Signal, other: Signal) -> bool:
-    """Whether some multiplexer never shows both."""
-    ids = dict(_multiplexers(message, one))
-    return any(name in ids and not ids[name] & shown for name, shown in _multiplexers(message, other))
+def _is_apart(one: Mapping[str, frozenset[int]], other: Mapping[str, frozenset[int]]) -> bool:
+    """Whether some multiplexer never shows both, given the ids that show each."""
+    return any(name in other and not other[name] & ids for name, ids in one.items())
 
 
-def _multiplexers(message: Message, signal: Signal) -> Iterator[tuple[str, frozenset[int]]]:
+def _multiplexers(by_name: Mapping[str, Signal], signal: Signal) -> Iterator[tuple[str, frozenset[int]]]:
     """Each multiplexer that the signal depends on, with the ids that show it."""
-    by_name = {one.name: one for one in message.signals}
     seen: set[str] = set()
-    while signal.multiplexer_signal in by_name and signal.multiplexer_signal not in seen:
-        seen.add(signal.multiplexer_signal)
-        yield signal.multiplexer_signal, frozenset(signal.multiplexer_ids or ())
-        signal = by_name[signal.multiplexer_signal]
+    while (parent := signal.multiplexer_signal) is not None and parent in by_name and parent not in seen:
+        seen.add(parent)
+        yield parent, frozenset(signal.multiplexer_ids or ())
+        signal = by_name[parent]

@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 from vehicle_iface.codec.dbc_findings import DbcFindings
 from vehicle_iface.codec.dbc_text import STRING, Statement, cut_short
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d{1,4})?"
 _UNASSIGNED = "VECTOR__INDEPENDENT_SIG_MSG"
 """The message in which editors keep signals that are in no message."""
 _MESSAGE = re.compile(r"(?P<number>\d{1,10})\s+(?P<name>\w+)\s*:\s*(?P<length>\d{1,5})\s*(?P<sender>\w*)")
 _SIGNAL = re.compile(
-    r"(?P<name>\w+)\s*(?P<marker>\s(?:M|m\d{1,10}M?)|)\s*:\s*(?P<start>\d{1,5})\s*\|\s*"
+    r"(?P<name>\w+)(?:\s++(?P<marker>M|m\d{1,10}M?))?\s*+:\s*(?P<start>\d{1,5})\s*\|\s*"
     rf"(?P<length>\d{{1,5}})\s*@\s*(?P<order>[01])\s*(?P<sign>[-+])\s*\(\s*(?P<scale>{NUMBER})\s*,\s*(?P<offset>{NUMBER})\s*\)\s*"
     rf"\[\s*(?P<minimum>{NUMBER})\s*\|\s*(?P<maximum>{NUMBER})\s*\]\s*(?P<unit>{STRING})\s*(?P<receivers>[\w\s,]*)"
 )
 _LONG_NAME = re.compile(
-    r'"System(?:Message|Signal)LongSymbol"\s+(?:BO_\s+(\d+)|SG_\s+(\d+)\s+(\w+))\s*"(\w+)"',
+    r'"System(?:Message|Signal)LongSymbol"\s+(?:BO_\s+(\d{1,10})|SG_\s+(\d{1,10})\s+(\w+))\s*"(\w+)"',
 )
 
 
@@ -158,7 +158,7 @@ def _add_signal(
             name=name,
             written=written,
             line=statement.line,
-            marker=found["marker"].strip(),
+            marker=found["marker"] or "",
             start=int(found["start"]),
             length=int(found["length"]),
             is_big=found["order"] == "0",
