@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vehicle_iface.codec import MessageCodec
+from vehicle_iface.codec.layout import SignalRules
 from vehicle_iface.errors import ConfigError, SignalError
 
 from .layouts import as_tuple, decoded, messages, network_start
@@ -311,12 +312,12 @@ def test_a_table_of_a_few_special_numbers_is_no_list_of_all_that_are_allowed(nam
     payload = bytes([0xE8, 3]) + bytes(6)
     assert MessageCodec(message).decode(payload) == (1000,)
     with pytest.raises(SignalError, match="1000: must be one of"):
-        MessageCodec(message, enumerated={"SIGNAL"}).decode(payload)
+        MessageCodec(message, rules={"SIGNAL": SignalRules(is_enumerated=True)}).decode(payload)
 
 
 def test_a_number_that_the_program_needs_a_name_for_is_refused_beside_a_marker_out_of_range() -> None:
     gear = signal(width=4, choices={1: "REVERSE", 2: "DRIVE", 15: "NOT_AVAILABLE"}, minimum=0, maximum=7)
-    codec = MessageCodec(message_of(gear), enumerated={"SIGNAL"})
+    codec = MessageCodec(message_of(gear), rules={"SIGNAL": SignalRules(is_enumerated=True)})
     assert codec.decode(bytes([2]) + bytes(7)) == (2,)
     for number in (3, 15):
         with pytest.raises(SignalError, match=r"must be one of \{1, 2\}"):

@@ -13,11 +13,11 @@ from cantools.typechecking import ByteOrder
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from vehicle_iface.codec.binding import bits_of
 from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.codec.decoder import Decoder, DropCause
 from vehicle_iface.codec.e2e import autosar_protection
 from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.codec.layout import bits_of
 from vehicle_iface.codec.protection import Protection
 from vehicle_iface.codec.protection_rules import build_protection
 from vehicle_iface.errors import ConfigError, SignalError

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from vehicle_iface.codec.lint import ERROR, WARNING, check_file
+from vehicle_iface.codec.dbc_findings import ERROR, WARNING
+from vehicle_iface.codec.lint import check_file
 from vehicle_iface.errors import ConfigError
 
 from .conftest import Variant

@@ -144,6 +144,20 @@ class Binding:
         """An error about a place in the profile."""
         return ConfigError(f"{self.profile_name}: {place}: {text}")
 
+    def missing_message(self, name: str, place: str) -> ConfigError:
+        """An error about a message that the DBC does not have, or why it was left out."""
+        text = f"no message {name!r} in {self.file.name}{suggest(name, self.messages)}"
+        return self.file.find_error(name) or self.fault(place, text)
+
+    def missing_signal(self, dotted: str, place: str) -> ConfigError:
+        """An error about a signal that the DBC does not have, or why it was left out."""
+        message_name, _, name = dotted.partition(".")
+        message = self.messages.get(message_name)
+        if message is None:
+            return self.missing_message(message_name, place)
+        text = f"no signal {name!r} in {message_name}{suggest(name, [signal.name for signal in message.signals])}"
+        return self.file.find_error(dotted) or self.fault(place, text)
+
     def role_claims(self) -> Iterator[tuple[str, Role]]:
         """Each message with each role that the profile gives it; within a role in the order of the DBC."""
         yield from ((name, Role.SAMPLE) for name in self.profile.state.sample if name in self.messages)
@@ -194,5 +208,3 @@ def suggest(name: str, names: Iterable[str]) -> str:
     """The names that are most like `name`, for the end of an error message."""
     found = difflib.get_close_matches(name, list(names), n=3, cutoff=0.4)
     return f"; nearest: {', '.join(found)}" if found else ""
-
-

@@ -48,7 +48,7 @@ def _signal_faults(binding: Binding) -> Iterator[ConfigError]:
                 if section == "status" and field not in StatusSignals.__struct_fields__:
                     place = f"$.status.{'when' if field in ModeConditions.__struct_fields__ else 'driver'}.{field}"
                 if signal is None:
-                    yield _missing_signal(binding, dotted, place)
+                    yield binding.missing_signal(dotted, place)
                 elif field in _CONDITIONS:
                     continue  # a condition may look at what is bound to a field as well
                 elif dotted in taken and taken[dotted] != field:
@@ -97,40 +97,25 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
     profile = binding.profile
     for index, name in enumerate(profile.state.sample):
         if name not in binding.messages:
-            yield _missing_message(binding, name, f"$.state.sample[{index}]")
+            yield binding.missing_message(name, f"$.state.sample[{index}]")
         elif name in profile.state.sample[:index]:
             yield binding.fault(f"$.state.sample[{index}]", f"{name} is there twice")
     for name in profile.messages:
         if name not in binding.messages:
-            yield _missing_message(binding, name, f"$.messages.{name}")
+            yield binding.missing_message(name, f"$.messages.{name}")
         elif profile.messages[name].j1939 is not None and not binding.messages[name].is_extended_frame:
             text = f"{name} has an identifier of 11 bits; those of J1939 have 29"
             yield binding.fault(f"$.messages.{name}.j1939", text)
     for dotted in profile.signals:
         if binding.find_signal(dotted) is None:
-            yield _missing_signal(binding, dotted, f"$.signals.{dotted}")
+            yield binding.missing_signal(dotted, f"$.signals.{dotted}")
     for place, names in (("$.ignored", profile.ignored), ("$.constants", tuple(profile.constants))):
         for dotted in names:
             if binding.find_signal(dotted) is None:
                 if place != "$.ignored" or binding.file.find_error(dotted) is None:
-                    yield _missing_signal(binding, dotted, place)
+                    yield binding.missing_signal(dotted, place)
             elif dotted in binding.fields:
                 yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
-
-
-def _missing_message(binding: Binding, name: str, place: str) -> ConfigError:
-    text = f"no message {name!r} in {binding.file.name}{suggest(name, binding.messages)}"
-    return binding.file.find_error(name) or binding.fault(place, text)
-
-
-def _missing_signal(binding: Binding, dotted: str, place: str) -> ConfigError:
-    message_name, _, name = dotted.partition(".")
-    message = binding.messages.get(message_name)
-    if message is None:
-        return _missing_message(binding, message_name, place)
-    names = [signal.name for signal in message.signals]
-    text = f"no signal {name!r} in {message_name}{suggest(name, names)}"
-    return binding.file.find_error(dotted) or binding.fault(place, text)
 
 
 def _sample_faults(binding: Binding) -> Iterator[ConfigError]:

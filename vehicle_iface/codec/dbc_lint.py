@@ -4,21 +4,11 @@ from collections.abc import Iterator
 
 from cantools.database import Message, Signal
 
-from vehicle_iface.codec.consistency import UNITS
 from vehicle_iface.codec.dbc_file import DbcFile
 from vehicle_iface.codec.dbc_findings import ERROR, WARNING, DbcFinding
 from vehicle_iface.codec.layout import Layout
+from vehicle_iface.codec.quantities import find_unit
 from vehicle_iface.errors import ConfigError
-
-_KNOWN_UNITS = frozenset(
-    spelling for spellings in UNITS.values() for spelling in spellings
-) | {"s", "ms", "us", "Hz", "N", "kg", "V", "A", "W", "K", "Pa", "1", "-", "1/m", "rad/s^2", "m/s^3", "%"}  # fmt: skip
-_FOREIGN_UNITS = {
-    "deg": "rad", "°": "rad", "degree": "rad", "degrees": "rad", "deg/s": "rad/s", "°/s": "rad/s",
-    "km/h": "m/s", "kph": "m/s", "kmh": "m/s", "mph": "m/s", "kn": "m/s", "g": "m/s^2", "G": "m/s^2",
-    "km": "m", "cm": "m", "mm": "m", "ft": "m", "in": "m", "rpm": "rad/s", "1/min": "rad/s",
-}  # fmt: skip
-"""Units that look like a quantity to control by, and the SI unit of it."""
 
 
 def find_range_doubts(file: DbcFile) -> Iterator[DbcFinding]:
@@ -41,8 +31,8 @@ def find_doubts(file: DbcFile) -> Iterator[DbcFinding]:
             yield from _unit_doubts(file, message, signal)
 
 
-def find_cycle_doubts(file: DbcFile, message: Message) -> Iterator[DbcFinding]:
-    if not message.cycle_time:
+def find_cycle_doubts(file: DbcFile, message: Message, cycle_ms: float | None = None) -> Iterator[DbcFinding]:
+    if not message.cycle_time and cycle_ms is None:
         yield message_finding(file, message.name, WARNING, "no cycle time", "no cycle time")
 
 
@@ -88,13 +78,11 @@ def _impossible_ranges(file: DbcFile, message: Message) -> Iterator[DbcFinding]:
 
 
 def _unit_doubts(file: DbcFile, message: Message, signal: Signal) -> Iterator[DbcFinding]:
-    """Units that are not SI or not known, and scaled numbers without one."""
-    if signal.unit in _FOREIGN_UNITS:
-        text = f"unit {signal.unit!r} is not SI; a signal to control by is in {_FOREIGN_UNITS[signal.unit]!r}"
-        yield signal_finding(file, message, signal, WARNING, text, "unit that is not SI")
-    elif signal.unit and signal.unit not in _KNOWN_UNITS:
-        text = f"unit {signal.unit!r} is not known"
-        yield signal_finding(file, message, signal, WARNING, text, "unit that is not known")
+    """Units that are not known, and scaled numbers without one."""
+    if signal.unit and find_unit(signal.unit) is None:
+        yield signal_finding(
+            file, message, signal, WARNING, f"unit {signal.unit!r} is not known", "unit that is not known"
+        )
     elif not signal.unit and (signal.scale != 1 or signal.is_float):
         text = "a scaled number without a unit"
         yield signal_finding(file, message, signal, WARNING, text, text)

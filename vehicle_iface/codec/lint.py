@@ -19,7 +19,6 @@ from vehicle_iface.codec.dbc_lint import (
     find_doubts,
     find_range_doubts,
     message_finding,
-    signal_finding,
 )
 from vehicle_iface.codec.enumerations import describe_unknown_names
 from vehicle_iface.codec.protection_faults import describe_gap

@@ -5,8 +5,9 @@ from pathlib import Path
 
 from cantools.database import Message, Signal
 
-from vehicle_iface.codec.binding import Binding, bits_of, suggest
+from vehicle_iface.codec.binding import Binding, suggest
 from vehicle_iface.codec.e2e import autosar_protection, header_bits
+from vehicle_iface.codec.layout import bits_of
 from vehicle_iface.codec.protection_rules import (
     CRC_BITS,
     DEFAULT_STEP,
@@ -44,7 +45,7 @@ def rule_faults(binding: Binding) -> Iterator[ConfigError]:
     data_ids = profile.e2e.data_ids if profile.e2e else {}
     for name in data_ids:
         if name not in binding.messages:
-            yield _missing_message(binding, name, f"$.e2e.data_ids.{name}")
+            yield binding.missing_message(name, f"$.e2e.data_ids.{name}")
     if profile.protection is None:
         return
     rules = profile.protection.rules
@@ -54,15 +55,11 @@ def rule_faults(binding: Binding) -> Iterator[ConfigError]:
         place = f"$.protection.messages.{name}"
         used = stated.use if isinstance(stated, ProtectedMessage) else stated
         if name not in binding.messages:
-            yield _missing_message(binding, name, place)
+            yield binding.missing_message(name, place)
         if name in data_ids:
             yield binding.fault(place, f"{name} is in $.e2e.data_ids as well; must have one protection")
         if used not in rules:
             yield binding.fault(place, f"no rule [protection.{used}]{suggest(used, rules)}")
-
-
-def _missing_message(binding: Binding, name: str, place: str) -> ConfigError:
-    return binding.fault(place, f"no message {name!r} in {binding.file.name}{suggest(name, binding.messages)}")
 
 
 def _single_rule_faults(binding: Binding, place: str, rule: ProtectionRule) -> Iterator[ConfigError]:
@@ -154,7 +151,7 @@ def _header_faults(binding: Binding, rule: MessageRule, message: Message, profil
         dotted = f"{message.name}.{part.signal}"
         signal = binding.find_signal(dotted)
         if signal is None:
-            yield _missing_signal(binding, message, part.signal, place)
+            yield binding.missing_signal(f"{message.name}.{part.signal}", place)
         elif (_first_bit(signal), signal.length) != bits:
             wanted = f"E2E profile {profile} has {bits[0]}|{bits[1]}"
             yield binding.file.fault(dotted, f"bits {signal.start}|{signal.length}, but {wanted}")
@@ -189,18 +186,13 @@ def _signal_faults(binding: Binding, message: Message, name: str, place: str) ->
     dotted = f"{message.name}.{name}"
     signal = binding.find_signal(dotted)
     if signal is None:
-        yield _missing_signal(binding, message, name, place)
+        yield binding.missing_signal(f"{message.name}.{name}", place)
     elif signal.is_float:
         yield binding.file.fault(dotted, f"is a float; {place} needs an integer")
     elif signal.multiplexer_ids or signal.is_multiplexer:
         yield binding.file.fault(dotted, f"is multiplexed; {place} needs a signal of every frame")
     elif dotted in binding.fields:
         yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
-
-
-def _missing_signal(binding: Binding, message: Message, name: str, place: str) -> ConfigError:
-    names = [signal.name for signal in message.signals]
-    return binding.fault(place, f"no signal {name!r} in {message.name}{suggest(name, names)}")
 
 
 def _counter_faults(binding: Binding, message: Message, rule: MessageRule, signal: Signal) -> Iterator[ConfigError]:

@@ -10,6 +10,9 @@ from vehicle_iface.codec.layout import SignalRules
 from vehicle_iface.codec.quantities import find_unit, unit_of_field
 from vehicle_iface.profile.notes import SignalNotes
 
+ENUMERATED_FIELDS = {"mode", "gear", "gear_request", "reason", "state", "headlights", "turn_indicator", "pose_frame"}
+"""Of these the program knows no number without a name."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalView:
@@ -41,6 +44,8 @@ class SignalView:
             rules=SignalRules(
                 limits=notes.range,
                 names=names if notes.names is not None else None,
+                has_unit=bool(notes.unit if notes.unit is not None else signal.unit),
+                is_enumerated=field in ENUMERATED_FIELDS,
                 missing=frozenset(_as_signed(raw, signal) for raw in notes.not_available),
             ),
         )

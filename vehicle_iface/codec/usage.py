@@ -21,10 +21,7 @@ class Usage:
         self._signals = {*profile.constants}.union(*bound.values())
         self._messages = {*profile.state.sample, *(dotted.partition(".")[0] for dotted in self._signals)}
         self._sent = {dotted.partition(".")[0] for section in _SENT_SECTIONS for dotted in bound[section]}
-        if profile.e2e is not None:
-            protected = self._messages.intersection(profile.e2e.data_ids)
-            for name in (profile.e2e.crc_signal, profile.e2e.counter_signal):
-                self._signals |= {f"{message}.{name}" for message in protected}
+        self._signals |= binding.protection_signals
 
     def concerns(self, finding: DbcFinding) -> bool:
         """Whether a finding is about something that is used: a message, a signal, or any bit of a sent message."""
