@@ -12,6 +12,8 @@ FRAME_ID_BYTES = 64
 
 def finite(name: str, value: object) -> float:
     """`value` as a finite Python float; bools and text are not numbers here."""
+    if type(value) is float and math.isfinite(value):  # nearly always: the values of every sample
+        return value
     if isinstance(value, bool | str | bytes):
         raise InvalidValueError(f"{name} = {value!r}: must be a finite number")
     try:

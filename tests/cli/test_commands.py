@@ -32,6 +32,17 @@ def run(tmp_path: Path, *arguments: str, **options: object) -> subprocess.Comple
     return command("run", "--interface", "embedded", "--telemetry", str(tmp_path / "telemetry"), *arguments, **options)
 
 
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """What the command, called in this process, prints when it refuses its options: status 2, and only an error."""
+    try:
+        status: object = cli.main(arguments)
+    except SystemExit as ended:
+        status = ended.code
+    shown = capsys.readouterr()
+    assert (status, shown.out) == (2, ""), shown.err
+    return shown.err
+
+
 def test_a_drive_on_the_embedded_bus_ends_well_and_leaves_its_summary(tmp_path: Path) -> None:
     file = tmp_path / "summary.json"
     done = run(tmp_path, "--route", "line", "--arm", "--duration", "2", "--summary", str(file))
@@ -118,14 +129,14 @@ def test_told_to_end_while_its_recorder_begins_it_ends_without_arming(tmp_path: 
     ],
 )
 def test_a_controller_that_cannot_be_made_is_refused_by_file_and_line(
-    tmp_path: Path, source: str, complaint: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], source: str, complaint: str
 ) -> None:
     file = tmp_path / "mine.py"
     file.write_text(source)
-    done = run(tmp_path, "--route", "line", "--controller", f"{file}:Mine", "--duration", "1")
-    assert done.returncode == 2
-    assert re.search(complaint, done.stderr), done.stderr
-    assert "Traceback" not in done.stderr
+    drive = ("run", "--interface", "embedded", "--telemetry", str(tmp_path / "telemetry"), "--route", "line")
+    error = refusal(capsys, *drive, "--controller", f"{file}:Mine", "--duration", "1")
+    assert re.search(complaint, error), error
+    assert "Traceback" not in error
 
 
 @pytest.mark.parametrize(
@@ -198,11 +209,12 @@ def test_an_impossible_value_is_refused_with_option_value_and_what_is_allowed(
         ("run --route line --summary .", "--summary .: cannot be written: Is a directory"),
     ],
 )
-def test_a_value_that_does_not_fit_the_vehicle_or_the_disk_is_refused(arguments: str, complaint: str) -> None:
-    done = command(*arguments.split())
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"vehicle-iface: {complaint}")
-    assert done.stderr.count("\n") == 1
+def test_a_value_that_does_not_fit_the_vehicle_or_the_disk_is_refused(
+    capsys: pytest.CaptureFixture[str], arguments: str, complaint: str
+) -> None:
+    error = refusal(capsys, *arguments.split())
+    assert error.startswith(f"vehicle-iface: {complaint}")
+    assert error.count("\n") == 1
 
 
 def test_what_lies_in_the_current_folder_is_not_imported(tmp_path: Path) -> None:
@@ -272,16 +284,20 @@ def test_a_demo_that_is_interrupted_twice_releases_the_vehicle_while_it_still_mo
         (["run", "--chanel=a", "--route=line"], "vehicle-iface run: unknown argument '--chanel=a'; did you mean '--ch"),
         (["demo", "--rout", "8"], "vehicle-iface demo: argument --route: '8': must be one of "),
         (["demo", "--route=circel"], "; did you mean 'circle'? (vehicle-iface demo --help)"),
-        (
-            ["view", "--prt=1"],
-            "vehicle-iface view: unknown argument '--prt=1'; did you mean '--port'? (vehicle-iface v",
-        ),
     ],
 )
-def test_a_mistyped_word_is_reported_in_one_line_with_the_nearest_one(arguments: list[str], line: str) -> None:
-    done = command(*arguments)
+def test_a_mistyped_word_is_reported_in_one_line_with_the_nearest_one(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
+) -> None:
+    error = refusal(capsys, *arguments)
+    assert line in error
+    assert error.count("\n") == 1
+
+
+def test_a_mistyped_word_is_reported_by_the_viewers_process_too() -> None:
+    done = command("view", "--prt=1")
     assert done.returncode == 2
-    assert line in done.stderr
+    assert "vehicle-iface view: unknown argument '--prt=1'; did you mean '--port'? (vehicle-iface v" in done.stderr
     assert done.stderr.count("\n") == 1
 
 

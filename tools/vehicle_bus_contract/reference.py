@@ -245,13 +245,21 @@ LAYOUT: Messages = {
 }
 
 
+def _divide(rest: int) -> int:
+    """The remainder of a byte: long division by the polynomial, one bit at a time."""
+    for _ in range(8):
+        rest = (rest << 1) ^ 0x11D if rest & 0x80 else rest << 1
+    return rest
+
+
+_REMAINDERS = bytes(_divide(byte) for byte in range(256))
+
+
 def crc8(data: bytes) -> int:
-    """Polynomial 0x1D, initial value 0, no final XOR: long division, one bit at a time."""
+    """Polynomial 0x1D, initial value 0, no final XOR."""
     rest = 0
     for byte in data:
-        rest ^= byte
-        for _ in range(8):
-            rest = (rest << 1) ^ 0x11D if rest & 0x80 else rest << 1
+        rest = _REMAINDERS[rest ^ byte]
     return rest
 
 

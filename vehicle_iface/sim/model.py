@@ -11,7 +11,6 @@ Both hold backwards as well. Each inner step is an arc: the exact motion for a c
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
 from vehicle_iface import checks
@@ -85,8 +84,11 @@ class BicycleState:
     """At the rear axle's centre, along the body's y axis."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            object.__setattr__(self, field.name, checks.finite(field.name, getattr(self, field.name)))
+        for name in _STATE_FIELDS:
+            object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
+
+
+_STATE_FIELDS = tuple(field.name for field in fields(BicycleState))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,9 +129,16 @@ class Bicycle:
         x_m, y_m, heading_rad = s.x_m, s.y_m, s.heading_rad
         speed_mps, front_rad, rear_rad = s.speed_mps, s.front_wheel_angle_rad, s.rear_wheel_angle_rad
         accel_mps2 = s.accel_mps2
-        for h_s in _inner_steps(dt_s):
-            new_front_rad, new_rear_rad = self._steered(front_rad, rear_rad, actuation, h_s)
-            new_speed_mps = self._driven(speed_mps, actuation, h_s)
+        p = self.parameters
+        front_goal_rad = _within(actuation.front_wheel_angle_rad, p.front_wheel_angle_limit_rad)
+        rear_goal_rad = _within(actuation.rear_wheel_angle_rad, p.rear_wheel_angle_limit_rad)
+        count, h_s = _inner_steps(dt_s)
+        wheel_share, accel_share = 1.0 - math.exp(-h_s / p.wheel_lag_s), 1.0 - math.exp(-h_s / p.accel_lag_s)
+        largest_rad = p.wheel_rate_limit_radps * h_s
+        for _ in range(count):
+            new_front_rad = front_rad + _within((front_goal_rad - front_rad) * wheel_share, largest_rad)
+            new_rear_rad = rear_rad + _within((rear_goal_rad - rear_rad) * wheel_share, largest_rad)
+            new_speed_mps = self._driven(speed_mps, actuation, h_s, accel_share)
             accel_mps2 = (new_speed_mps - speed_mps) / h_s if new_speed_mps != 0.0 else 0.0
             lateral_mps, yaw_radps = self._turning(
                 (speed_mps + new_speed_mps) / 2,
@@ -161,24 +170,11 @@ class Bicycle:
         tan_rear = math.tan(rear_rad)
         return speed_mps * tan_rear, speed_mps * (math.tan(front_rad) - tan_rear) / self.parameters.wheelbase_m
 
-    def _steered(self, front_rad: float, rear_rad: float, actuation: Actuation, h_s: float) -> tuple[float, float]:
-        """Both wheel angles after `h_s`."""
-        p = self.parameters
-        share = 1.0 - math.exp(-h_s / p.wheel_lag_s)
-        largest_rad = p.wheel_rate_limit_radps * h_s
-        front_goal_rad = _within(actuation.front_wheel_angle_rad, p.front_wheel_angle_limit_rad)
-        rear_goal_rad = _within(actuation.rear_wheel_angle_rad, p.rear_wheel_angle_limit_rad)
-        return (
-            front_rad + _within((front_goal_rad - front_rad) * share, largest_rad),
-            rear_rad + _within((rear_goal_rad - rear_rad) * share, largest_rad),
-        )
-
-    def _driven(self, speed_mps: float, actuation: Actuation, h_s: float) -> float:
-        """The speed after `h_s`; what opposes the motion ends exactly at 0."""
-        p = self.parameters
+    def _driven(self, speed_mps: float, actuation: Actuation, h_s: float, share: float) -> float:
+        """The speed after `h_s`, in which the actuator makes `share` of its way; what opposes the motion ends at 0."""
         goal_mps2 = self._goal_mps2(speed_mps, actuation)
         actuator_mps2 = self._actuator_mps2
-        actuator_mps2 += (goal_mps2 - actuator_mps2) * (1.0 - math.exp(-h_s / p.accel_lag_s))
+        actuator_mps2 += (goal_mps2 - actuator_mps2) * share
         direction = DIRECTION[actuation.gear]
         brakes = _opposite(actuator_mps2, speed_mps)
         drives = actuator_mps2 * direction > 0.0 and not actuation.hold
@@ -214,10 +210,10 @@ class Bicycle:
         return 0.0
 
 
-def _inner_steps(dt_s: float) -> Iterator[float]:
-    """`dt_s` cut into equal steps of at most `INNER_STEP_S`."""
+def _inner_steps(dt_s: float) -> tuple[int, float]:
+    """Count and length of the equal steps of at most `INNER_STEP_S` that make up `dt_s`."""
     count = math.ceil(checks.non_negative("dt_s", dt_s) / INNER_STEP_S - 1e-9)
-    return iter((dt_s / count,) * count if count else ())
+    return count, dt_s / count if count else 0.0
 
 
 def _arc_m(forward_mps: float, left_mps: float, yaw_radps: float, h_s: float) -> tuple[float, float]:
@@ -235,7 +231,7 @@ def _arc_m(forward_mps: float, left_mps: float, yaw_radps: float, h_s: float) ->
 
 def _within(value: float, limit: float) -> float:
     """`value`, finite already, clamped to ±`limit`."""
-    return min(limit, max(-limit, value))
+    return -limit if value < -limit else limit if value > limit else value
 
 
 def _opposite(a: float, b: float) -> bool:
