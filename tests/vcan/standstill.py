@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from _pytest.runner import runtestprotocol
 
-ATTEMPTS = 3
+ATTEMPTS = 5
 _WITNESS = Path(__file__).with_name("witness.py")
 
 
