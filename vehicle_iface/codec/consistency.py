@@ -7,6 +7,7 @@ from cantools.database import Signal
 
 from vehicle_iface import checks
 from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, suggest
+from vehicle_iface.codec.command_faults import command_faults
 from vehicle_iface.codec.constants import constant_faults
 from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults, name_map_faults
 from vehicle_iface.codec.expressions import Place, unknown_names
@@ -46,7 +47,7 @@ def _signal_faults(binding: Binding) -> Iterator[ConfigError]:
                     place = f"$.status.{'when' if field in ModeConditions.__struct_fields__ else 'driver'}.{field}"
                 if signal is None:
                     yield _missing_signal(binding, dotted, place)
-                elif field in _CONDITIONS:
+                elif field in _CONDITIONS and section != "command":
                     continue  # a condition may look at what is bound to a field as well
                 elif dotted in taken and taken[dotted] != field:
                     yield binding.fault(place, f"{dotted} is already bound to {taken[dotted]}")
@@ -255,7 +256,8 @@ def _limit_faults(binding: Binding) -> Iterator[ConfigError]:
         ("rear_wheel_angle_rad", "rear_wheel_angle_rad", _both_signs(limits.rear_wheel_angle_rad)),
         ("accel_max_mps2", "accel_mps2", (limits.accel_max_mps2,)),
         ("accel_min_mps2", "accel_mps2", (limits.accel_min_mps2,)),
-        ("speed_max_mps", "speed_mps", _both_signs(limits.speed_max_mps)),
+        ("accel_max_mps2", "drive_mps2", (limits.accel_max_mps2, 0.0)),
+        ("accel_min_mps2", "brake_mps2", (-limits.accel_min_mps2, 0.0)),
     )
     for key, field, values in limited:
         for dotted in binding.get_signals("command", field):
@@ -272,7 +274,7 @@ def _rate_faults(binding: Binding) -> Iterator[ConfigError]:
     """What is slower than one count of its signal from sample to sample would never move."""
     limits, period_s = binding.profile.limits, binding.profile.timing.sample_period_s
     rates = [
-        ("accel_rate_mps3", "accel_mps2", limits.accel_rate_mps3),
+        *(("accel_rate_mps3", field, limits.accel_rate_mps3) for field in ("accel_mps2", "drive_mps2", "brake_mps2")),
         ("front_wheel_rate_radps", "front_wheel_angle_rad", limits.front_wheel_rate_radps),
     ]
     if limits.rear_wheel_angle_rad > 0.0:
@@ -327,6 +329,7 @@ _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
     _period_faults,
     _limit_faults,
     _rate_faults,
+    command_faults,
     _fd_faults,
     _message_faults,
     constant_faults,
