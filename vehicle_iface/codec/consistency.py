@@ -263,7 +263,8 @@ def _limit_faults(binding: Binding) -> Iterator[ConfigError]:
         for dotted in binding.get_signals("command", field):
             low, high = binding.view(dotted).field_range
             if any(not low <= value <= high for value in values):
-                yield binding.fault(f"$.limits.{key}", f"{values[0]}: {dotted} is in [{low:.10g}, {high:.10g}]")
+                text = f"{getattr(limits, key)}: {dotted} is in [{low:.10g}, {high:.10g}]"
+                yield binding.fault(f"$.limits.{key}", text)
 
 
 def _both_signs(limit: float) -> tuple[float, float]:
