@@ -23,6 +23,8 @@ def command_range(binding: Binding, field: str) -> WireRange:
 
 def command_faults(binding: Binding) -> Iterator[ConfigError]:
     """What may be commanded is in the range of its signal, and no less than one of its counts."""
+    yield from _limit_faults(binding)
+    yield from _rate_faults(binding)
     yield from _speed_faults(binding)
     yield from _pedal_faults(binding)
     limits, wheelbase_m = binding.profile.limits, binding.profile.geometry.wheelbase_m
@@ -93,3 +95,43 @@ def _pedal_faults(binding: Binding) -> Iterator[ConfigError]:
             if view.resolution > most:
                 text = f"{most:.4g} at {most_mps2} m/s² is less than one count of {dotted} ({view.resolution:.4g})"
                 yield binding.fault(place, text)
+
+
+def _limit_faults(binding: Binding) -> Iterator[ConfigError]:
+    """What may be commanded lies in the range of the signal that carries it."""
+    limits = binding.profile.limits
+    limited: tuple[tuple[str, str, tuple[float, ...]], ...] = (
+        ("front_wheel_angle_rad", "front_wheel_angle_rad", _both_signs(limits.front_wheel_angle_rad)),
+        ("rear_wheel_angle_rad", "rear_wheel_angle_rad", _both_signs(limits.rear_wheel_angle_rad)),
+        ("accel_max_mps2", "accel_mps2", (limits.accel_max_mps2,)),
+        ("accel_min_mps2", "accel_mps2", (limits.accel_min_mps2,)),
+        ("accel_max_mps2", "drive_mps2", (limits.accel_max_mps2, 0.0)),
+        ("accel_min_mps2", "brake_mps2", (-limits.accel_min_mps2, 0.0)),
+    )
+    for key, field, values in limited:
+        for dotted in binding.get_signals("command", field):
+            low, high = binding.view(dotted).field_range
+            if any(not low <= value <= high for value in values):
+                text = f"{getattr(limits, key)}: {dotted} is in [{low:.10g}, {high:.10g}]"
+                yield binding.fault(f"$.limits.{key}", text)
+
+
+def _both_signs(limit: float) -> tuple[float, float]:
+    return limit, -limit
+
+
+def _rate_faults(binding: Binding) -> Iterator[ConfigError]:
+    """What is slower than one count of its signal from sample to sample would never move."""
+    limits, period_s = binding.profile.limits, binding.profile.timing.sample_period_s
+    rates = [
+        *(("accel_rate_mps3", field, limits.accel_rate_mps3) for field in ("accel_mps2", "drive_mps2", "brake_mps2")),
+        ("front_wheel_rate_radps", "front_wheel_angle_rad", limits.front_wheel_rate_radps),
+    ]
+    if limits.rear_wheel_angle_rad > 0.0:
+        rates.append(("rear_wheel_rate_radps", "rear_wheel_angle_rad", limits.rear_wheel_rate_radps))
+    for key, field, per_s in rates:
+        for dotted in sorted(binding.get_signals("command", field)):
+            count, step = binding.view(dotted).resolution, per_s * period_s
+            if step < count * (1.0 - 1e-6):
+                text = f"{per_s}: {field} may change by {step:.4g} in {period_s} s, less than one count of {dotted}"
+                yield binding.fault(f"$.limits.{key}", f"{text} ({count:.4g}): it could never change")
