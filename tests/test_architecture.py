@@ -13,25 +13,15 @@ ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("vehicle_iface", "viewer")
 
 WORDS = {"errors", "units", "clock", "checks", "command_line"}
-DATA = {
-    "frame",
-    "reason",
-    "status",
-    "state",
-    "trajectory",
-    "command",
-    "decoded",
-    "profile",
-    "motion_sources",
-    "pose",
-    "row",
-}
+DATA = {"frame", "reason", "status", "state", "trajectory", "command", "decoded", "profile", "motion_sources", "pose"}
+DATA |= {"row", "command_forms"}
 ROOMS = {"bus", "codec", "control", "safety", "telemetry", "state_assembler", "trajectories"}
 UPPER = {"logs", "sim", "runtime"}
 TOP = {"arming", "compose", "drivable", "process", "recorder", "cli", "__main__"}
 FLOORS = (WORDS, DATA, ROOMS, UPPER, TOP)
 FLOOR_OF = {room: number for number, floor in enumerate(FLOORS) for room in floor}
 AMONG_DATA = {
+    "command_forms": {"command", "profile", "status"},
     "command": {"reason", "status"},
     "profile": {"reason", "status"},
     "motion_sources": {"profile"},
@@ -39,6 +29,8 @@ AMONG_DATA = {
     "row": {"pose", "state", "status"},
 }
 """Which data may be made of which."""
+BUILDERS = {"SafeCommand": "safety/gate.py", "WireCommand": "command_forms/former.py"}
+"""Who builds what the encoder takes."""
 VIEWER_READS = (["telemetry"], ["recorder", "files"])
 HOMES = {
     "can": ("vehicle_iface/bus/", "vehicle_iface/logs/"),
@@ -131,13 +123,12 @@ def _floor_faults(here: str, there: str) -> Iterator[str]:
 
 def _call_faults(place: str, call: ast.Call) -> Iterator[str]:
     function = call.func
-    if isinstance(function, ast.Name) and function.id == "SafeCommand" and place != "vehicle_iface/safety/gate.py":
-        yield "builds a SafeCommand: only safety/gate.py may"
+    name = function.id if isinstance(function, ast.Name) else getattr(function, "attr", "")
+    if name in BUILDERS and place != f"vehicle_iface/{BUILDERS[name]}":
+        yield f"builds a {name}: only {BUILDERS[name]} may"
     if isinstance(function, ast.Attribute):
         owner = function.value
         owner_name = owner.id if isinstance(owner, ast.Name) else owner.attr if isinstance(owner, ast.Attribute) else ""
-        if function.attr == "SafeCommand" and place != "vehicle_iface/safety/gate.py":
-            yield "builds a SafeCommand: only safety/gate.py may"
         if (owner_name, function.attr) in CLOCKS and place != "vehicle_iface/clock.py":
             yield f"reads {owner_name}.{function.attr}(): clocks are read in clock.py"
 
@@ -203,6 +194,7 @@ PLANTED = [
     ("vehicle_iface/cli/run.py", "import datetime\nx = datetime.datetime.now()", "reads datetime.now()"),
     ("vehicle_iface/cli/run.py", "from datetime import datetime\nx = datetime.utcnow()", "reads datetime.utcnow()"),
     ("vehicle_iface/runtime/cycle.py", "x = SafeCommand(enable=True)", "builds a SafeCommand"),
+    ("vehicle_iface/runtime/transmitter.py", "x = WireCommand(enable=True)", "builds a WireCommand"),
     (
         "vehicle_iface/compose.py",
         "from vehicle_iface import command as c\nx = c.SafeCommand()",

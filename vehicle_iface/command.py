@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
@@ -65,3 +66,30 @@ class SafeCommand:
     speed_mps: float
     reason: Reason
     gear_request: Gear
+
+
+class WireCommand(NamedTuple):
+    """A permitted command in the form that the vehicle obeys. Only `command_forms` builds it, from a `SafeCommand`.
+
+    The encoder takes the fields that are bound. The numbers are finite and within the ranges of their signals.
+    """
+
+    enable: bool
+    safe_stop: bool
+    reason: Reason
+    gear_request: Gear
+    accel_mps2: float
+    speed_mps: float
+    """The speed to be driven, or else the reference speed."""
+    drive_mps2: float
+    """Along the direction of travel; at most one of drive and brake is above 0."""
+    brake_mps2: float
+    throttle: float
+    """In the signal's own unit; at most one of the pedals is above 0."""
+    brake: float
+    front_wheel_angle_rad: float
+    rear_wheel_angle_rad: float
+    curvature_per_m: float
+    """Positive to the left."""
+    yaw_rate_radps: float
+    """Positive to the left, also when reversing."""

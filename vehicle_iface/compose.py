@@ -9,6 +9,7 @@ from vehicle_iface.codec.binding import Role
 from vehicle_iface.codec.database import EXACT_ID, BoundMessage, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.command_forms import CommandReader, build_former
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase, StopSteering
 from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
 from vehicle_iface.control.user_controller import load_controller
@@ -150,7 +151,8 @@ def build_loop(
         now_ns=now_ns,
     )
     transmit_filter = TransmitFilter(_allowed_messages(database))
-    transmitter = Transmitter(encoder, transmit_filter, link, gate, engagement, counters, now_ns)
+    former = build_former(profile, database.command_ranges)
+    transmitter = Transmitter(encoder, transmit_filter, link, gate, engagement, counters, now_ns, former)
     handover = Handover(ns_from_s(profile.handover.warning_s), hold_until_warned=profile.handover.hold_until_warned)
     publisher = TelemetryPublisher(telemetry, controller, counters)
     shadow = None if armed or not database.commands else _shadow(database)
@@ -266,7 +268,8 @@ def _allowed_messages(database: VehicleDatabase) -> Iterator[AllowedMessage]:
 def _shadow(database: VehicleDatabase) -> Shadow:
     timing = database.profile.timing
     together_ns = ns_from_s(timing.command_period_s / 2)
-    return Shadow(database.commands, together_ns=together_ns, longest_ns=ns_from_s(timing.state_stale_s))
+    longest_ns, reader = ns_from_s(timing.state_stale_s), CommandReader(database.profile)
+    return Shadow(database.commands, reader, together_ns=together_ns, longest_ns=longest_ns)
 
 
 def build_state_assembler(database: VehicleDatabase) -> StateAssembler:
@@ -323,4 +326,6 @@ def _window_ns(database: VehicleDatabase) -> int:
 
 
 def _lsb(database: VehicleDatabase, field: str) -> float:
-    return database.resolutions.get(field, 0.0) or UNBOUND_LSB
+    """What the wire can tell apart; drive and brake are the acceleration in two signals, the coarser one decides."""
+    fields = ("accel_mps2", "drive_mps2", "brake_mps2") if field == "accel_mps2" else (field,)
+    return max(database.resolutions.get(one, 0.0) for one in fields) or UNBOUND_LSB

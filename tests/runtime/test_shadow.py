@@ -14,6 +14,7 @@ from tests.narrowing import at_present
 from vehicle_iface import Reason, VehicleState, compose
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.command import SafeCommand
+from vehicle_iface.command_forms import CommandReader
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.shadow import DifferenceStats, OwnCommand, Shadow
@@ -198,7 +199,12 @@ class Other:
     """A shadow, and the frames of another commander for it."""
 
     def __init__(self) -> None:
-        self.shadow = Shadow(reference().commands, together_ns=5 * NS_PER_MS, longest_ns=50 * NS_PER_MS)
+        self.shadow = Shadow(
+            reference().commands,
+            CommandReader(reference().profile),
+            together_ns=5 * NS_PER_MS,
+            longest_ns=50 * NS_PER_MS,
+        )
         self.encoder = Encoder(reference().sent)
         self.now_ns = BEGIN_NS
 

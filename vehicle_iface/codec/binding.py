@@ -97,7 +97,9 @@ class Binding:
         """A signal that the DBC has, with what the profile says about it."""
         signal = self.find_signal(dotted)
         assert signal is not None, dotted
-        return SignalView.of(signal, self.notes_of(dotted), self.fields.get(dotted, ""))
+        pedals = (*self.sections["command"].get("throttle", ()), *self.sections["command"].get("brake", ()))
+        notes, field = self.notes_of(dotted), self.fields.get(dotted, "")
+        return SignalView.of(signal, notes, field, in_own_unit=dotted in pedals)
 
     def notes_of(self, dotted: str) -> SignalNotes:
         """The profile's notes on a signal."""

@@ -7,6 +7,7 @@ from cantools.database import Signal
 
 from vehicle_iface import checks
 from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, suggest
+from vehicle_iface.codec.command_faults import command_faults
 from vehicle_iface.codec.constants import constant_faults
 from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults, name_map_faults
 from vehicle_iface.codec.expressions import Place, unknown_names
@@ -49,7 +50,7 @@ def _signal_faults(binding: Binding) -> Iterator[ConfigError]:
                     place = f"$.status.{'when' if field in ModeConditions.__struct_fields__ else 'driver'}.{field}"
                 if signal is None:
                     yield binding.missing_signal(dotted, place)
-                elif field in _CONDITIONS:
+                elif field in _CONDITIONS and section != "command":
                     continue  # a condition may look at what is bound to a field as well
                 elif dotted in taken and taken[dotted] != field:
                     yield binding.fault(place, f"{dotted} is already bound to {taken[dotted]}")
@@ -237,47 +238,6 @@ def _fd_faults(binding: Binding) -> Iterator[ConfigError]:
             yield binding.fault("$.bus.fd", f"false, but {name} is an FD frame in {binding.file.name}")
 
 
-# --- limits
-
-
-def _limit_faults(binding: Binding) -> Iterator[ConfigError]:
-    """What may be commanded lies in the range of the signal that carries it."""
-    limits = binding.profile.limits
-    limited: tuple[tuple[str, str, tuple[float, ...]], ...] = (
-        ("front_wheel_angle_rad", "front_wheel_angle_rad", _both_signs(limits.front_wheel_angle_rad)),
-        ("rear_wheel_angle_rad", "rear_wheel_angle_rad", _both_signs(limits.rear_wheel_angle_rad)),
-        ("accel_max_mps2", "accel_mps2", (limits.accel_max_mps2,)),
-        ("accel_min_mps2", "accel_mps2", (limits.accel_min_mps2,)),
-        ("speed_max_mps", "speed_mps", _both_signs(limits.speed_max_mps)),
-    )
-    for key, field, values in limited:
-        for dotted in binding.get_signals("command", field):
-            low, high = binding.view(dotted).field_range
-            if any(not low <= value <= high for value in values):
-                yield binding.fault(f"$.limits.{key}", f"{values[0]}: {dotted} is in [{low:.10g}, {high:.10g}]")
-
-
-def _both_signs(limit: float) -> tuple[float, float]:
-    return limit, -limit
-
-
-def _rate_faults(binding: Binding) -> Iterator[ConfigError]:
-    """What is slower than one count of its signal from sample to sample would never move."""
-    limits, period_s = binding.profile.limits, binding.profile.timing.sample_period_s
-    rates = [
-        ("accel_rate_mps3", "accel_mps2", limits.accel_rate_mps3),
-        ("front_wheel_rate_radps", "front_wheel_angle_rad", limits.front_wheel_rate_radps),
-    ]
-    if limits.rear_wheel_angle_rad > 0.0:
-        rates.append(("rear_wheel_rate_radps", "rear_wheel_angle_rad", limits.rear_wheel_rate_radps))
-    for key, field, per_s in rates:
-        for dotted in sorted(binding.get_signals("command", field)):
-            count, step = binding.view(dotted).resolution, per_s * period_s
-            if step < count * (1.0 - 1e-6):
-                text = f"{per_s}: {field} may change by {step:.4g} in {period_s} s, less than one count of {dotted}"
-                yield binding.fault(f"$.limits.{key}", f"{text} ({count:.4g}): it could never change")
-
-
 # --- messages
 
 
@@ -319,8 +279,7 @@ _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
     _role_faults,
     _sender_faults,
     _period_faults,
-    _limit_faults,
-    _rate_faults,
+    command_faults,
     _fd_faults,
     _message_faults,
     constant_faults,

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from vehicle_iface.codec.binding import SENT_ROLES, Binding, Role
+from vehicle_iface.codec.command_faults import command_range
 from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.consistency import find_faults
 from vehicle_iface.codec.constants import constant_payload
@@ -18,6 +19,7 @@ from vehicle_iface.codec.enumerations import frames_of_reference, translate_from
 from vehicle_iface.codec.protection import Protection
 from vehicle_iface.codec.protection_rules import build_protection
 from vehicle_iface.codec.row_reader import build_row_reader
+from vehicle_iface.command_forms import WireRange
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.row import RowReader
@@ -81,6 +83,8 @@ class VehicleDatabase:
     """Number of `pose_frame` on the bus = frame of reference."""
     resolutions: Mapping[str, float]
     """The step of each bound command field on the wire, in its unit; 0 for a float."""
+    command_ranges: Mapping[str, WireRange]
+    """What the signals of each bound command field can carry."""
     report_ranges: Mapping[str, tuple[float, float]]
     """Smallest and greatest value of each bound report field."""
 
@@ -129,6 +133,7 @@ def build_database(binding: Binding) -> VehicleDatabase:
             field: max(binding.view(dotted).resolution for dotted in signals)
             for field, signals in binding.sections["command"].items()
         },
+        command_ranges={field: command_range(binding, field) for field in binding.sections["command"]},
         report_ranges={
             field: _common_range([binding.view(dotted).field_range for dotted in signals])
             for field, signals in binding.sections["report"].items()

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from vehicle_iface.codec.binding import Role
 from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.database import BoundMessage
-from vehicle_iface.command import SafeCommand
+from vehicle_iface.command import SafeCommand, WireCommand
 from vehicle_iface.errors import ConfigError, SignalError
 from vehicle_iface.frame import CanFrame, unchecked_frame
 
@@ -83,7 +83,7 @@ class Encoder:
             raise ConfigError(f"no message {message_name!r}: must be one of {', '.join(self._outputs)}")
         return output.frame(source)
 
-    def encode_command(self, command: SafeCommand) -> tuple[CanFrame, ...]:
+    def encode_command(self, command: SafeCommand | WireCommand) -> tuple[CanFrame, ...]:
         """The next frame of each command message; all of them, or `SignalError`."""
         return tuple([output.frame(command) for output in self._commands])
 

@@ -28,8 +28,11 @@ class SignalView:
     rules: SignalRules
 
     @classmethod
-    def of(cls, signal: Signal, notes: SignalNotes, field: str) -> "SignalView":
-        """The signal with the notes on it, for a field; "" for one that has no field."""
+    def of(cls, signal: Signal, notes: SignalNotes, field: str, *, in_own_unit: bool = False) -> "SignalView":
+        """The signal with the notes on it, for a field; "" for one that has no field.
+
+        With `in_own_unit` the field has the unit of the signal, whatever that is.
+        """
         names = {int(number): str(name) for number, name in (signal.choices or {}).items()}
         if notes.names is not None:
             names = {int(number): name for number, name in notes.names.items()}
@@ -39,7 +42,8 @@ class SignalView:
             low=low,
             high=high,
             names=names,
-            scale=_unit_factor(signal, notes, field) * (1.0 if notes.scale is None else notes.scale),
+            scale=(1.0 if in_own_unit else _unit_factor(signal, notes, field))
+            * (1.0 if notes.scale is None else notes.scale),
             offset=notes.offset,
             rules=SignalRules(
                 limits=notes.range,

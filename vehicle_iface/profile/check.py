@@ -9,12 +9,16 @@ from types import MappingProxyType
 
 import msgspec
 
+from vehicle_iface.profile.check_command import check_command
 from vehicle_iface.profile.check_pose import check_pose
+from vehicle_iface.profile.command_forms import needed_command_signals
 from vehicle_iface.profile.forms import check_form, signals_of
-from vehicle_iface.profile.schema import Profile, State
+from vehicle_iface.profile.schema import Command, Profile, State
 from vehicle_iface.profile.state_pose import needed_pose_signals
 
 NOTHING_MORE: Mapping[str, str] = MappingProxyType({})
+_NEEDED_SIGNALS = {State: needed_pose_signals, Command: needed_command_signals}
+"""What a table needs in its signals beyond what their type says."""
 _SIGNAL_NAME = re.compile(r"\w+\.\w+")
 
 
@@ -51,7 +55,7 @@ def check_tables(
             faults.append(f"{there}: unknown key; {hint}")
             missing = [name for name in missing if name != nearest]  # one mistake is one fault
         else:
-            more = needed_pose_signals(document) if (kind, key) == (State, "signals") else NOTHING_MORE
+            more = _NEEDED_SIGNALS[kind](document) if key == "signals" and kind in _NEEDED_SIGNALS else NOTHING_MORE
             faults += _check_value(sound, key, value, fields[key].type, there, more)
     faults += (f"{place}: {name} is missing{needed.get(name, '')}" for name in missing)
     return sound, faults
@@ -91,6 +95,7 @@ def check_profile(profile: Profile) -> Iterator[str]:
     yield from _check_status(profile)
     yield from _check_notes(profile)
     yield from check_pose(profile)
+    yield from check_command(profile)
     yield from _check_timing(profile)
     yield from _check_geometry(profile)
     yield from _check_limits(profile)

@@ -7,6 +7,8 @@ import msgspec
 
 SignalName = str
 """MESSAGE.SIGNAL. Checked in `check`: msgspec 0.22 corrupts memory over a pattern inside a union."""
+SignalNames = SignalName | tuple[SignalName, ...]
+"""One signal, or several that carry the same value."""
 
 
 class ConditionTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

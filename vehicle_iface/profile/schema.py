@@ -4,15 +4,14 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from vehicle_iface.profile.forms import Condition, FieldSource, SignalName
+from vehicle_iface.profile.command_forms import LateralForm, LongitudinalForm, Pedals
+from vehicle_iface.profile.forms import Condition, FieldSource, SignalName, SignalNames
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
 from vehicle_iface.profile.state_pose import StatePose
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]
-SignalNames = str | tuple[str, ...]
-"""One signal, or several that carry the same value."""
 
 
 class Geometry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -351,13 +350,23 @@ class Status(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class CommandSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The signals that carry a `SafeCommand`."""
+    """The signals that carry a command; which of them a profile needs follows from `longitudinal` and `lateral`."""
 
     enable: SignalNames
-    accel_mps2: SignalNames
-    front_wheel_angle_rad: SignalNames
-    safe_stop: SignalNames | None = None
+    accel_mps2: SignalNames | None = None
     speed_mps: SignalNames | None = None
+    """The speed to be driven with longitudinal = "speed"; else the reference speed, for information."""
+    drive_mps2: SignalNames | None = None
+    """Along the direction of travel, never below 0."""
+    brake_mps2: SignalNames | None = None
+    """Against the direction of travel, never below 0."""
+    throttle: SignalNames | None = None
+    """In the signal's own unit, as is `brake`."""
+    brake: SignalNames | None = None
+    front_wheel_angle_rad: SignalNames | None = None
+    curvature_per_m: SignalNames | None = None
+    yaw_rate_radps: SignalNames | None = None
+    safe_stop: SignalNames | None = None
     rear_wheel_angle_rad: SignalNames | None = None
     reason: SignalNames | None = None
     gear_request: SignalNames | None = None
@@ -366,7 +375,10 @@ class CommandSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 class Command(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Commands to the vehicle."""
 
+    longitudinal: LongitudinalForm = "acceleration"
+    lateral: LateralForm = "wheel_angle"
     signals: CommandSignals
+    pedals: Pedals | None = None
 
 
 class BodySignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

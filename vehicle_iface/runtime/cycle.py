@@ -31,6 +31,14 @@ class Decision(NamedTuple):
 
     requested: Command
     permitted: SafeCommand
+    state: VehicleState | None = None
+    """What it was decided from; None where nothing is driven."""
+    speed_mps: float = 0.0
+    """The speed that the limits went by."""
+    reversing: bool = False
+    """Whether the vehicle drives backwards or, standing, would."""
+    engaging: bool = False
+    """Whether the vehicle does not obey yet."""
 
 
 class ControlCycle:
@@ -225,6 +233,7 @@ class ControlCycle:
             self._driven_gear = needed_gear
         # What was commanded last is better known than the gear that the vehicle reports.
         reversing = motion.is_backwards(state.speed_mps, self._driven_gear if self._driven_gear is not None else gear)
+        speed_mps = motion.limit_speed_mps(state.speed_mps)
         permitted = self.gate.permit(
             requested,
             state,
@@ -232,10 +241,10 @@ class ControlCycle:
             reversing=reversing,
             engaging=other_takes_over or mode.engages,
             gear_request=gear_request,
-            speed_mps=motion.limit_speed_mps(state.speed_mps),
+            speed_mps=speed_mps,
             speed_is_known=motion.disagreement is None,
         )
-        self.last = Decision(requested=requested, permitted=permitted)
+        self.last = Decision(requested, permitted, state, speed_mps, reversing, mode.engages)
         return self.last
 
 

@@ -76,7 +76,7 @@ class TelemetryPublisher:
             lookahead = self._lookahead_m()
         requested_accel_mps2 = requested_rad = sent_accel_mps2 = sent_rad = 0.0
         if decision is not None:
-            requested, permitted = decision
+            requested, permitted = decision.requested, decision.permitted
             requested_accel_mps2, requested_rad = requested.accel_mps2, requested.front_wheel_angle_rad
             sent_accel_mps2, sent_rad = permitted.accel_mps2, permitted.front_wheel_angle_rad
         self._writer.publish(

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.command import SafeCommand
+from vehicle_iface.command_forms import CommandReader
 from vehicle_iface.decoded import DecodedMessage
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.histogram import LogHistogram
@@ -65,14 +66,18 @@ class ForeignCommand(NamedTuple):
 class Shadow:
     """Puts the two together, sample by sample, and keeps count. Values are compared while both are enabled."""
 
-    def __init__(self, commands: Sequence[BoundMessage], *, together_ns: int, longest_ns: int) -> None:
+    def __init__(
+        self, commands: Sequence[BoundMessage], reader: CommandReader, *, together_ns: int, longest_ns: int
+    ) -> None:
         """`commands` are the messages that make one command: they come within `together_ns`.
 
-        A command later than `longest_ns` after a sample does not belong to it.
+        Ours and theirs are compared in acceleration and wheel angle. `reader` computes those of a command in another
+        form: a curvature, a yaw rate of a vehicle that moves, drive and brake. What cannot be computed is not compared:
+        the acceleration of a speed command. A command later than `longest_ns` after a sample does not belong to it.
         """
         self._fields = {message.name: message.fields for message in commands}
         self._ids = {(message.can_id, message.is_extended) for message in commands}
-        self._decoder = Decoder(commands)
+        self._decoder, self._reader = Decoder(commands), reader
         self._together_ns, self._longest_ns = together_ns, longest_ns
         self._ours: deque[OwnCommand] = deque(maxlen=HISTORY)
         self._parts: dict[str, DecodedMessage] = {}
@@ -120,7 +125,7 @@ class Shadow:
                 self.takeovers += 1
                 taken = ours
             else:
-                self._count(ours.permitted, theirs.fields)
+                self._count(ours, theirs.fields)
             self._enabled_ns = theirs.begun_ns if is_enabled else None
         self._theirs.clear()
         self.is_taking_over = self._enabled_ns is not None and (self.is_taking_over or taken is not None)
@@ -172,11 +177,17 @@ class Shadow:
         self._compared_ns = ours.completed_ns
         return ours
 
-    def _count(self, ours: SafeCommand, theirs: dict[str, float | int]) -> None:
+    def _count(self, own: OwnCommand, theirs: dict[str, float | int]) -> None:
+        ours, speed_mps = own.permitted, own.state.speed_mps
         self.compared += 1
         for name in self.mismatches:
             if name in theirs:
                 self.mismatches[name] += getattr(ours, name) != theirs[name]
-        if ours.enable and theirs["enable"]:
-            self.accel_mps2.add(ours.accel_mps2 - theirs["accel_mps2"])
-            self.front_wheel_angle_rad.add(ours.front_wheel_angle_rad - theirs["front_wheel_angle_rad"])
+        if not (ours.enable and theirs["enable"]):
+            return
+        direction = -1.0 if ours.speed_mps < 0.0 else 1.0
+        requested = self._reader.read(theirs, speed_mps=speed_mps, direction=direction)
+        if requested.accel_mps2 is not None:
+            self.accel_mps2.add(ours.accel_mps2 - requested.accel_mps2)
+        if requested.front_wheel_angle_rad is not None:
+            self.front_wheel_angle_rad.add(ours.front_wheel_angle_rad - requested.front_wheel_angle_rad)

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 
 from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.command import WireCommand
+from vehicle_iface.command_forms import CommandFormer, MeasuredMotion
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import Decision
@@ -24,7 +26,10 @@ class Transmitter:
         engagement: Engagement,
         counters: Counters,
         now_ns: Callable[[], int],
+        former: CommandFormer | None = None,
     ) -> None:
+        """Without a `former` commands are encoded as they were permitted."""
+        self._former = former
         self._encoder, self._transmit_filter, self._link, self._gate = encoder, transmit_filter, link, gate
         self._engagement, self._counters, self._now_ns = engagement, counters, now_ns
         self.decided_ns = now_ns()
@@ -53,14 +58,19 @@ class Transmitter:
             return False
         if not self.has_room():
             return False
-        frames = self._encoder.encode_command(decision.permitted)
+        former = self._former
+        command = decision.permitted if former is None else _form(former, decision, now_ns)
+        frames = self._encoder.encode_command(command)
         sent = self._send(frames)
         if sent == len(frames):
             self._gate.commit()
+            if former is not None:
+                former.commit()
             self._counters.commands += 1
             return True
         if sent and decision.permitted.enable:
-            self._gate.commit_fields(self._encoder.fields_of(frames[:sent]))
+            fields = self._encoder.fields_of(frames[:sent])
+            self._gate.commit_fields(fields if former is None else former.commit_fields(fields))
         return False
 
     def send(self, message: str, source: object) -> None:
@@ -78,3 +88,9 @@ class Transmitter:
         sent = self._link.send(*allowed) if allowed else 0
         self._encoder.commit(frames[:sent])
         return sent
+
+
+def _form(former: CommandFormer, decision: Decision, now_ns: int) -> WireCommand:
+    accel_mps2 = decision.state.accel_mps2 if decision.state is not None else 0.0
+    motion = MeasuredMotion(decision.speed_mps, accel_mps2, decision.reversing, decision.engaging)
+    return former.form(decision.permitted, motion, now_ns)

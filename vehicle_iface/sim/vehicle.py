@@ -25,6 +25,7 @@ from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.sim.actuation import choose_actuation, find_needed_gear
+from vehicle_iface.sim.command_forms import Interpret
 from vehicle_iface.sim.engagement import PAIRS_TO_ENGAGE, TRANSITIONS, CommandWatch, Event
 from vehicle_iface.sim.frame_faults import FrameFaults
 from vehicle_iface.sim.model import Bicycle, BicycleParameters, BicycleState
@@ -49,8 +50,9 @@ class SimulatedVehicle:
         mode: VehicleMode = VehicleMode.READY,
         gear: Gear | None = None,
         frame_id: str = "map",
+        interpret: Interpret | None = None,
     ) -> None:
-        """Its first sample is due at `start_ns`.
+        """Its first sample is due at `start_ns`. `interpret` makes acceleration and angle of other forms of commands.
 
         Without a `gear` it is in PARK, or in DRIVE where commands have none.
         """
@@ -75,6 +77,7 @@ class SimulatedVehicle:
         self._car = Bicycle(car, start)
         self._watch = CommandWatch(wire.commands)
         self._requested: dict[str, float | int] = {}
+        self._interpret = interpret
         self._reported = self._car.state
         self._start_ns = start_ns
         self._tick = -1
@@ -250,9 +253,10 @@ class SimulatedVehicle:
         return True
 
     def _move(self, dt_ns: int) -> None:
+        requested = self._requested
         actuation = choose_actuation(
             self.mode,
-            self._requested,
+            requested if self._interpret is None else self._interpret(requested, self.state, self.gear),
             self.driver,
             gear=self.gear,
             speed_mps=self.state.speed_mps,

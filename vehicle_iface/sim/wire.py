@@ -11,6 +11,7 @@ from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.errors import SignalError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import Profile
+from vehicle_iface.sim.command_forms import build_interpreter
 from vehicle_iface.sim.model import BicycleParameters, BicycleState
 from vehicle_iface.sim.parameters import SimulationParameters
 from vehicle_iface.sim.report import ReceivedCommand, VehicleReport
@@ -98,6 +99,7 @@ def simulated_vehicle(
         mode=mode,
         gear=gear,
         frame_id=frame_id,
+        interpret=build_interpreter(database),
     )
 
 

@@ -1,0 +1,39 @@
+"""What a command is formed from besides the permission, and what its signals can carry."""
+
+import math
+from typing import NamedTuple
+
+LONGEST_STEP_S = 0.1
+"""After a longer silence a target moves on by no more than this much time."""
+STANDING_MPS = 0.05
+"""Slower than this the vehicle stands, as far as its speed signal can tell."""
+
+
+class MeasuredMotion(NamedTuple):
+    """The vehicle as it was measured when the command was permitted."""
+
+    speed_mps: float
+    """Along the body's x axis."""
+    accel_mps2: float
+    """Along the body's x axis."""
+    reversing: bool
+    """Whether it drives backwards or, standing, would."""
+    engaging: bool = False
+    """Whether it does not obey yet."""
+
+
+class WireRange(NamedTuple):
+    """What all signals of a field can carry, in the field's unit."""
+
+    low: float
+    high: float
+    step: float
+    """Of one count; 0 for a float."""
+
+    def floor(self, limit: float) -> float:
+        """The greatest value up to `limit` (not below 0) that can be sent exactly."""
+        limit = min(limit, self.high)
+        return math.floor(limit / self.step + 1e-6) * self.step if self.step else limit
+
+
+UNLIMITED = WireRange(-math.inf, math.inf, 0.0)
