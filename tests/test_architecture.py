@@ -13,7 +13,19 @@ ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("vehicle_iface", "viewer")
 
 WORDS = {"errors", "units", "clock", "checks", "command_line"}
-DATA = {"frame", "reason", "status", "state", "trajectory", "command", "decoded", "profile", "motion_sources", "pose", "row"}
+DATA = {
+    "frame",
+    "reason",
+    "status",
+    "state",
+    "trajectory",
+    "command",
+    "decoded",
+    "profile",
+    "motion_sources",
+    "pose",
+    "row",
+}
 ROOMS = {"bus", "codec", "control", "safety", "telemetry", "state_assembler", "trajectories"}
 UPPER = {"logs", "sim", "runtime"}
 TOP = {"arming", "compose", "drivable", "process", "recorder", "cli", "__main__"}

@@ -1,11 +1,10 @@
 """Where concrete parts meet: from a profile and a few words to a loop, or to a simulated vehicle."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 
 from vehicle_iface import clock
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.bus.socketcan import SocketCanBus
-from vehicle_iface.codec.binding import Role
 from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
@@ -16,6 +15,7 @@ from vehicle_iface.motion_sources import sources_of
 from vehicle_iface.pose import Locator
 from vehicle_iface.profile import Profile
 from vehicle_iface.runtime.arrival import ArrivalFilter
+from vehicle_iface.runtime.command_pace import CommandPace
 from vehicle_iface.runtime.components import LoopComponents
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import ControlCycle
@@ -28,6 +28,7 @@ from vehicle_iface.runtime.shutdown import Shutdown
 from vehicle_iface.runtime.statistics import RunStatistics
 from vehicle_iface.runtime.timer import PeriodicTimer
 from vehicle_iface.runtime.trajectory_updates import TrajectoryUpdater
+from vehicle_iface.runtime.transmit_periods import allowed_messages, period_ns
 from vehicle_iface.runtime.transmitter import Transmitter
 from vehicle_iface.safety.deviation import DeviationMonitor
 from vehicle_iface.safety.engagement import Engagement, EngagementTiming
@@ -38,7 +39,7 @@ from vehicle_iface.safety.motion import MotionCheck
 from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.safety.stop import StopShape
 from vehicle_iface.safety.stop_hold import StopHold
-from vehicle_iface.safety.transmit_filter import AllowedMessage, TransmitFilter
+from vehicle_iface.safety.transmit_filter import TransmitFilter
 from vehicle_iface.safety.unmeasured import without_unmeasured
 from vehicle_iface.state_assembler import Freshness, StateAssembler
 from vehicle_iface.telemetry import TelemetryWriter, VehicleShape
@@ -113,7 +114,7 @@ def build_loop(
     limits, plausibility_limits = without_unmeasured(profile)
     link = Link(open_bus, counters, now_ns=now_ns, sleep_until=sleep_until)
     started_ns = now_ns()  # opening the bus may take a while
-    timer = PeriodicTimer(ns_from_s(timing.command_period_s), started_ns)
+    timer = PeriodicTimer(min(period_ns(database, message) for message in database.commands), started_ns)
     decoder, assembler, encoder = Decoder(database.received), build_state_assembler(database), Encoder(database.sent)
     engagement = Engagement(_engagement_timing(profile), armed=armed)
     plausibility = PlausibilityCheck(plausibility_limits, wheelbase_m=wheelbase_m)
@@ -145,8 +146,14 @@ def build_loop(
         counters=counters,
         now_ns=now_ns,
     )
-    transmit_filter = TransmitFilter(_allowed_messages(database))
-    transmitter = Transmitter(encoder, transmit_filter, link, gate, engagement, counters, now_ns)
+    transmit_filter = TransmitFilter(allowed_messages(database))
+    pace = CommandPace(
+        database.commands,
+        {message.name: period_ns(database, message) for message in database.commands},
+        sample_period_ns=ns_from_s(timing.sample_period_s),
+        transmit_filter=transmit_filter,
+    )
+    transmitter = Transmitter(encoder, pace, transmit_filter, link, gate, engagement, counters, now_ns)
     handover = Handover(ns_from_s(profile.handover.warning_s), hold_until_warned=profile.handover.hold_until_warned)
     publisher = TelemetryPublisher(telemetry, controller, counters)
     shadow = None if armed else _shadow(database)
@@ -244,19 +251,6 @@ def stop_shape(profile: Profile, behavior: BehaviorConfig) -> StopShape:
         release_time_constant_s=profile.behavior.stop_release_time_constant_s,
         hold_mps2=profile.behavior.hold_deceleration_mps2,
     )
-
-
-def _allowed_messages(database: VehicleDatabase) -> Iterator[AllowedMessage]:
-    """All that may ever leave, and how often."""
-    timing = database.profile.timing
-    periods_s = {
-        Role.COMMAND: timing.command_period_s,
-        Role.BODY: timing.body_period_s,
-        Role.REPORT: timing.report_period_s,
-    }
-    for message in database.sent:
-        period_ns = ns_from_s(periods_s[message.role])
-        yield AllowedMessage(message.can_id, message.is_extended, message.is_fd, message.length, period_ns)
 
 
 def _shadow(database: VehicleDatabase) -> Shadow:

@@ -133,7 +133,9 @@ def test_the_parts_of_a_sample_need_counters(variant: Variant) -> None:
         ("[e2e.data_ids]", "[protection.messages]\nPOSE = 'alive'\n[e2e.data_ids]"),
         ("\nPOSE = 0x110", ""),
     )
-    with pytest.raises(ConfigError, match=r"\$\.protection\.messages\.POSE: missing; the other parts of the sample have one"):
+    with pytest.raises(
+        ConfigError, match=r"\$\.protection\.messages\.POSE: missing; the other parts of the sample have one"
+    ):
         variant(toml=toml)
 
 

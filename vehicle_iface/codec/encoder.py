@@ -4,7 +4,7 @@ The counter of a message starts at 0 and steps once for each of its frames that 
 nobody took has stepped nothing, and the next one has its counter.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 
 from vehicle_iface.codec.binding import Role
 from vehicle_iface.codec.compiled import Value
@@ -83,9 +83,9 @@ class Encoder:
             raise ConfigError(f"no message {message_name!r}: must be one of {', '.join(self._outputs)}")
         return output.frame(source)
 
-    def encode_command(self, command: SafeCommand) -> tuple[CanFrame, ...]:
-        """The next frame of each command message; all of them, or `SignalError`."""
-        return tuple([output.frame(command) for output in self._commands])
+    def encode_command(self, command: SafeCommand, names: Collection[str] | None = None) -> tuple[CanFrame, ...]:
+        """The next frame of each command message, or of those in `names`; all of them, or `SignalError`."""
+        return tuple([output.frame(command) for output in self._commands if names is None or output.name in names])
 
     def commit(self, frames: Iterable[CanFrame]) -> None:
         """These frames were sent, at most one of each message: the next ones have the counters after theirs."""

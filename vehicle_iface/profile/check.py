@@ -10,6 +10,7 @@ from types import MappingProxyType
 import msgspec
 
 from vehicle_iface.profile.check_pose import check_pose
+from vehicle_iface.profile.check_sends import check_sends
 from vehicle_iface.profile.forms import check_form, signals_of
 from vehicle_iface.profile.schema import Profile, State
 from vehicle_iface.profile.state_pose import needed_pose_signals
@@ -74,6 +75,15 @@ def _check_value(
         return [
             fault for name, one in value.items() for fault in _check_value(tables, name, one, named, f"{place}.{name}")
         ]
+    if table is not None and typing.get_origin(kind) is tuple and isinstance(value, list):
+        rows: list[dict[str, object]] = []
+        sound[key] = rows
+        found: list[str] = []
+        for index, row in enumerate(value):
+            part, faults = check_tables(row, table, f"{place}[{index}]")
+            rows.append(part)
+            found += faults
+        return found
     if table is not None and named is None and (isinstance(value, dict) or str not in typing.get_args(kind)):
         sound[key], faults = check_tables(value, table, place, needed)
         return faults
@@ -91,6 +101,7 @@ def check_profile(profile: Profile) -> Iterator[str]:
     yield from _check_status(profile)
     yield from _check_notes(profile)
     yield from check_pose(profile)
+    yield from check_sends(profile)
     yield from _check_timing(profile)
     yield from _check_geometry(profile)
     yield from _check_limits(profile)

@@ -6,6 +6,7 @@ import msgspec
 
 from vehicle_iface.profile.forms import Condition, FieldSource, SignalName
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
+from vehicle_iface.profile.sends import SentMessage, SentValue
 from vehicle_iface.profile.state_pose import StatePose
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
@@ -367,6 +368,10 @@ class Command(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """Commands to the vehicle."""
 
     signals: CommandSignals
+    periods: dict[str, Positive] = {}
+    """By message; left out, `timing.command_period_s`. Each a whole multiple of `timing.sample_period_s`."""
+    values: dict[SignalName, SentValue] = {}
+    """Signals of command messages that no field fills; left out, the DBC's initial value."""
 
 
 class BodySignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -433,5 +438,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     state: State
     status: Status
     command: Command
+    send: tuple[SentMessage, ...] = ()
+    """What is sent besides."""
     body: Body | None = None
     report: Report | None = None

@@ -1,9 +1,11 @@
 """Frames on their way out: through the filter to the link; what left is committed, everything else has not happened."""
 
 from collections.abc import Callable
+from enum import Enum, auto
 
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.frame import CanFrame
+from vehicle_iface.runtime.command_pace import CommandPace
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import Decision
 from vehicle_iface.runtime.link import Link
@@ -12,12 +14,23 @@ from vehicle_iface.safety.gate import Gate
 from vehicle_iface.safety.transmit_filter import TransmitFilter
 
 
+class Outcome(Enum):
+    """What became of a command."""
+
+    SENT = auto()
+    """All frames that were due have left."""
+    NOT_DUE = auto()
+    """It was computed between two answers that are sent."""
+    NOT_SENT = auto()
+
+
 class Transmitter:
     """Encodes, sends and commits; each frame is handed over at most once."""
 
     def __init__(
         self,
         encoder: Encoder,
+        pace: CommandPace,
         transmit_filter: TransmitFilter,
         link: Link,
         gate: Gate,
@@ -25,7 +38,8 @@ class Transmitter:
         counters: Counters,
         now_ns: Callable[[], int],
     ) -> None:
-        self._encoder, self._transmit_filter, self._link, self._gate = encoder, transmit_filter, link, gate
+        self._encoder, self._pace, self._transmit_filter = encoder, pace, transmit_filter
+        self._link, self._gate = link, gate
         self._engagement, self._counters, self._now_ns = engagement, counters, now_ns
         self.decided_ns = now_ns()
         """When the newest command was decided, sent or not."""
@@ -41,27 +55,32 @@ class Transmitter:
             self._has_room = self._link.has_room()
         return self._has_room
 
-    def send_command(self, decision: Decision, now_ns: int) -> bool:
-        """All command frames of one decision; whether all of them left.
+    def send_command(self, decision: Decision, now_ns: int, *, is_newest: bool = True) -> Outcome:
+        """The command frames of one decision that are due.
 
         Nothing while the command of an earlier pass still waits to leave: however dead the bus is, no more of them
-        than one pass sends are under way.
+        than one pass sends are under way. `is_newest`: no younger sample is answered in this pass.
         """
         self.decided_ns = now_ns
         if not self._engagement.mode.may_send:
             self._gate.commit()  # a shadow counts its rates from what it would have sent
-            return False
+            return Outcome.NOT_SENT
         if not self.has_room():
-            return False
-        frames = self._encoder.encode_command(decision.permitted)
+            return Outcome.NOT_SENT
+        permitted = decision.permitted
+        names = self._pace.select(permitted, now_ns, is_newest=is_newest)
+        if not names:
+            return Outcome.NOT_DUE
+        frames = self._encoder.encode_command(permitted, names)
         sent = self._send(frames)
         if sent == len(frames):
-            self._gate.commit()
+            self._pace.commit(permitted, now_ns, names)
             self._counters.commands += 1
-            return True
-        if sent and decision.permitted.enable:
+        if sent == len(frames) and names == self._pace.all_names:
+            self._gate.commit()
+        elif sent and permitted.enable:
             self._gate.commit_fields(self._encoder.fields_of(frames[:sent]))
-        return False
+        return Outcome.SENT if sent == len(frames) else Outcome.NOT_SENT
 
     def send(self, message: str, source: object) -> None:
         """One message, its values taken from the attributes of `source`."""
