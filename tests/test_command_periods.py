@@ -126,7 +126,7 @@ def test_the_rates_of_a_slow_message_are_those_of_its_limits_though_another_one_
             r"\$\.timing\.command_period_s: 0\.015: .* such as 0\.01 or 0\.02$",
         ),
         ({}, "[command.periods]\nCMD = 0.025\n", r"\$\.command\.periods\.CMD: 0\.025: .* such as 0\.02 or 0\.03$"),
-        ({}, "[command.periods]\nPOSE = 0.02\n", r"\$\.command\.periods\.POSE: must be a command message: CMD"),
+        ({}, "[command.periods]\nPOSE = 0.02\n", r"\$\.command\.periods\.POSE: must be of a command message: CMD"),
         ({}, "[command.periods]\nCMB = 0.02\n", r"\$\.command\.periods\.CMB: no message 'CMB' in v\.dbc; nearest: CMD"),
     ],
 )

@@ -8,6 +8,7 @@ from vehicle_iface.bus.socketcan import SocketCanBus
 from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.codec.sent_values import SendContext
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase, StopSteering
 from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
 from vehicle_iface.control.user_controller import load_controller
@@ -15,7 +16,6 @@ from vehicle_iface.motion_sources import sources_of
 from vehicle_iface.pose import Locator
 from vehicle_iface.profile import Profile
 from vehicle_iface.runtime.arrival import ArrivalFilter
-from vehicle_iface.runtime.command_pace import CommandPace
 from vehicle_iface.runtime.components import LoopComponents
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import ControlCycle
@@ -23,12 +23,13 @@ from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.publisher import TelemetryPublisher
 from vehicle_iface.runtime.reports import Reports
+from vehicle_iface.runtime.scheduled_sends import ScheduledSends
 from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.runtime.shutdown import Shutdown
 from vehicle_iface.runtime.statistics import RunStatistics
 from vehicle_iface.runtime.timer import PeriodicTimer
 from vehicle_iface.runtime.trajectory_updates import TrajectoryUpdater
-from vehicle_iface.runtime.transmit_periods import allowed_messages, period_ns
+from vehicle_iface.runtime.transmit_periods import allowed_messages, build_pace, period_ns
 from vehicle_iface.runtime.transmitter import Transmitter
 from vehicle_iface.safety.deviation import DeviationMonitor
 from vehicle_iface.safety.engagement import Engagement, EngagementTiming
@@ -36,6 +37,7 @@ from vehicle_iface.safety.gate import Gate, gate_channels
 from vehicle_iface.safety.gear import GearCheck
 from vehicle_iface.safety.handover import Handover
 from vehicle_iface.safety.motion import MotionCheck
+from vehicle_iface.safety.phases import find_phases
 from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.safety.stop import StopShape
 from vehicle_iface.safety.stop_hold import StopHold
@@ -147,13 +149,14 @@ def build_loop(
         now_ns=now_ns,
     )
     transmit_filter = TransmitFilter(allowed_messages(database))
-    pace = CommandPace(
-        database.commands,
-        {message.name: period_ns(database, message) for message in database.commands},
-        sample_period_ns=ns_from_s(timing.sample_period_s),
-        transmit_filter=transmit_filter,
-    )
-    transmitter = Transmitter(encoder, pace, transmit_filter, link, gate, engagement, counters, now_ns)
+    pace = build_pace(database, transmit_filter)
+
+    def read_context(at_ns: int) -> SendContext:
+        status_stale_ns = ns_from_s(timing.status_stale_s)
+        phases = find_phases(engagement, assembler.status, at_ns, status_stale_ns=status_stale_ns)
+        return SendContext(phases, assembler.row)
+
+    transmitter = Transmitter(encoder, pace, transmit_filter, link, gate, engagement, counters, now_ns, read_context)
     handover = Handover(ns_from_s(profile.handover.warning_s), hold_until_warned=profile.handover.hold_until_warned)
     publisher = TelemetryPublisher(telemetry, controller, counters)
     shadow = None if armed else _shadow(database)
@@ -170,6 +173,12 @@ def build_loop(
             engagement=engagement,
             transmitter=transmitter,
             reports=_reports(database, transmitter, cycle, publisher, handover, counters, started_ns),
+            sends=ScheduledSends(
+                profile.send,
+                transmitter,
+                lambda at_ns: read_context(at_ns).phases,
+                sample_period_ns=ns_from_s(timing.sample_period_s),
+            ),
             shutdown=Shutdown(engagement, handover),
             handover=handover,
             trajectories=TrajectoryUpdater(

@@ -61,7 +61,7 @@ def _usage_faults(binding: Binding, place: str, field: str, dotted: str, signal:
     for text in unit_faults(signal, binding.notes_of(dotted), field):
         yield binding.file.fault(dotted, text)
     if signal.is_multiplexer and binding.roles.get(dotted.partition(".")[0]) in SENT_ROLES:
-        yield binding.fault(place, f"{dotted} is a multiplexer; give its value below [constants]")
+        yield binding.fault(place, f"{dotted} is a multiplexer; give its value in [command.values]")
 
 
 def _condition_faults(binding: Binding) -> Iterator[ConfigError]:
@@ -109,7 +109,7 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
             if binding.find_signal(dotted) is None:
                 yield _missing_signal(binding, dotted, place)
             elif dotted in binding.fields:
-                yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
+                yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted] or 'an echo'}")
 
 
 def _missing_message(binding: Binding, name: str, place: str) -> ConfigError:

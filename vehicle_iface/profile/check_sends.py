@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Mapping
 
 from vehicle_iface.profile.schema import Profile
-from vehicle_iface.profile.sends import COUNT, WHEN, SentValue, ValueTable
+from vehicle_iface.profile.sends import COUNT, ENABLING, WHEN, SentValue, ValueTable
 
 _SIGNAL_NAME = re.compile(r"\w+\.\w+")
 _TOLERANCE = 1e-6
@@ -14,6 +14,7 @@ _TOLERANCE = 1e-6
 def check_sends(profile: Profile) -> Iterator[str]:
     """Periods that go together, and messages and values that say when they are sent."""
     yield from _check_periods(profile)
+    yield from _check_enable(profile)
     yield from _check_values("$.command.values", profile.command.values)
     for dotted in profile.command.values:
         if not _SIGNAL_NAME.fullmatch(dotted):
@@ -36,6 +37,17 @@ def check_sends(profile: Profile) -> Iterator[str]:
         for signal in sent.values:
             if f"{sent.message}.{signal}" in profile.constants:
                 yield f"$.constants.{sent.message}.{signal}: {place}.values has it as well; remove one of them"
+
+
+def _check_enable(profile: Profile) -> Iterator[str]:
+    """Something enables the vehicle."""
+    tables = (source for source in profile.command.values.values() if isinstance(source, ValueTable))
+    words = {sent.when for sent in profile.send} | {table.when for table in tables}
+    if profile.command.signals.enable is None and words.isdisjoint(ENABLING):
+        yield (
+            "$.command.signals: enable is missing; bind it, or say what enables the vehicle "
+            'in [[send]] or [command.values] with when = "engaging" or "enabled"'
+        )
 
 
 def _check_periods(profile: Profile) -> Iterator[str]:

@@ -354,7 +354,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 class CommandSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The signals that carry a `SafeCommand`."""
 
-    enable: SignalNames
+    enable: SignalNames | None = None
+    """Left out where `send` or `command.values` enables the vehicle."""
     accel_mps2: SignalNames
     front_wheel_angle_rad: SignalNames
     safe_stop: SignalNames | None = None

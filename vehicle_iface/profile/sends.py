@@ -6,6 +6,7 @@ import msgspec
 
 WHEN = ("armed", "engaging", "enabled", "released", "always")
 """The words of `when`; `command.Phases` says what they mean."""
+ENABLING = ("engaging", "enabled")
 COUNT = "count"
 """The value that steps by one from frame to frame."""
 

@@ -38,8 +38,13 @@ class CommandPace:
         *,
         sample_period_ns: int,
         transmit_filter: TransmitFilter,
+        carries_enable: bool = True,
     ) -> None:
-        """`periods_ns` are those of the messages, by name: whole multiples of that of the samples."""
+        """`periods_ns` are those of the messages, by name: whole multiples of that of the samples.
+
+        Commands that do not carry whether they are enabled are sent only while they are.
+        """
+        self._carries_enable = carries_enable
         self._transmit_filter = transmit_filter
         by_count: dict[int, list[BoundMessage]] = {}
         for message in commands:
@@ -59,6 +64,10 @@ class CommandPace:
 
         A command that is not of the newest sample is sent only in messages that answer every sample.
         """
+        if not command.enable and not self._carries_enable:
+            for group in self._groups:
+                group.was_enabled = False
+            return frozenset()
         due = [
             group.names
             for group in self._groups

@@ -33,6 +33,7 @@ class Loop:
         self._decoder, self._assembler, self._arrival = parts.decoder, parts.assembler, parts.arrival
         self._plausibility, self._motion, self._cycle = parts.plausibility, parts.motion, parts.cycle
         self._engagement, self._transmitter, self._reports = parts.engagement, parts.transmitter, parts.reports
+        self._sends = parts.sends
         self._handover, self._trajectories, self._shadow = parts.handover, parts.trajectories, parts.shadow
         self._publisher, self._counters, self._statistics = parts.publisher, parts.counters, parts.statistics
         self._stale_ns = parts.stale_ns
@@ -170,7 +171,7 @@ class Loop:
             shadow.record(sample, decision.permitted, now_ns)
         outcome = self._transmitter.send_command(decision, now_ns, is_newest=is_newest)
         if outcome is not Outcome.NOT_SENT:
-            self._reports.send_due(now_ns)
+            self._send_others(now_ns)
         latency_ns = self._now_ns() - sample.completed_ns
         if outcome is Outcome.SENT:
             self._counters.latency.add(latency_ns)
@@ -183,9 +184,13 @@ class Loop:
         decision = self._cycle.decide_stop(last, self._assembler.status, reason, now_ns)
         outcome = self._transmitter.send_command(decision, now_ns)
         if outcome is not Outcome.NOT_SENT:
-            self._reports.send_due(now_ns)
+            self._send_others(now_ns)
         self._counters.stops_on_stale_state += outcome is Outcome.SENT and decision.permitted.enable
         self._publish(now_ns, decision, outcome)
+
+    def _send_others(self, now_ns: int) -> None:
+        self._reports.send_due(now_ns)
+        self._sends.send_due(now_ns)
 
     def _check_foreign_command(self, frame: CanFrame) -> None:
         """Our own frames are not received, so a command frame is another node's."""
@@ -238,7 +243,9 @@ class Loop:
         self._stop_on_stale_state(now_ns)
         reports_alone = now_ns - self._transmitter.decided_ns > 2 * self._period_ns  # else they go out behind a command
         if reports_alone and self._engagement.may_report(now_ns) and self._transmitter.has_room():
-            self._reports.send_due(now_ns)
+            self._send_others(now_ns)
+        else:
+            self._sends.send_due(now_ns, only_once=True)
         if self._publisher.is_quiet(now_ns):
             self._publish(now_ns, self._cycle.last)
         self._publisher.publish_details(now_ns, self.details)

@@ -111,7 +111,7 @@ class Shadow:
         taken: OwnCommand | None = None
         for theirs in self._theirs:
             ours = self._sample_of(theirs)
-            is_enabled = bool(theirs.fields["enable"])
+            is_enabled = bool(theirs.fields.get("enable", True))
             drives_on = self._enabled_ns is not None and theirs.begun_ns - self._enabled_ns <= TAKEOVER_GAP_NS
             if ours is None:
                 self.unmatched_commands += 1
@@ -177,6 +177,6 @@ class Shadow:
         for name in self.mismatches:
             if name in theirs:
                 self.mismatches[name] += getattr(ours, name) != theirs[name]
-        if ours.enable and theirs["enable"]:
+        if ours.enable and theirs.get("enable", True):
             self.accel_mps2.add(ours.accel_mps2 - theirs["accel_mps2"])
             self.front_wheel_angle_rad.add(ours.front_wheel_angle_rad - theirs["front_wheel_angle_rad"])

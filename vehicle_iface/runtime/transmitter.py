@@ -1,9 +1,10 @@
 """Frames on their way out: through the filter to the link; what left is committed, everything else has not happened."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import Enum, auto
 
 from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.codec.sent_values import SendContext
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.command_pace import CommandPace
 from vehicle_iface.runtime.counters import Counters
@@ -20,7 +21,7 @@ class Outcome(Enum):
     SENT = auto()
     """All frames that were due have left."""
     NOT_DUE = auto()
-    """It was computed between two answers that are sent."""
+    """It was computed between two answers that are sent, or while there is nothing to be sent yet."""
     NOT_SENT = auto()
 
 
@@ -37,10 +38,13 @@ class Transmitter:
         engagement: Engagement,
         counters: Counters,
         now_ns: Callable[[], int],
+        read_context: Callable[[int], SendContext],
     ) -> None:
+        """`read_context` gives phases and received values at a time, for values that depend on them."""
         self._encoder, self._pace, self._transmit_filter = encoder, pace, transmit_filter
         self._link, self._gate = link, gate
         self._engagement, self._counters, self._now_ns = engagement, counters, now_ns
+        self._read_context = read_context
         self.decided_ns = now_ns()
         """When the newest command was decided, sent or not."""
         self._has_room: bool | None = None
@@ -69,7 +73,7 @@ class Transmitter:
             return Outcome.NOT_SENT
         permitted = decision.permitted
         names = self._pace.select(permitted, now_ns, is_newest=is_newest)
-        if not names:
+        if not names or not self._prepare(names, now_ns):
             return Outcome.NOT_DUE
         frames = self._encoder.encode_command(permitted, names)
         sent = self._send(frames)
@@ -82,9 +86,18 @@ class Transmitter:
             self._gate.commit_fields(self._encoder.fields_of(frames[:sent]))
         return Outcome.SENT if sent == len(frames) else Outcome.NOT_SENT
 
-    def send(self, message: str, source: object) -> None:
-        """One message, its values taken from the attributes of `source`."""
-        self._send((self._encoder.encode(message, source),))
+    def send(self, message: str, source: object) -> bool:
+        """One message, its values taken from the attributes of `source`; whether it left."""
+        if not self._prepare((message,), self._now_ns()):
+            return False
+        return self._send((self._encoder.encode(message, source),)) == 1
+
+    def _prepare(self, names: Iterable[str], now_ns: int) -> bool:
+        """Read what the values of these messages depend on; whether all of it is there."""
+        if not self._encoder.depends_on_context:
+            return True
+        self._encoder.context = self._read_context(now_ns)
+        return self._encoder.has_echoes(names)
 
     def _send(self, frames: tuple[CanFrame, ...]) -> int:
         """How many left: those before the first that is refused. Only they step a counter."""

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from unittest import mock
@@ -27,7 +27,7 @@ from benchmarks.parts.reaction_contestants import Bare, Contestant, Echo, Python
 from benchmarks.parts.reaction_vehicle import Course, RailVehicle, figure_of_eight
 from vehicle_iface import compose
 from vehicle_iface.bus import socketcan, traffic_monitor
-from vehicle_iface.codec.database import BoundMessage, load_database
+from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.command_pace import CommandPace
@@ -146,12 +146,10 @@ class Wires:
         return near
 
 
-def _answer_every_sample(
-    commands: Sequence[BoundMessage], periods_ns: Mapping[str, int], *, transmit_filter: TransmitFilter, **_: int
-) -> CommandPace:
+def _answer_every_sample(database: VehicleDatabase, transmit_filter: TransmitFilter) -> CommandPace:
     """A pace by which samples may come faster than the profile says."""
-    period_ns = max(periods_ns.values())
-    return CommandPace(commands, periods_ns, sample_period_ns=period_ns, transmit_filter=transmit_filter)
+    periods_ns = dict.fromkeys((message.name for message in database.commands), 1)
+    return CommandPace(database.commands, periods_ns, sample_period_ns=1, transmit_filter=transmit_filter)
 
 
 def build_ours(wires: Wires, course: Course, telemetry: TelemetryWriter) -> Loop:
@@ -165,7 +163,7 @@ def build_ours(wires: Wires, course: Course, telemetry: TelemetryWriter) -> Loop
         mock.patch.object(socketcan, "open_socket", near),
         mock.patch.object(traffic_monitor, "open_socket", near),
         mock.patch.object(compose, "allowed_messages", return_value=outgoing),
-        mock.patch.object(compose, "CommandPace", _answer_every_sample),
+        mock.patch.object(compose, "build_pace", _answer_every_sample),
     ):
         return compose.build_loop(
             database=database,
