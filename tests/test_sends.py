@@ -174,6 +174,33 @@ def test_a_count_steps_with_each_frame_that_is_sent_and_its_complement_is_its_in
     assert all(one["INVERSE"] == 15 - one["COUNT"] for one in beats)
 
 
+def test_a_protected_message_has_the_complement_of_its_own_counter_below_its_checksum(tmp_path: Path) -> None:
+    beat = """
+BO_ 114 HEARTBEAT: 2 PC
+ SG_ COUNT : 0|4@1+ (1,0) [0|15] "" CAR
+ SG_ INVERSE : 4|4@1+ (1,0) [0|15] "" CAR
+ SG_ SUM : 8|8@1+ (1,0) [0|255] "" CAR
+"""
+    more = """
+[protection.rule]
+checksum = { signal = "SUM", kind = "sum" }
+counter = { signal = "COUNT" }
+[protection.messages]
+HEARTBEAT = "rule"
+[[send]]
+message = "HEARTBEAT"
+when = "always"
+period_s = 0.05
+values = { INVERSE = { complement = "COUNT" } }
+"""
+    drive = ScriptedDrive(load_vehicle(tmp_path, more, command=COMMAND + beat), obeys_enable)
+    drive.run_s(2.0)
+    beats = [(one["COUNT"], one["INVERSE"], one["SUM"]) for one in drive.named("HEARTBEAT")]
+    numbers = [number % 16 for number in range(len(beats))]
+    assert beats == [(number, 15 - number, number + 16 * (15 - number)) for number in numbers]
+    assert len(beats) > 30
+
+
 def test_values_with_a_phase_follow_it(tmp_path: Path) -> None:
     values = 'ARMED = { value = 1, when = "armed" }, ENABLED = { value = 1, when = "enabled" }'
     drive = with_heartbeat(tmp_path, "always", values)

@@ -110,9 +110,11 @@ def _echo_faults(binding: Binding, dotted: str, place: str, echo: str, signal: S
         yield binding.fault(place, f"no signal {echo_name!r} in {name}{suggest(echo_name, names)}")
     elif binding.roles.get(name) in SENT_ROLES:
         yield binding.fault(place, f"{echo} is sent by the program; only a received signal can be sent back")
-    elif find_unit(source.unit or "") != find_unit(signal.unit or ""):
-        yield binding.fault(place, f"{echo} is in {source.unit or 'no unit'!r}, and {dotted} in {signal.unit!r}")
     else:
+        units = [binding.notes_of(one).unit or raw.unit or "" for one, raw in ((echo, source), (dotted, signal))]
+        if find_unit(units[0]) != find_unit(units[1]):
+            texts = [f"is in {unit!r}" if unit else "has no unit" for unit in units]
+            yield binding.fault(place, f"{echo} {texts[0]}, and {dotted} {texts[1]}: must be the same")
         numbers = (translate_from_wire(binding, echo) or {}).values()
         if len(set(numbers)) < len(numbers):
             yield binding.fault(place, f"{echo} has several numbers of one meaning; it cannot be sent back")
