@@ -59,7 +59,8 @@ def test_a_slow_command_is_sent_on_every_nth_sample_and_the_vehicle_is_driven(
 def test_each_message_has_its_own_period_and_both_carry_the_same_answer_when_both_are_due(tmp_path: Path) -> None:
     more = "[command.periods]\nBRAKE_CMD = 0.02\n"
     drive = Drive(database=load_vehicle(tmp_path, more, command=BRAKE_AND_STEER + CYCLES, signals=TWO))
-    drive.run_s(10.0)
+    drive.engage(speed_mps=1.0)
+    drive.run_s(8.0)
     brakes, steers = drive.named("BRAKE_CMD"), drive.named("STEER_CMD")
     assert set(gaps_ms(steers)) == {10}
     assert set(gaps_ms(brakes)) <= {10, 20}
