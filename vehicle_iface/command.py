@@ -93,3 +93,18 @@ class WireCommand(NamedTuple):
     """Positive to the left."""
     yaw_rate_radps: float
     """Positive to the left, also when reversing."""
+
+
+class Phases(NamedTuple):
+    """Which words of a profile's `when` hold now; none of them in a run that is not armed."""
+
+    armed: bool = False
+    """From arming until the driver takes over, a fault, or the end of the run."""
+    engaging: bool = False
+    """The vehicle is to become autonomous: no driver acts, and it reports no fault."""
+    enabled: bool = False
+    """Commands are enabled, from engaging on; during stops as well."""
+    released: bool = False
+    """The driver took over, there was a fault, or the run has ended; until it is armed again."""
+    always: bool = False
+    """Whenever anything may be sent."""

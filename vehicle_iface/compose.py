@@ -1,14 +1,14 @@
 """Where concrete parts meet: from a profile and a few words to a loop, or to a simulated vehicle."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 
 from vehicle_iface import clock
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.bus.socketcan import SocketCanBus
-from vehicle_iface.codec.binding import Role
 from vehicle_iface.codec.database import EXACT_ID, BoundMessage, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.codec.sent_values import SendContext
 from vehicle_iface.command_forms import CommandReader, build_former
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase, StopSteering
 from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
@@ -25,11 +25,13 @@ from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.publisher import TelemetryPublisher
 from vehicle_iface.runtime.reports import Reports
+from vehicle_iface.runtime.scheduled_sends import ScheduledSends
 from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.runtime.shutdown import Shutdown
 from vehicle_iface.runtime.statistics import RunStatistics
 from vehicle_iface.runtime.timer import PeriodicTimer
 from vehicle_iface.runtime.trajectory_updates import TrajectoryUpdater
+from vehicle_iface.runtime.transmit_periods import allowed_messages, build_pace, period_ns
 from vehicle_iface.runtime.transmitter import Transmitter
 from vehicle_iface.safety.deviation import DeviationMonitor
 from vehicle_iface.safety.engagement import Engagement, EngagementTiming
@@ -37,10 +39,11 @@ from vehicle_iface.safety.gate import Gate, gate_channels
 from vehicle_iface.safety.gear import GearCheck
 from vehicle_iface.safety.handover import Handover
 from vehicle_iface.safety.motion import MotionCheck
+from vehicle_iface.safety.phases import find_phases
 from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.safety.stop import StopShape
 from vehicle_iface.safety.stop_hold import StopHold
-from vehicle_iface.safety.transmit_filter import AllowedMessage, TransmitFilter
+from vehicle_iface.safety.transmit_filter import TransmitFilter
 from vehicle_iface.safety.unmeasured import without_unmeasured
 from vehicle_iface.state_assembler import Freshness, StateAssembler
 from vehicle_iface.telemetry import TelemetryWriter, VehicleShape
@@ -118,7 +121,7 @@ def build_loop(
     limits, plausibility_limits = without_unmeasured(profile)
     link = Link(open_bus, counters, now_ns=now_ns, sleep_until=sleep_until)
     started_ns = now_ns()  # opening the bus may take a while
-    timer = PeriodicTimer(ns_from_s(timing.command_period_s), started_ns)
+    timer = PeriodicTimer(min(period_ns(database, message) for message in database.commands), started_ns)
     decoder, assembler, encoder = Decoder(database.received), build_state_assembler(database), Encoder(database.sent)
     engagement = Engagement(_engagement_timing(profile), armed=armed)
     plausibility = PlausibilityCheck(plausibility_limits, wheelbase_m=wheelbase_m)
@@ -150,9 +153,18 @@ def build_loop(
         counters=counters,
         now_ns=now_ns,
     )
-    transmit_filter = TransmitFilter(_allowed_messages(database))
+    transmit_filter = TransmitFilter(allowed_messages(database))
+    pace = build_pace(database, transmit_filter)
+
+    def read_context(at_ns: int) -> SendContext:
+        status_stale_ns = ns_from_s(timing.status_stale_s)
+        phases = find_phases(engagement, assembler.status, at_ns, status_stale_ns=status_stale_ns)
+        return SendContext(phases, assembler.row)
+
     former = build_former(profile, database.command_ranges)
-    transmitter = Transmitter(encoder, transmit_filter, link, gate, engagement, counters, now_ns, former)
+    transmitter = Transmitter(
+        encoder, pace, transmit_filter, link, gate, engagement, counters, now_ns, read_context, former
+    )
     handover = Handover(ns_from_s(profile.handover.warning_s), hold_until_warned=profile.handover.hold_until_warned)
     publisher = TelemetryPublisher(telemetry, controller, counters)
     shadow = None if armed or not database.commands else _shadow(database)
@@ -169,6 +181,12 @@ def build_loop(
             engagement=engagement,
             transmitter=transmitter,
             reports=_reports(database, transmitter, cycle, publisher, handover, counters, started_ns),
+            sends=ScheduledSends(
+                profile.send,
+                transmitter,
+                lambda at_ns: read_context(at_ns).phases,
+                sample_period_ns=ns_from_s(timing.sample_period_s),
+            ),
             shutdown=Shutdown(engagement, handover),
             handover=handover,
             trajectories=TrajectoryUpdater(
@@ -250,19 +268,6 @@ def stop_shape(profile: Profile, behavior: BehaviorConfig) -> StopShape:
         release_time_constant_s=profile.behavior.stop_release_time_constant_s,
         hold_mps2=profile.behavior.hold_deceleration_mps2,
     )
-
-
-def _allowed_messages(database: VehicleDatabase) -> Iterator[AllowedMessage]:
-    """All that may ever leave, and how often."""
-    timing = database.profile.timing
-    periods_s = {
-        Role.COMMAND: timing.command_period_s,
-        Role.BODY: timing.body_period_s,
-        Role.REPORT: timing.report_period_s,
-    }
-    for message in database.sent:
-        period_ns = ns_from_s(periods_s[message.role])
-        yield AllowedMessage(message.can_id, message.is_extended, message.is_fd, message.length, period_ns)
 
 
 def _shadow(database: VehicleDatabase) -> Shadow:

@@ -92,6 +92,11 @@ class StateAssembler:
         self.repeated = 0
         """Messages of a sample that was complete already."""
 
+    @property
+    def row(self) -> Row:
+        """The newest value of every bound signal."""
+        return self._row
+
     def take(self, received: DecodedMessage) -> Sample | None:
         """The sample that this message completes, if it does."""
         if received.name not in self._sample:

@@ -21,7 +21,7 @@ PROFILE_FAULTS = [
     ("accel_rate_mps3 = 30.0", "accel_rate_mps3 = 0.09", r"\$\.limits\.accel_rate_mps3: 0\.09: accel_mps2 may change by 0\.0009 in 0\.01 s, less than one count of DRIVE_COMMAND\.ACCEL_REQUEST \(0\.001\)"),
     ("front_wheel_rate_radps = 0.8", "front_wheel_rate_radps = 0.009", r"\$\.limits\.front_wheel_rate_radps: 0\.009: front_wheel_angle_rad may change by 9e-05"),
     ("rear_wheel_angle_rad = 0.0", "rear_wheel_angle_rad = 0.1", r"\$\.limits\.rear_wheel_rate_radps: 0\.0: rear_wheel_angle_rad may change by 0 in"),
-    ("sample_period_s = 0.01", "sample_period_s = 0.02", r"\$\.timing\.sample_period_s: 0\.02 s, but POSE has a cycle of 10"),
+    ("sample_period_s = 0.01", "sample_period_s = 0.005", r"\$\.timing\.sample_period_s: 0\.005 s, but POSE has a cycle of 10"),
     ("command_period_s = 0.01", "command_period_s = 0.1", r"\$\.timing\.command_period_s"),
     ("body_period_s = 0.1", "body_period_s = 0.2", r"\$\.timing\.body_period_s"),
     ("report_period_s = 0.1", "report_period_s = 0.2", r"\$\.timing\.report_period_s"),

@@ -398,10 +398,10 @@ def test_a_permission_that_was_not_sent_does_not_move_the_rates() -> None:
     ("left", "accel_mps2", "front_rad", "rear_rad"),
     [
         ((), -0.6, -0.016, -0.010),
-        (("accel_mps2", "speed_mps"), 0.3 - 0.3, -0.008, -0.005),
-        (("front_wheel_angle_rad",), -0.3, 0.008 - 0.008, -0.005),
-        (("rear_wheel_angle_rad",), -0.3, -0.008, 0.005 - 0.005),
-        (("speed_mps",), -0.3, -0.008, -0.005),
+        (("accel_mps2", "speed_mps"), 0.3 - 0.3, -0.016, -0.010),
+        (("front_wheel_angle_rad",), -0.6, 0.008 - 0.008, -0.010),
+        (("rear_wheel_angle_rad",), -0.6, -0.016, 0.005 - 0.005),
+        (("speed_mps",), -0.6, -0.016, -0.010),
     ],
 )
 def test_the_next_permission_is_counted_from_what_left_of_the_last_one(

@@ -61,3 +61,13 @@ def test_each_frame_that_comes_too_often_is_counted() -> None:
     transmit_filter = TransmitFilter([DRIVE])
     assert [transmit_filter.allows(FRAME, 0) for _ in range(33)] == [True] * 31 + [False] * 2
     assert transmit_filter.refused == {"not on the list": 0, "too often": 2}
+
+
+def test_whether_there_is_room_is_told_without_counting() -> None:
+    transmit_filter = TransmitFilter([LIGHTS])
+    for _ in range(4):
+        assert transmit_filter.has_room(0x082, False, False, 8, 0)
+        assert transmit_filter.allows(CanFrame(0x082, bytes(8)), 0)
+    assert not transmit_filter.has_room(0x082, False, False, 8, WINDOW_NS - 1)
+    assert transmit_filter.has_room(0x082, False, False, 8, WINDOW_NS)
+    assert transmit_filter.refused == {"not on the list": 0, "too often": 0}

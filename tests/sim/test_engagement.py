@@ -62,3 +62,13 @@ def test_a_gap_breaks_the_row_once() -> None:
         watch.note("a", enabled=True, seen_ns=start_ns)
         watch.note("b", enabled=True, seen_ns=start_ns)
         assert watch.pairs == 1
+
+
+def test_a_command_that_comes_twice_as_often_comes_twice_for_a_pair_and_no_more() -> None:
+    watch = CommandWatch(["fast", "slow"], {"fast": 2, "slow": 1})
+    for kind in ("fast", "slow", "fast", "fast", "slow"):
+        watch.note(kind, enabled=True, seen_ns=0)
+    assert watch.pairs == 2
+    for _ in range(3):
+        watch.note("fast", enabled=True, seen_ns=0)
+    assert watch.pairs == 0

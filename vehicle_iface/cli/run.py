@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     if options.summary:
         check_writable(options.summary)
     profile = load_profile(options.profile)
-    if options.arm and profile.command is None:
+    if options.arm and profile.only_watches:
         raise ConfigError(f"--arm: profile {profile.name} has no [command], it only watches; run it without --arm")
     if options.arm:
         profile = require_reviewed_profile(

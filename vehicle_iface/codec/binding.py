@@ -7,6 +7,7 @@ import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 from cantools.database import Message, Signal
@@ -18,6 +19,7 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.forms import FieldForm, signals_of, value_of
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
+from vehicle_iface.profile.sends import SentValue, ValueTable
 from vehicle_iface.profile.state_pose import StatePose
 
 _NO_NOTES, _NO_MESSAGE_NOTES = SignalNotes(), MessageNotes()
@@ -38,9 +40,11 @@ class Role(Enum):
     """Sent: lights and horn."""
     REPORT = "report"
     """Sent: the controller's state."""
+    SEND = "send"
+    """Sent besides, as the profile's `[[send]]` says."""
 
 
-SENT_ROLES = (Role.COMMAND, Role.BODY, Role.REPORT)
+SENT_ROLES = (Role.COMMAND, Role.BODY, Role.REPORT, Role.SEND)
 PERIODS = {
     Role.SAMPLE: "sample_period_s",
     Role.STATUS: "status_period_s",
@@ -49,6 +53,13 @@ PERIODS = {
     Role.REPORT: "report_period_s",
 }
 """The key of the profile's timing that states the period of a role's messages."""
+
+
+class StatedValue(NamedTuple):
+    """A value in the profile for a signal of a sent message."""
+
+    place: str
+    source: SentValue
 
 
 class Binding:
@@ -63,15 +74,40 @@ class Binding:
         self.sections: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "state": _named_signals(profile.state.signals, profile.state.pose),
             "status": _named_signals(profile.status.signals, profile.status.when, profile.status.driver),
-            "command": _named_signals(profile.command.signals) if profile.command else {},
+            "command": _named_signals(profile.command.signals),
             "body": _named_signals(profile.body.signals) if profile.body else {},
             "report": _named_signals(profile.report.signals) if profile.report else {},
         }
         """Section of the profile → field → its signals as MESSAGE.SIGNAL."""
+        self.values: Mapping[str, StatedValue] = _stated_values(profile)
+        """MESSAGE.SIGNAL of a sent message → its value by the profile."""
         self.fields: Mapping[str, str] = self._fields()
-        """MESSAGE.SIGNAL → its field, or the condition or form that it is a part of; the first one of several."""
+        """MESSAGE.SIGNAL → its field, or the condition or form that it is a part of; the first one of several.
+
+        "" for a received signal that is only echoed."""
         self.roles: Mapping[str, Role] = self._roles()
         """Each bound message's role; the first one where the profile gives it several."""
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """MESSAGE.SIGNAL → the one value that is always sent."""
+        return {dotted: one.source for dotted, one in self.values.items() if isinstance(one.source, float)}
+
+    @property
+    def echoes(self) -> dict[str, str]:
+        """MESSAGE.SIGNAL of a sent message → the received signal that it sends back."""
+        tables = {dotted: one.source for dotted, one in self.values.items() if isinstance(one.source, ValueTable)}
+        return {dotted: table.echo for dotted, table in tables.items() if table.echo is not None}
+
+    def value_place(self, dotted: str) -> str:
+        """Where the profile states the value of a signal, or would."""
+        if dotted in self.values:
+            return self.values[dotted].place
+        message, _, signal = dotted.partition(".")
+        for index, sent in enumerate(self.profile.send):
+            if sent.message == message:
+                return f"$.send[{index}].values.{signal}"
+        return f"$.{'command.values' if self.roles.get(message) is Role.COMMAND else 'constants'}.{dotted}"
 
     @property
     def status_messages(self) -> frozenset[str]:
@@ -122,9 +158,15 @@ class Binding:
         return self.profile.e2e is not None and set(state.sample) <= self.profile.e2e.data_ids.keys()
 
     def signals_used(self, message_name: str) -> list[str]:
-        """The bound signals of a message, in its order, without the name of the message."""
+        """The signals of a message that are read or written one by one, in its order, without the message's name."""
         names = (signal.name for signal in self.messages[message_name].signals)
-        return [name for name in names if f"{message_name}.{name}" in self.fields]
+        return [name for name in names if self._is_used(f"{message_name}.{name}")]
+
+    def _is_used(self, dotted: str) -> bool:
+        """Whether the signal is bound, or has a value that changes by itself; a complement changes with another one."""
+        source = self.values[dotted].source if dotted in self.values else 0.0
+        changes = not isinstance(source, float) and not (isinstance(source, ValueTable) and source.complement)
+        return dotted in self.fields or changes
 
     def is_multiplexed(self, message_name: str) -> bool:
         """Whether a frame of the message may lack a bound signal."""
@@ -164,19 +206,24 @@ class Binding:
         """Each message with each role that the profile gives it; within a role in the order of the DBC."""
         yield from ((name, Role.SAMPLE) for name in self.profile.state.sample if name in self.messages)
         yield from ((name, Role.STATUS) for name in self.messages if name in self.status_messages)
+        sent = {message.message for message in self.profile.send}
+        echoed = {dotted.partition(".")[0] for dotted in self.echoes.values()}
         for role, sections in (
             (Role.AUXILIARY, ("state", "status")),
             (Role.COMMAND, ("command",)),
             (Role.BODY, ("body",)),
             (Role.REPORT, ("report",)),
         ):
-            used = {
-                dotted.partition(".")[0]
-                for section in sections
-                for signals in self.sections[section].values()
-                for dotted in signals
-            }
+            used = self._messages_of(*sections)
+            if role is Role.AUXILIARY:
+                used |= echoed - sent - self._messages_of("command", "body", "report")
             yield from ((name, role) for name in self.messages if name in used)
+        yield from ((name, Role.SEND) for name in self.messages if name in sent)
+
+    def _messages_of(self, *sections: str) -> set[str]:
+        """The messages that signals of these sections are in."""
+        bindings = (signals for section in sections for signals in self.sections[section].values())
+        return {dotted.partition(".")[0] for signals in bindings for dotted in signals}
 
     def _fields(self) -> dict[str, str]:
         fields: dict[str, str] = {}
@@ -185,6 +232,9 @@ class Binding:
                 for dotted in signals:
                     if self.find_signal(dotted) is not None:
                         fields.setdefault(dotted, field)
+        for dotted in self.echoes.values():
+            if self.find_signal(dotted) is not None:
+                fields.setdefault(dotted, "")
         return fields
 
     def _roles(self) -> dict[str, Role]:
@@ -192,6 +242,16 @@ class Binding:
         for name, role in self.role_claims():
             roles.setdefault(name, role)
         return roles
+
+
+def _stated_values(profile: Profile) -> dict[str, StatedValue]:
+    stated = {dotted: StatedValue(f"$.constants.{dotted}", value) for dotted, value in profile.constants.items()}
+    for dotted, value in profile.command.values.items():
+        stated[dotted] = StatedValue(f"$.command.values.{dotted}", value)
+    for index, sent in enumerate(profile.send):
+        for signal, value in sent.values.items():
+            stated[f"{sent.message}.{signal}"] = StatedValue(f"$.send[{index}].values.{signal}", value)
+    return stated
 
 
 def _named_signals(*tables: msgspec.Struct | None) -> dict[str, tuple[str, ...]]:

@@ -60,7 +60,7 @@ def greatest_yaw_rate_radps(profile: Profile) -> float:
 def _speed_faults(binding: Binding) -> Iterator[ConfigError]:
     """A speed that is obeyed may be without sign; one for information is not."""
     limits, command = binding.profile.limits, binding.profile.command
-    is_obeyed = command is not None and command.longitudinal == "speed"
+    is_obeyed = command.longitudinal == "speed"
     for dotted in binding.get_signals("command", "speed_mps"):
         view, most_mps = binding.view(dotted), limits.speed_max_mps
         low, high = view.field_range
@@ -77,7 +77,7 @@ def _speed_faults(binding: Binding) -> Iterator[ConfigError]:
 
 def _pedal_faults(binding: Binding) -> Iterator[ConfigError]:
     command, limits = binding.profile.command, binding.profile.limits
-    pedals = command.pedals if command is not None else None
+    pedals = command.pedals
     if pedals is None:
         return
     for field, rows, most_mps2 in (

@@ -13,6 +13,7 @@ from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults, n
 from vehicle_iface.codec.expressions import Place, unknown_names
 from vehicle_iface.codec.layout import Layout
 from vehicle_iface.codec.protection_faults import protection_faults, rule_faults
+from vehicle_iface.codec.send_faults import send_faults
 from vehicle_iface.codec.signal_view import unit_faults
 from vehicle_iface.codec.usage import used_dbc_faults
 from vehicle_iface.errors import ConfigError, InvalidValueError
@@ -64,7 +65,7 @@ def _usage_faults(binding: Binding, place: str, field: str, dotted: str, signal:
     for text in unit_faults(signal, binding.notes_of(dotted), field):
         yield binding.file.fault(dotted, text)
     if signal.is_multiplexer and binding.roles.get(dotted.partition(".")[0]) in SENT_ROLES:
-        yield binding.fault(place, f"{dotted} is a multiplexer; give its value below [constants]")
+        yield binding.fault(place, f"{dotted} is a multiplexer; give its value in [command.values]")
 
 
 def _condition_faults(binding: Binding) -> Iterator[ConfigError]:
@@ -116,7 +117,7 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
                 if place != "$.ignored" or binding.file.find_error(dotted) is None:
                     yield binding.missing_signal(dotted, place)
             elif dotted in binding.fields:
-                yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
+                yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted] or 'an echo'}")
 
 
 def _sample_faults(binding: Binding) -> Iterator[ConfigError]:
@@ -222,13 +223,16 @@ def _period_faults(binding: Binding) -> Iterator[ConfigError]:
                 text = f"{timing.status_stale_s} s: must be above the cycle of {name}, {cycle_ms:g} ms"
                 yield binding.fault("$.timing.status_stale_s", text)
         elif role in PERIODS:
+            place = f"$.timing.{PERIODS[role]}"
             period_s = getattr(timing, PERIODS[role])
+            if role is Role.COMMAND and name in binding.profile.command.periods:
+                place, period_s = f"$.command.periods.{name}", binding.profile.command.periods[name]
             if not math.isclose(period_s, cycle_ms / 1000, rel_tol=1e-9):
                 where = (
                     f"below [messages.{name}]" if binding.message_notes(name).cycle_ms else f"in {binding.file.name}"
                 )
                 text = f"{period_s} s, but {name} has a cycle of {cycle_ms:g} ms {where}"
-                yield binding.fault(f"$.timing.{PERIODS[role]}", text)
+                yield binding.fault(place, text)
 
 
 def _fd_faults(binding: Binding) -> Iterator[ConfigError]:
@@ -283,6 +287,7 @@ _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
     _fd_faults,
     _message_faults,
     constant_faults,
+    send_faults,
     frame_faults,
     name_map_faults,
 )

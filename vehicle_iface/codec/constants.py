@@ -25,12 +25,19 @@ def constant_faults(binding: Binding) -> Iterator[ConfigError]:
             continue
         message = binding.messages[name]
         for signal, value in _constants(binding, message):
-            try:
-                MessageCodec(message, only=[signal.name], base=b"").encode([value])
-            except SignalError as error:
-                yield binding.fault(f"$.constants.{name}.{signal.name}", str(error).partition(" = ")[2])
+            yield from encode_faults(binding, f"{name}.{signal.name}", value)
         for used in binding.signals_used(name):
             yield from _branch_faults(binding, message, used)
+
+
+def encode_faults(binding: Binding, dotted: str, value: float) -> Iterator[ConfigError]:
+    """Why a signal of a sent message cannot carry a value in the DBC's unit; nothing where it can."""
+    name, _, signal = dotted.partition(".")
+    rules = {signal: binding.view(dotted).rules}
+    try:
+        MessageCodec(binding.messages[name], only=[signal], rules=rules, base=b"").encode([value])
+    except SignalError as error:
+        yield binding.fault(binding.value_place(dotted), str(error).partition(" = ")[2])
 
 
 def _branch_faults(binding: Binding, message: Message, used: str) -> Iterator[ConfigError]:
@@ -38,13 +45,13 @@ def _branch_faults(binding: Binding, message: Message, used: str) -> Iterator[Co
     signal = by_name[used]
     while signal.multiplexer_signal is not None:
         dotted = f"{message.name}.{signal.multiplexer_signal}"
-        value = binding.profile.constants.get(dotted)
+        value, place = binding.constants.get(dotted), binding.value_place(dotted)
         ids = signal.multiplexer_ids or []
         if value is None:
-            text = f"missing; {message.name}.{used} is sent only where it is {_list(ids)}"
-            yield binding.fault(f"$.constants.{dotted}", text)
+            missing = "must be a number" if dotted in binding.values else "missing"
+            yield binding.fault(place, f"{missing}; {message.name}.{used} is sent only where it is {_list(ids)}")
         elif value not in ids:
-            yield binding.fault(f"$.constants.{dotted}", f"{value:g}: {used} is sent only where it is {_list(ids)}")
+            yield binding.fault(place, f"{value:g}: {used} is sent only where it is {_list(ids)}")
         signal = by_name[signal.multiplexer_signal]
 
 
@@ -54,21 +61,23 @@ def _list(ids: list[int]) -> str:
 
 def _constants(binding: Binding, message: Message) -> Iterator[tuple[Signal, float]]:
     """The signals that are neither bound nor of the protection nor in another multiplexer branch, with their values."""
-    stated = binding.profile.constants
+    stated = binding.constants
     for signal in message.signals:
         dotted = f"{message.name}.{signal.name}"
-        if dotted in binding.fields or dotted in binding.protection_signals or not _is_shown(message, signal, stated):
+        if dotted in binding.fields or dotted in binding.protection_signals or not is_shown(message, signal, stated):
             continue
         if dotted in stated:
             yield signal, stated[dotted]
+        elif dotted in binding.values:
+            continue  # written with each frame
         elif signal.raw_initial:
             yield signal, signal.raw_initial * signal.scale + signal.offset
 
 
-def _is_shown(message: Message, signal: Signal, stated: Mapping[str, float]) -> bool:
+def is_shown(message: Message, signal: Signal, stated: Mapping[str, float]) -> bool:
     """Whether all multiplexers above the signal have the values that show it."""
     if signal.multiplexer_signal is None:
         return True
     value = stated.get(f"{message.name}.{signal.multiplexer_signal}", 0)
     parent = next(one for one in message.signals if one.name == signal.multiplexer_signal)
-    return value in (signal.multiplexer_ids or ()) and _is_shown(message, parent, stated)
+    return value in (signal.multiplexer_ids or ()) and is_shown(message, parent, stated)

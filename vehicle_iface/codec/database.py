@@ -19,6 +19,7 @@ from vehicle_iface.codec.enumerations import frames_of_reference, translate_from
 from vehicle_iface.codec.protection import Protection
 from vehicle_iface.codec.protection_rules import build_protection
 from vehicle_iface.codec.row_reader import build_row_reader
+from vehicle_iface.codec.sent_values import NO_VALUES, FindColumn, SentValues, build_sent_values
 from vehicle_iface.command_forms import WireRange
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
@@ -51,7 +52,10 @@ class BoundMessage:
     """Payload, bytes."""
     codec: MessageCodec
     fields: tuple[str, ...]
-    """The field's name of each value, in the order of `codec.names`; "" for a multiplexer above bound signals."""
+    """The field's name of each value, in the order of `codec.names`; "" for a multiplexer above bound signals, and for
+    one of `values`."""
+    values: SentValues
+    """Of a sent message, what no field fills and changes."""
     conversions: tuple[Conversion | None, ...]
     """Between the DBC's unit and the field's, of each value; None where they are the same."""
     from_wire: tuple[Mapping[int, int] | None, ...]
@@ -73,6 +77,8 @@ class VehicleDatabase:
     auxiliary: tuple[BoundMessage, ...]
     """Further received messages with fields of state or status."""
     commands: tuple[BoundMessage, ...]
+    sends: tuple[BoundMessage, ...]
+    """Messages besides, in the order of the profile."""
     body: BoundMessage | None
     report: BoundMessage | None
     is_counted: bool
@@ -96,7 +102,7 @@ class VehicleDatabase:
     @property
     def sent(self) -> tuple[BoundMessage, ...]:
         """What the program sends."""
-        return (*self.commands, *(message for message in (self.body, self.report) if message is not None))
+        return (*self.commands, *self.sends, *(message for message in (self.body, self.report) if message is not None))
 
 
 def load_database(profile: Profile) -> VehicleDatabase:
@@ -111,23 +117,31 @@ def load_database(profile: Profile) -> VehicleDatabase:
 def build_database(binding: Binding) -> VehicleDatabase:
     """The database of a profile and a DBC in which `consistency` has found no fault."""
     profile = binding.profile
-    bound = {name: _bind_message(binding, name) for name in binding.roles}
+    received = {name: _bind_message(binding, name) for name, role in binding.roles.items() if role not in SENT_ROLES}
+    frames = frames_of_reference(binding)
+    row = build_row_reader(binding, {name: message.codec.names for name, message in received.items()}, frames)
+
+    def find_column(dotted: str) -> int:
+        name, _, signal = dotted.partition(".")
+        first: int = row.places[name].start
+        return first + received[name].codec.names.index(signal)
+
+    bound = {name: received.get(name) or _bind_message(binding, name, find_column) for name in binding.roles}
 
     def of_role(role: Role) -> tuple[BoundMessage, ...]:
         return tuple(message for message in bound.values() if message.role is role)
 
-    frames = frames_of_reference(binding)
-    received = [message for message in bound.values() if message.role not in SENT_ROLES]
     return VehicleDatabase(
         profile=profile,
         sample=tuple(bound[name] for name in profile.state.sample),
         status=of_role(Role.STATUS),
         auxiliary=of_role(Role.AUXILIARY),
         commands=of_role(Role.COMMAND),
+        sends=tuple(bound[sent.message] for sent in profile.send),
         body=next(iter(of_role(Role.BODY)), None),
         report=next(iter(of_role(Role.REPORT)), None),
         is_counted=binding.is_counted,
-        row=build_row_reader(binding, {message.name: message.codec.names for message in received}, frames),
+        row=row,
         frames=frames,
         resolutions={
             field: max(binding.view(dotted).resolution for dotted in signals)
@@ -141,15 +155,15 @@ def build_database(binding: Binding) -> VehicleDatabase:
     )
 
 
-def _bind_message(binding: Binding, name: str) -> BoundMessage:
+def _bind_message(binding: Binding, name: str, find_column: FindColumn | None = None) -> BoundMessage:
+    """A message; `find_column` for one that is sent."""
     message, used = binding.messages[name], binding.signals_used(name)
     views = {signal: binding.view(f"{name}.{signal}") for signal in used}
-    is_sent = binding.roles[name] in SENT_ROLES
     codec = MessageCodec(
         message,
         only=used,
         rules={signal: view.rules for signal, view in views.items()},
-        base=constant_payload(binding, name) if is_sent else None,
+        base=constant_payload(binding, name) if find_column is not None else None,
     )
     places = [f"{name}.{value}" for value in codec.names]
     conversions = [views.get(value) for value in codec.names]
@@ -163,6 +177,7 @@ def _bind_message(binding: Binding, name: str) -> BoundMessage:
         length=message.length,
         codec=codec,
         fields=tuple(binding.fields.get(dotted, "") for dotted in places),
+        values=NO_VALUES if find_column is None else build_sent_values(binding, name, find_column),
         conversions=tuple(
             Conversion(view.scale, view.offset) if view is not None and view.is_converted else None
             for view in conversions

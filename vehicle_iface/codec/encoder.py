@@ -4,11 +4,12 @@ The counter of a message starts at 0 and steps once for each of its frames that 
 nobody took has stepped nothing, and the next one has its counter.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 
 from vehicle_iface.codec.binding import Role
 from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.database import BoundMessage
+from vehicle_iface.codec.sent_values import SendContext
 from vehicle_iface.command import SafeCommand, WireCommand
 from vehicle_iface.errors import ConfigError, SignalError
 from vehicle_iface.frame import CanFrame, unchecked_frame
@@ -19,7 +20,9 @@ class _Output:
 
     __slots__ = (
         "can_id",
+        "complements",
         "counter",
+        "echoes",
         "encode",
         "fields",
         "is_extended",
@@ -38,20 +41,24 @@ class _Output:
         self.encode = message.codec.encode
         self.protection = message.protection
         self.values_of = _collector(message)
+        self.echoes, self.complements = message.values.echoes, message.values.complements
         self.fields = message.fields
         self.counter = 0
         self.sent = 0
 
-    def frame(self, source: object) -> CanFrame:
+    def frame(self, source: object, context: SendContext) -> CanFrame:
         """The next frame of this message with the signals of `source`; SignalError when a value cannot be sent."""
         try:
-            values = self.values_of(source)
+            values = self.values_of(source, context, self.sent)
         except KeyError as error:
             raise SignalError(f"{self.name}: {error.args[0]!r} has no number in the DBC's VAL_ table") from None
         payload = self.encode(values)
-        if self.protection is not None:
+        if self.protection is not None or self.complements:
             data = bytearray(payload)
-            self.protection.protect(data, self.counter)
+            for place, of in self.complements:
+                place.write(data, place.mask ^ (self.counter if of is None else of.read(data)))
+            if self.protection is not None:
+                self.protection.protect(data, self.counter)
             payload = bytes(data)
         return unchecked_frame((self.can_id, payload, 0, self.is_extended, False, self.is_fd, False))
 
@@ -59,10 +66,13 @@ class _Output:
 class Encoder:
     """Encodes the given messages; keeps the counter of each."""
 
-    __slots__ = ("_by_id", "_commands", "_outputs")
+    __slots__ = ("_by_id", "_commands", "_outputs", "context", "depends_on_context")
 
     def __init__(self, messages: Iterable[BoundMessage]) -> None:
         kept = tuple(messages)
+        self.context = SendContext()
+        """What the values besides the fields depend on, when the next frame is encoded."""
+        self.depends_on_context = any(message.values.expressions for message in kept)
         self._outputs = {message.name: _Output(message) for message in kept}
         self._by_id = {(output.can_id, output.is_extended): output for output in self._outputs.values()}
         self._commands = tuple(self._outputs[message.name] for message in kept if message.role is Role.COMMAND)
@@ -81,11 +91,21 @@ class Encoder:
         output = self._outputs.get(message_name)
         if output is None:
             raise ConfigError(f"no message {message_name!r}: must be one of {', '.join(self._outputs)}")
-        return output.frame(source)
+        return output.frame(source, self.context)
 
-    def encode_command(self, command: SafeCommand | WireCommand) -> tuple[CanFrame, ...]:
-        """The next frame of each command message; all of them, or `SignalError`."""
-        return tuple([output.frame(command) for output in self._commands])
+    def encode_command(
+        self, command: SafeCommand | WireCommand, names: Collection[str] | None = None
+    ) -> tuple[CanFrame, ...]:
+        """The next frame of each command message, or of those in `names`; all of them, or `SignalError`."""
+        outputs = self._commands
+        if names is not None:
+            outputs = tuple([output for output in outputs if output.name in names])
+        return tuple([output.frame(command, self.context) for output in outputs])
+
+    def has_echoes(self, names: Iterable[str]) -> bool:
+        """Whether all received values that these messages send back have come."""
+        row = self.context.row
+        return all(row[column] is not None for name in names for column in self._outputs[name].echoes)
 
     def commit(self, frames: Iterable[CanFrame]) -> None:
         """These frames were sent, at most one of each message: the next ones have the counters after theirs."""
@@ -101,13 +121,16 @@ class Encoder:
         return {field for frame in frames for field in self._by_id[frame.can_id, frame.is_extended].fields if field}
 
 
-def _collector(message: BoundMessage) -> Callable[[object], tuple[Value, ...]]:
+def _collector(message: BoundMessage) -> Callable[[object, SendContext, int], tuple[Value, ...]]:
     """A function that reads a message's values off an object, compiled once: no name is looked up
     on the way."""
     terms = []
     for place, field in enumerate(message.fields):
         conversion = message.conversions[place]
-        if not field:
+        expression = message.values.expressions.get(message.codec.names[place])
+        if expression is not None:
+            terms.append(expression)
+        elif not field:
             terms.append("0")
         elif message.to_wire[place] is not None:
             terms.append(f"tables[{place}][s.{field}]")
@@ -116,7 +139,9 @@ def _collector(message: BoundMessage) -> Callable[[object], tuple[Value, ...]]:
             terms.append(f"{value} / {conversion.scale!r}")
         else:
             terms.append(f"s.{field}")
-    source = f"lambda s: ({''.join(term + ', ' for term in terms)})"
+    source = f"lambda s, x, n: ({''.join(term + ', ' for term in terms)})"
     names: dict[str, object] = {"tables": message.to_wire}
-    collect: Callable[[object], tuple[Value, ...]] = eval(compile(source, f"<values of {message.name}>", "eval"), names)
+    collect: Callable[[object, SendContext, int], tuple[Value, ...]] = eval(
+        compile(source, f"<values of {message.name}>", "eval"), names
+    )
     return collect

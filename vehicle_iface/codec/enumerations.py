@@ -86,7 +86,7 @@ def name_map_faults(binding: Binding) -> Iterator[ConfigError]:
         ("modes", status.signals.mode, status.modes, VehicleMode),
         ("gears", status.signals.gear, status.gears, Gear),
     ):
-        requests = command.signals.gear_request or () if command and key == "gears" else ()
+        requests = command.signals.gear_request or () if key == "gears" else ()
         signals = [name for name in (field, *((requests,) if isinstance(requests, str) else requests)) if name]
         names = {name for dotted in signals if binding.find_signal(dotted) for name in _names(binding, dotted).values()}
         for name, ours in table.items():

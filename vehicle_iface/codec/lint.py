@@ -153,17 +153,22 @@ def _control_doubts(binding: Binding) -> Iterator[DbcFinding]:
 class _TomlLines:
     """The lines of a profile's keys: enough of TOML for files that people write, key by key below table headers."""
 
-    _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
+    _HEADER = re.compile(r"\s*(\[?)\[([^\[\]]+)\]")
     _KEY = re.compile(r'\s*("[^"]*"|[\w.-]+)\s*=')
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._lines: dict[str, int] = {"$": 0}
         self._dbc = ""
-        table = "$"
+        table, rows = "$", dict[str, int]()
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
             if header := self._HEADER.match(line):
-                table = f"$.{header[1].strip()}"
+                table = f"$.{header[2].strip()}"
+                first = table.split(".")[1]
+                if header[1]:
+                    rows[first] = rows.get(first, -1) + 1
+                if first in rows:
+                    table = table.replace(first, f"{first}[{rows[first]}]", 1)
                 self._lines.setdefault(table, number)
             elif key := self._KEY.match(line):
                 self._lines.setdefault(f"{table}.{key[1].strip(chr(34))}", number)
@@ -173,9 +178,9 @@ class _TomlLines:
     def finding(self, fault: str, severity: str) -> LintFinding:
         """`$.place: text` with the line of the place, or of the nearest table around it."""
         place = fault.partition(": ")[0]
-        known = re.sub(r"\[\d+\]", "", place)
-        while known not in self._lines and "." in known:
-            known = known.rpartition(".")[0]
+        known = place
+        while known not in self._lines and ("." in known or known.endswith("]")):
+            known = known[: max(known.rfind("."), known.rfind("["))]
         return LintFinding(str(self._path), self._lines.get(known, 0), severity, fault)
 
     def dbc(self) -> Path | None:

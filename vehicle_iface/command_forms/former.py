@@ -22,7 +22,6 @@ class CommandFormer:
     def __init__(self, profile: Profile, ranges: Mapping[str, WireRange]) -> None:
         """`ranges` are those of the bound command fields."""
         command, limits = profile.command, profile.limits
-        assert command is not None, "the profile only watches"
         changes_gear = command.signals.gear_request is not None and profile.status.signals.gear is not None
         self._speed: SpeedTarget | None = None
         self._pedals: PedalFormer | None = None
@@ -109,10 +108,8 @@ def _cut(value: float, wire: WireRange) -> float:
 
 
 def build_former(profile: Profile, ranges: Mapping[str, WireRange]) -> CommandFormer | None:
-    """The profile's former; None where acceleration and wheel angle are sent as they are permitted, or nothing is."""
+    """The profile's former; None where the vehicle takes acceleration and wheel angle as they are permitted."""
     command = profile.command
-    if command is None:
-        return None
     if command.longitudinal == "acceleration" and command.lateral == "wheel_angle":
         return None
     return CommandFormer(profile, ranges)

@@ -25,9 +25,8 @@ class CommandReader:
 
     def __init__(self, profile: Profile) -> None:
         command = profile.command
-        pedals = command.pedals if command is not None else None
-        self._longitudinal = command.longitudinal if command is not None else "acceleration"
-        self._lateral = command.lateral if command is not None else "wheel_angle"
+        pedals = command.pedals
+        self._longitudinal, self._lateral = command.longitudinal, command.lateral
         self._throttle, self._brake = (_inverse(pedals.throttle), _inverse(pedals.brake)) if pedals else ((), ())
         self._wheelbase_m = profile.geometry.wheelbase_m
 

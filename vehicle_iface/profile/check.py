@@ -4,21 +4,26 @@ import itertools
 import math
 import re
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 
 import msgspec
 
 from vehicle_iface.profile.check_command import check_command
 from vehicle_iface.profile.check_pose import check_pose
+from vehicle_iface.profile.check_sends import check_sends
 from vehicle_iface.profile.command_forms import needed_command_signals
 from vehicle_iface.profile.forms import check_form, signals_of
 from vehicle_iface.profile.schema import Command, Profile, State
 from vehicle_iface.profile.state_pose import needed_pose_signals
 
 NOTHING_MORE: Mapping[str, str] = MappingProxyType({})
-_NEEDED_SIGNALS = {State: needed_pose_signals, Command: needed_command_signals}
-"""What a table needs in its signals beyond what their type says."""
+_NEEDED_KEYS: Mapping[tuple[type, str], Callable[[Mapping[str, object]], Mapping[str, str]]] = {
+    (State, "signals"): needed_pose_signals,
+    (Command, "signals"): needed_command_signals,
+    (Profile, "command"): lambda _: {"signals": "; a vehicle that is only watched has no [command]"},
+}
+"""What a table needs beyond what its type says, by the type around it and its key there."""
 _SIGNAL_NAME = re.compile(r"\w+\.\w+")
 
 
@@ -55,7 +60,8 @@ def check_tables(
             faults.append(f"{there}: unknown key; {hint}")
             missing = [name for name in missing if name != nearest]  # one mistake is one fault
         else:
-            more = _NEEDED_SIGNALS[kind](document) if key == "signals" and kind in _NEEDED_SIGNALS else NOTHING_MORE
+            find_needed = _NEEDED_KEYS.get((kind, key))
+            more = find_needed(document) if find_needed is not None else NOTHING_MORE
             faults += _check_value(sound, key, value, fields[key].type, there, more)
     faults += (f"{place}: {name} is missing{needed.get(name, '')}" for name in missing)
     return sound, faults
@@ -78,6 +84,15 @@ def _check_value(
         return [
             fault for name, one in value.items() for fault in _check_value(tables, name, one, named, f"{place}.{name}")
         ]
+    if table is not None and typing.get_origin(kind) is tuple and isinstance(value, list):
+        rows: list[dict[str, object]] = []
+        sound[key] = rows
+        found: list[str] = []
+        for index, row in enumerate(value):
+            part, faults = check_tables(row, table, f"{place}[{index}]")
+            rows.append(part)
+            found += faults
+        return found
     if table is not None and named is None and (isinstance(value, dict) or str not in typing.get_args(kind)):
         sound[key], faults = check_tables(value, table, place, needed)
         return faults
@@ -96,6 +111,7 @@ def check_profile(profile: Profile) -> Iterator[str]:
     yield from _check_notes(profile)
     yield from check_pose(profile)
     yield from check_command(profile)
+    yield from check_sends(profile)
     yield from _check_timing(profile)
     yield from _check_geometry(profile)
     yield from _check_limits(profile)

@@ -13,8 +13,6 @@ ALSO_WITH_OTHERS = "speed_mps"
 def check_command(profile: Profile) -> Iterator[str]:
     """Every fault of the table with its place; `check_tables` reports the signals that are missing."""
     command = profile.command
-    if command is None:
-        return
     for key, forms in FORM_SIGNALS.items():
         chosen = getattr(command, key)
         for form, fields in forms.items():

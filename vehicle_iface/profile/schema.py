@@ -7,6 +7,7 @@ import msgspec
 from vehicle_iface.profile.command_forms import LateralForm, LongitudinalForm, Pedals
 from vehicle_iface.profile.forms import Condition, FieldSource, SignalName, SignalNames
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
+from vehicle_iface.profile.sends import SentMessage, SentValue
 from vehicle_iface.profile.state_pose import StatePose
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
@@ -352,7 +353,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 class CommandSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The signals that carry a command; which of them a profile needs follows from `longitudinal` and `lateral`."""
 
-    enable: SignalNames
+    enable: SignalNames | None = None
+    """Left out where `send` or `command.values` enables the vehicle."""
     accel_mps2: SignalNames | None = None
     speed_mps: SignalNames | None = None
     """The speed to be driven with longitudinal = "speed"; else the reference speed, for information."""
@@ -377,8 +379,12 @@ class Command(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     longitudinal: LongitudinalForm = "acceleration"
     lateral: LateralForm = "wheel_angle"
-    signals: CommandSignals
+    signals: CommandSignals = CommandSignals()
     pedals: Pedals | None = None
+    periods: dict[str, Positive] = {}
+    """By message; left out, `timing.command_period_s`. Each a whole multiple of `timing.sample_period_s`."""
+    values: dict[SignalName, SentValue] = {}
+    """Signals of command messages that no field fills; left out, the DBC's initial value."""
 
 
 class BodySignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -444,7 +450,14 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     protection: MessageProtection | None = None
     state: State
     status: Status
-    command: Command | None = None
-    """Without it, the vehicle is only watched."""
+    command: Command = Command()
+    """Left out where the vehicle is only watched."""
+    send: tuple[SentMessage, ...] = ()
+    """What is sent besides."""
     body: Body | None = None
     report: Report | None = None
+
+    @property
+    def only_watches(self) -> bool:
+        """Whether nothing of a command is bound: the vehicle cannot be driven."""
+        return self.command.signals == CommandSignals()

@@ -10,6 +10,7 @@ from vehicle_iface.runtime.cycle import ControlCycle
 from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.publisher import TelemetryPublisher
 from vehicle_iface.runtime.reports import Reports
+from vehicle_iface.runtime.scheduled_sends import ScheduledSends
 from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.runtime.shutdown import Shutdown
 from vehicle_iface.runtime.statistics import RunStatistics
@@ -37,6 +38,7 @@ class LoopComponents:
     engagement: Engagement
     transmitter: Transmitter
     reports: Reports
+    sends: ScheduledSends
     shutdown: Shutdown
     handover: Handover
     trajectories: TrajectoryUpdater

@@ -10,6 +10,7 @@ from vehicle_iface.runtime.arrival import Arrival
 from vehicle_iface.runtime.components import LoopComponents
 from vehicle_iface.runtime.cycle import Decision
 from vehicle_iface.runtime.shadow import Shadow
+from vehicle_iface.runtime.transmitter import Outcome
 from vehicle_iface.safety.engagement import Event
 from vehicle_iface.state import VehicleState
 from vehicle_iface.state_assembler import Sample
@@ -32,6 +33,7 @@ class Loop:
         self._decoder, self._assembler, self._arrival = parts.decoder, parts.assembler, parts.arrival
         self._plausibility, self._motion, self._cycle = parts.plausibility, parts.motion, parts.cycle
         self._engagement, self._transmitter, self._reports = parts.engagement, parts.transmitter, parts.reports
+        self._sends = parts.sends
         self._handover, self._trajectories, self._shadow = parts.handover, parts.trajectories, parts.shadow
         self._publisher, self._counters, self._statistics = parts.publisher, parts.counters, parts.statistics
         self._stale_ns = parts.stale_ns
@@ -42,7 +44,7 @@ class Loop:
         self._doubtful: Sample | None = None
         self._seen_status: VehicleStatus | None = None
         self._samples_at_rest = 0
-        self._must_restart = False
+        self._must_restart = self._was_sent = False
         self._logged_reason = Reason.NOT_ENGAGED
 
     def begin(self) -> None:
@@ -141,9 +143,9 @@ class Loop:
         processed = samples[-1:] if is_backlog else samples
         self._counters.samples_expired += len(samples) - len(processed)
         for sample in processed:
-            self._process_sample(sample)
+            self._process_sample(sample, is_newest=sample is processed[-1])
 
-    def _process_sample(self, sample: Sample) -> None:
+    def _process_sample(self, sample: Sample, *, is_newest: bool) -> None:
         """Compute, send, then publish. Skips a sample that expired while earlier ones were processed."""
         now_ns = self._now_ns()
         if now_ns - sample.state.stamp_ns > self._max_command_age_ns:
@@ -167,24 +169,28 @@ class Loop:
         )
         if shadow is not None:
             shadow.record(sample, decision.permitted, now_ns)
-        sent = self._transmitter.send_command(decision, now_ns)
-        if sent:
-            self._reports.send_due(now_ns)
+        outcome = self._transmitter.send_command(decision, now_ns, is_newest=is_newest)
+        if outcome is not Outcome.NOT_SENT:
+            self._send_others(now_ns)
         latency_ns = self._now_ns() - sample.completed_ns
-        if sent:
+        if outcome is Outcome.SENT:
             self._counters.latency.add(latency_ns)
             self._counters.commands_late += latency_ns > self._period_ns
-        self._publish(now_ns, decision, sent=sent, latency_ns=latency_ns)
+        self._publish(now_ns, decision, outcome, latency_ns=latency_ns)
         self._update_trajectory(sample)
 
     def _send_stop(self, last: VehicleState, reason: Reason, now_ns: int) -> None:
         """A stop from the last known state, because no sample came that can be driven by."""
         decision = self._cycle.decide_stop(last, self._assembler.status, reason, now_ns)
-        sent = self._transmitter.send_command(decision, now_ns)
-        if sent:
-            self._reports.send_due(now_ns)
-            self._counters.stops_on_stale_state += decision.permitted.enable
-        self._publish(now_ns, decision, sent=sent)
+        outcome = self._transmitter.send_command(decision, now_ns)
+        if outcome is not Outcome.NOT_SENT:
+            self._send_others(now_ns)
+        self._counters.stops_on_stale_state += outcome is Outcome.SENT and decision.permitted.enable
+        self._publish(now_ns, decision, outcome)
+
+    def _send_others(self, now_ns: int) -> None:
+        self._reports.send_due(now_ns)
+        self._sends.send_due(now_ns)
 
     def _check_foreign_command(self, frame: CanFrame) -> None:
         """Our own frames are not received, so a command frame is another node's."""
@@ -237,7 +243,9 @@ class Loop:
         self._stop_on_stale_state(now_ns)
         reports_alone = now_ns - self._transmitter.decided_ns > 2 * self._period_ns  # else they go out behind a command
         if reports_alone and self._engagement.may_report(now_ns) and self._transmitter.has_room():
-            self._reports.send_due(now_ns)
+            self._send_others(now_ns)
+        else:
+            self._sends.send_due(now_ns, only_once=True)
         if self._publisher.is_quiet(now_ns):
             self._publish(now_ns, self._cycle.last)
         self._publisher.publish_details(now_ns, self.details)
@@ -265,8 +273,18 @@ class Loop:
         if self.shutdown.must_release_now and self.shutdown.release_now(now_ns) and self._newest is not None:
             self._send_stop(self._newest.state, Reason.SHUTDOWN, now_ns)
 
-    def _publish(self, now_ns: int, decision: Decision | None, *, sent: bool = False, latency_ns: int = 0) -> None:
+    def _publish(
+        self,
+        now_ns: int,
+        decision: Decision | None,
+        outcome: Outcome = Outcome.NOT_SENT,
+        *,
+        latency_ns: int = 0,
+    ) -> None:
+        """Publish what is known now; between two commands that are sent, the one before stays the one that was sent."""
         newest = self._newest
+        if outcome is not Outcome.NOT_DUE:
+            self._was_sent = outcome is Outcome.SENT
         self._publisher.publish_snapshot(
             now_ns,
             controller_state=self._cycle.wire_state,
@@ -274,7 +292,7 @@ class Loop:
             state=newest.state if newest is not None else None,
             status=self._assembler.status,
             decision=decision,
-            sent=sent,
+            sent=self._was_sent,
             latency_ns=latency_ns,
             drops=sum(self._decoder.drops.values()),
             handover_pending=self._handover.warns,

@@ -116,7 +116,7 @@ class Shadow:
         taken: OwnCommand | None = None
         for theirs in self._theirs:
             ours = self._sample_of(theirs)
-            is_enabled = bool(theirs.fields["enable"])
+            is_enabled = bool(theirs.fields.get("enable", True))
             drives_on = self._enabled_ns is not None and theirs.begun_ns - self._enabled_ns <= TAKEOVER_GAP_NS
             if ours is None:
                 self.unmatched_commands += 1
@@ -183,7 +183,7 @@ class Shadow:
         for name in self.mismatches:
             if name in theirs:
                 self.mismatches[name] += getattr(ours, name) != theirs[name]
-        if not (ours.enable and theirs["enable"]):
+        if not (ours.enable and theirs.get("enable", True)):
             return
         direction = -1.0 if ours.speed_mps < 0.0 else 1.0
         requested = self._reader.read(theirs, speed_mps=speed_mps, direction=direction)

@@ -1,11 +1,14 @@
 """Frames on their way out: through the filter to the link; what left is committed, everything else has not happened."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from enum import Enum, auto
 
 from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.codec.sent_values import SendContext
 from vehicle_iface.command import WireCommand
 from vehicle_iface.command_forms import CommandFormer, MeasuredMotion
 from vehicle_iface.frame import CanFrame
+from vehicle_iface.runtime.command_pace import CommandPace
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import Decision
 from vehicle_iface.runtime.link import Link
@@ -14,24 +17,41 @@ from vehicle_iface.safety.gate import Gate
 from vehicle_iface.safety.transmit_filter import TransmitFilter
 
 
+class Outcome(Enum):
+    """What became of a command."""
+
+    SENT = auto()
+    """All frames that were due have left."""
+    NOT_DUE = auto()
+    """It was computed between two answers that are sent, or while there is nothing to be sent yet."""
+    NOT_SENT = auto()
+
+
 class Transmitter:
     """Encodes, sends and commits; each frame is handed over at most once."""
 
     def __init__(
         self,
         encoder: Encoder,
+        pace: CommandPace,
         transmit_filter: TransmitFilter,
         link: Link,
         gate: Gate,
         engagement: Engagement,
         counters: Counters,
         now_ns: Callable[[], int],
+        read_context: Callable[[int], SendContext],
         former: CommandFormer | None = None,
     ) -> None:
-        """Without a `former` commands are encoded as they were permitted."""
+        """`read_context` gives phases and received values at a time, for values that depend on them.
+
+        Without a `former` commands are encoded as they were permitted.
+        """
         self._former = former
-        self._encoder, self._transmit_filter, self._link, self._gate = encoder, transmit_filter, link, gate
+        self._encoder, self._pace, self._transmit_filter = encoder, pace, transmit_filter
+        self._link, self._gate = link, gate
         self._engagement, self._counters, self._now_ns = engagement, counters, now_ns
+        self._read_context = read_context
         self.decided_ns = now_ns()
         """When the newest command was decided, sent or not."""
         self._has_room: bool | None = None
@@ -46,36 +66,50 @@ class Transmitter:
             self._has_room = self._link.has_room()
         return self._has_room
 
-    def send_command(self, decision: Decision, now_ns: int) -> bool:
-        """All command frames of one decision; whether all of them left.
+    def send_command(self, decision: Decision, now_ns: int, *, is_newest: bool = True) -> Outcome:
+        """The command frames of one decision that are due.
 
         Nothing while the command of an earlier pass still waits to leave: however dead the bus is, no more of them
-        than one pass sends are under way.
+        than one pass sends are under way. `is_newest`: no younger sample is answered in this pass.
         """
         self.decided_ns = now_ns
         if not self._engagement.mode.may_send:
             self._gate.commit()  # a shadow counts its rates from what it would have sent
-            return False
+            return Outcome.NOT_SENT
         if not self.has_room():
-            return False
+            return Outcome.NOT_SENT
+        permitted = decision.permitted
+        names = self._pace.select(permitted, now_ns, is_newest=is_newest)
+        if not names or not self._prepare(names, now_ns):
+            return Outcome.NOT_DUE
         former = self._former
-        command = decision.permitted if former is None else _form(former, decision, now_ns)
-        frames = self._encoder.encode_command(command)
+        command = permitted if former is None else _form(former, decision, now_ns)
+        frames = self._encoder.encode_command(command, names)
         sent = self._send(frames)
         if sent == len(frames):
+            self._pace.commit(permitted, now_ns, names)
+            self._counters.commands += 1
+        if sent == len(frames) and names == self._pace.all_names:
             self._gate.commit()
             if former is not None:
                 former.commit()
-            self._counters.commands += 1
-            return True
-        if sent and decision.permitted.enable:
+        elif sent and permitted.enable:
             fields = self._encoder.fields_of(frames[:sent])
             self._gate.commit_fields(fields if former is None else former.commit_fields(fields))
-        return False
+        return Outcome.SENT if sent == len(frames) else Outcome.NOT_SENT
 
-    def send(self, message: str, source: object) -> None:
-        """One message, its values taken from the attributes of `source`."""
-        self._send((self._encoder.encode(message, source),))
+    def send(self, message: str, source: object) -> bool:
+        """One message, its values taken from the attributes of `source`; whether it left."""
+        if not self._prepare((message,), self._now_ns()):
+            return False
+        return self._send((self._encoder.encode(message, source),)) == 1
+
+    def _prepare(self, names: Iterable[str], now_ns: int) -> bool:
+        """Read what the values of these messages depend on; whether all of it is there."""
+        if not self._encoder.depends_on_context:
+            return True
+        self._encoder.context = self._read_context(now_ns)
+        return self._encoder.has_echoes(names)
 
     def _send(self, frames: tuple[CanFrame, ...]) -> int:
         """How many left: those before the first that is refused. Only they step a counter."""

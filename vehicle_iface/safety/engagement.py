@@ -33,6 +33,8 @@ class ModeRow:
     """The vehicle is stopped or held, for the reason of the mode."""
     ends: bool = False
     """It is stopped for good."""
+    disengaged: bool = False
+    """The vehicle was given back, until it is armed again."""
     observes: bool = False
     """It is not known yet whether somebody else drives the vehicle."""
     latched: bool | None = False
@@ -91,9 +93,9 @@ class Mode(Enum):
     """Latched; brakes the vehicle to standstill."""
     HALTED = ModeRow(may_send=True, enables=True, stops=True, latched=True, wire_state=ControllerState.STOPPING)
     """Latched; holds the vehicle at standstill until it is armed again."""
-    OVERRIDDEN = ModeRow(may_send=True, latched=None, wire_state=ControllerState.STANDBY)
+    OVERRIDDEN = ModeRow(may_send=True, disengaged=True, latched=None, wire_state=ControllerState.STANDBY)
     """The driver took over; until it is armed again."""
-    FAULT = ModeRow(may_send=True, latched=True, wire_state=ControllerState.FAULT)
+    FAULT = ModeRow(may_send=True, disengaged=True, latched=True, wire_state=ControllerState.FAULT)
     """Latched; answers with ENABLE = 0."""
     SILENT = ModeRow(latched=True, wire_state=ControllerState.FAULT)
     """Latched; sends nothing, so that the vehicle's own watchdog acts."""
@@ -107,13 +109,15 @@ class Mode(Enum):
         refusal="it is ending",
     )
     """Stopping the vehicle for good."""
-    RELEASED = ModeRow(may_send=True, latched=None, wire_state=ControllerState.STANDBY, refusal="it is ending")
+    RELEASED = ModeRow(
+        may_send=True, disengaged=True, latched=None, wire_state=ControllerState.STANDBY, refusal="it is ending"
+    )
     """Released for good: answers with ENABLE = 0 until the program ends."""
 
     def __init__(self, row: ModeRow) -> None:
         self.may_send, self.enables, self.computes, self.engages = row.may_send, row.enables, row.computes, row.engages
         self.stops, self.ends, self.observes, self.latched = row.stops, row.ends, row.observes, row.latched
-        self.wire_state, self.refusal = row.wire_state, row.refusal
+        self.disengaged, self.wire_state, self.refusal = row.disengaged, row.wire_state, row.refusal
 
 
 class Event(Enum):

@@ -30,11 +30,13 @@ class GateChannels:
 
 
 class _Sent(NamedTuple):
-    """What left last, in wire counts: rates are counted from it."""
+    """What left last, in wire counts, and when: rates are counted from it."""
 
-    at_ns: int = 0
+    accel_ns: int = 0
     accel_raw: int = 0
+    front_ns: int = 0
     front_raw: int = 0
+    rear_ns: int = 0
     rear_raw: int = 0
     turned_ns: int = 0
     """When the wheels were last sent elsewhere than before."""
@@ -72,7 +74,7 @@ class Gate:
             _nearest_raw(front, state.front_wheel_angle_rad),
             _nearest_raw(rear, state.rear_wheel_angle_rad),
         )
-        self._last = self._proposed = _Sent(now_ns, 0, front_raw, rear_raw, now_ns)
+        self._last = self._proposed = _Sent(now_ns, 0, now_ns, front_raw, now_ns, rear_raw, now_ns)
 
     def permit(
         self,
@@ -107,23 +109,22 @@ class Gate:
         front, rear, told_mps = numbers[1:] if finite else (0.0, 0.0, 0.0)
         self.limited["not_finite"] += not finite
         channels, last = self._channels, self._last
-        dt_s = min(LONGEST_STEP_S, max(0.0, (now_ns - last.at_ns) / NS_PER_S))
+        accel_s, rear_s = _step_s(now_ns, last.accel_ns), _step_s(now_ns, last.rear_ns)
         is_stop = reason is not Reason.NOMINAL
         if is_stop:
             braked_mps = speed_mps if speed_is_known else -math.inf if reversing else math.inf
             accel_raw = stop_accel_raw(
-                self._stop, self._backwards, last.accel_raw, braked_mps, dt_s, reversing=reversing
+                self._stop, self._backwards, last.accel_raw, braked_mps, accel_s, reversing=reversing
             )
         else:
-            accel_raw = self._accel_raw(requested.accel_mps2, speed_mps, dt_s, reversing, engaging=engaging)
-        rear_raw = self._limit(channels.rear_wheel_angle_rad, rear, last.rear_raw, dt_s)
-        held_s = (now_ns - last.turned_ns) / NS_PER_S
+            accel_raw = self._accel_raw(requested.accel_mps2, speed_mps, accel_s, reversing, engaging=engaging)
+        rear_raw = self._limit(channels.rear_wheel_angle_rad, rear, last.rear_raw, rear_s)
         measured_rad = state.front_wheel_angle_rad
-        front_raw = self._front_raw(front, rear_raw, measured_rad, speed_mps, dt_s, held_s, engaging=engaging)
-        speed_raw = self._limit(channels.speed_mps, told_mps, 0, dt_s)
+        front_raw = self._front_raw(front, rear_raw, measured_rad, speed_mps, now_ns, engaging=engaging)
+        speed_raw = self._limit(channels.speed_mps, told_mps, 0, accel_s)
         turned = front_raw != last.front_raw or rear_raw != last.rear_raw
         turned_ns = now_ns if turned else last.turned_ns
-        self._proposed = _Sent(now_ns, accel_raw, front_raw, rear_raw, turned_ns)
+        self._proposed = _Sent(now_ns, accel_raw, now_ns, front_raw, now_ns, rear_raw, turned_ns)
         return SafeCommand(
             stamp_ns=requested.stamp_ns,
             enable=True,
@@ -141,17 +142,20 @@ class Gate:
         self._last = self._proposed
 
     def commit_fields(self, fields: Collection[str]) -> None:
-        """Only these fields of the last permission were sent: the others' rates are counted from before it.
-
-        All are counted from its time: that grants the others less, never more.
-        """
+        """Only these fields of the last permission were sent: the others' rates are counted from before it."""
         sent, before = self._proposed, self._last
+        accel = sent if "accel_mps2" in fields else before
+        front = sent if "front_wheel_angle_rad" in fields else before
+        rear = sent if "rear_wheel_angle_rad" in fields else before
+        turned = front.front_raw != before.front_raw or rear.rear_raw != before.rear_raw
         self._last = _Sent(
-            sent.at_ns,
-            sent.accel_raw if "accel_mps2" in fields else before.accel_raw,
-            sent.front_raw if "front_wheel_angle_rad" in fields else before.front_raw,
-            sent.rear_raw if "rear_wheel_angle_rad" in fields else before.rear_raw,
-            sent.turned_ns,
+            accel.accel_ns,
+            accel.accel_raw,
+            front.front_ns,
+            front.front_raw,
+            rear.rear_ns,
+            rear.rear_raw,
+            sent.turned_ns if turned else before.turned_ns,
         )
 
     def release(self, *, stamp_ns: int, reason: Reason) -> SafeCommand:
@@ -189,8 +193,7 @@ class Gate:
         rear_raw: int,
         measured: float,
         speed_mps: float,
-        dt_s: float,
-        held_s: float,
+        now_ns: int,
         *,
         engaging: bool,
     ) -> int:
@@ -204,9 +207,11 @@ class Gate:
             nearest, farthest = raw_range(channel, measured - apart, measured + apart)
             within = clamp_interval((min(nearest, last.front_raw), max(farthest, last.front_raw)), within)
         if abs(speed_mps) >= SLOW_MPS:
-            lateral = self._lateral_rad(rear_raw, last, speed_mps, dt_s, held_s)
+            since_ns, held_s = max(last.front_ns, last.rear_ns), (now_ns - last.turned_ns) / NS_PER_S
+            lateral = self._lateral_rad(rear_raw, last, speed_mps, _step_s(now_ns, since_ns), held_s)
             within = clamp_interval(within, raw_range(channel, *lateral))
         rate_per_s = limits.while_engaging.front_wheel_rate_radps if engaging else math.inf
+        dt_s = _step_s(now_ns, last.front_ns)
         raw = limit_raw(channel, requested, last.front_raw, dt_s, rate_per_s=rate_per_s, within=within)
         return self._count_if_limited(channel, requested, raw)
 
@@ -267,6 +272,11 @@ def gate_channels(limits: Limits, lsb: Callable[[str], float]) -> GateChannels:
         ),
         speed_mps=symmetric("speed_mps", limits.speed_max_mps, math.inf),
     )
+
+
+def _step_s(now_ns: int, since_ns: int) -> float:
+    """The time that a rate limit grants."""
+    return min(LONGEST_STEP_S, max(0.0, (now_ns - since_ns) / NS_PER_S))
 
 
 def _mirrored(channel: Channel) -> Channel:

@@ -30,6 +30,10 @@ class TransmitFilter:
         self._sent_ns = {message[:4]: _empty_window(message.period_ns) for message in messages}
         self.refused = {"not on the list": 0, "too often": 0}
 
+    def has_room(self, can_id: int, is_extended: bool, is_fd: bool, length: int, now_ns: int) -> bool:
+        """Whether a frame of this entry would be in time now; nothing is counted."""
+        return now_ns - self._sent_ns[can_id, is_extended, is_fd, length][0] >= WINDOW_NS
+
     def allows(self, frame: CanFrame, now_ns: int) -> bool:
         """Whether this frame may be sent now; one that may is counted as sent."""
         sent_ns = self._sent_ns.get((frame.can_id, frame.is_extended, frame.is_fd, len(frame.data)))

@@ -1,7 +1,9 @@
 """Who drives the simulated vehicle, as a table, and what earns or loses the commander its place."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from enum import Enum, auto
+from types import MappingProxyType
 
 from vehicle_iface.status import VehicleMode
 from vehicle_iface.units import NS_PER_MS
@@ -60,20 +62,23 @@ TRANSITIONS = {
 """Without an entry the mode stays."""
 
 
+NOTHING_MORE: Mapping[str, int] = MappingProxyType({})
+
+
 class CommandWatch:
     """Counts consecutive intact pairs and notices when commands stop.
 
-    A pair is one command of each kind, in any order; two of one kind without the other between them end the
-    streak, and so do a damaged one, one with ENABLE = 0 and a gap as long as the watchdog's. "No intact command
-    of either kind for 100 ms" is read strictly: each kind by itself must stay fresh, since a vehicle that is
-    still steered but no longer braked, or the other way round, is not being driven.
+    A pair is one command of each kind, in any order; two of one kind without the other between them end the streak
+    (more of a kind that is sent more often), and so do a damaged one, one with ENABLE = 0 and a gap as long as the
+    watchdog's. "No intact command of either kind for 100 ms" is read strictly: each kind by itself must stay fresh,
+    since a vehicle that is still steered but no longer braked, or the other way round, is not being driven.
     """
 
-    def __init__(self, kinds: Iterable[str]) -> None:
-        """`kinds`: the command messages' names."""
-        self._kinds = frozenset(kinds)
+    def __init__(self, kinds: Iterable[str], most_per_pair: Mapping[str, int] = NOTHING_MORE) -> None:
+        """`kinds`: the command messages' names; of each, one for a pair or at most as many as `most_per_pair`."""
+        self._kinds, self._most_per_pair = frozenset(kinds), most_per_pair
         self._last_ns: dict[str, int] = {}
-        self._half: set[str] = set()
+        self._half: Counter[str] = Counter()
         self.pairs = 0
         """Whole pairs in the current streak."""
 
@@ -84,11 +89,11 @@ class CommandWatch:
             self.reset_streak()
             self._last_ns.clear()  # one gap ends one streak, though the other kind shows it too
         self._last_ns[kind] = seen_ns
-        if not enabled or kind in self._half:
+        if not enabled or self._half[kind] >= self._most_per_pair.get(kind, 1):
             self.reset_streak()
         if enabled:
-            self._half.add(kind)
-        if self._half == self._kinds:
+            self._half[kind] += 1
+        if self._half.keys() >= self._kinds:
             self._half.clear()
             self.pairs += 1
 

@@ -46,6 +46,8 @@ class Wire(Protocol):
     """Between the vehicle's fields and the bytes on its bus."""
 
     commands: tuple[str, ...]
+    most_per_pair: Mapping[str, int]
+    """How many frames of a command may come for one of the slowest command."""
     """Messages that a commander must keep sending."""
     sample: tuple[str, ...]
     """Messages of one state sample, in the order in which they are sent."""

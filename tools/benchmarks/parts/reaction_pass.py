@@ -27,10 +27,13 @@ from benchmarks.parts.reaction_contestants import Bare, Contestant, Echo, Python
 from benchmarks.parts.reaction_vehicle import Course, RailVehicle, figure_of_eight
 from vehicle_iface import compose
 from vehicle_iface.bus import socketcan, traffic_monitor
-from vehicle_iface.codec.database import load_database
+from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime import realtime
+from vehicle_iface.runtime.command_pace import CommandPace
 from vehicle_iface.runtime.loop import Loop
+from vehicle_iface.runtime.transmit_periods import allowed_messages
+from vehicle_iface.safety.transmit_filter import TransmitFilter
 from vehicle_iface.telemetry import SessionInfo, TelemetryWriter
 from vehicle_iface.trajectories.source import FixedTrajectory
 from vehicle_iface.units import ns_from_s
@@ -143,17 +146,24 @@ class Wires:
         return near
 
 
+def _answer_every_sample(database: VehicleDatabase, transmit_filter: TransmitFilter) -> CommandPace:
+    """A pace by which samples may come faster than the profile says."""
+    periods_ns = dict.fromkeys((message.name for message in database.commands), 1)
+    return CommandPace(database.commands, periods_ns, sample_period_ns=1, transmit_filter=transmit_filter)
+
+
 def build_ours(wires: Wires, course: Course, telemetry: TelemetryWriter) -> Loop:
     """(b) The program, put together as `vehicle-iface run --arm --trajectory` does."""
     profile = load_profile("reference")
     timing = msgspec.structs.replace(profile.timing, sample_period_s=HOT_SAMPLE_PERIOD_S, state_stale_s=STATE_STALE_S)
     database = replace(load_database(profile), profile=msgspec.structs.replace(profile, timing=timing))
     near = mock.Mock(side_effect=lambda *_, **__: wires.near())
-    outgoing = [m._replace(period_ns=ns_from_s(HOT_SAMPLE_PERIOD_S)) for m in compose._allowed_messages(database)]
+    outgoing = [m._replace(period_ns=ns_from_s(HOT_SAMPLE_PERIOD_S)) for m in allowed_messages(database)]
     with (
         mock.patch.object(socketcan, "open_socket", near),
         mock.patch.object(traffic_monitor, "open_socket", near),
-        mock.patch.object(compose, "_allowed_messages", return_value=outgoing),
+        mock.patch.object(compose, "allowed_messages", return_value=outgoing),
+        mock.patch.object(compose, "build_pace", _answer_every_sample),
     ):
         return compose.build_loop(
             database=database,

@@ -1,0 +1,63 @@
+"""Messages besides commands, by the profile's `[[send]]`: once when a phase begins, or periodically while it lasts."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from vehicle_iface.command import Phases
+from vehicle_iface.profile.sends import SentMessage
+from vehicle_iface.runtime.transmitter import Transmitter
+from vehicle_iface.units import ns_from_s
+
+
+@dataclass(slots=True, eq=False)
+class _Entry:
+    message: str
+    when: str
+    period_ns: int | None
+    """None: once."""
+    holds: bool = False
+    next_ns: int | None = None
+    """When it is due; None while it is not."""
+
+
+class ScheduledSends:
+    """Sends each message when it is due; one that finds no room stays due while its phase lasts."""
+
+    def __init__(
+        self,
+        sends: Iterable[SentMessage],
+        transmitter: Transmitter,
+        find_phases: Callable[[int], Phases],
+        *,
+        sample_period_ns: int,
+    ) -> None:
+        """Samples are uneven: a message that is due within half of `sample_period_ns` is sent with this one."""
+        self._transmitter, self._find_phases, self._slack_ns = transmitter, find_phases, sample_period_ns // 2
+        self._entries = [
+            _Entry(one.message, one.when, None if one.period_s is None else ns_from_s(one.period_s)) for one in sends
+        ]
+
+    def send_due(self, now_ns: int, *, only_once: bool = False) -> None:
+        """Send what is due; where `only_once`, nothing periodic: it is sent behind the answers to samples."""
+        if not self._entries:
+            return
+        phases = self._find_phases(now_ns)
+        for entry in self._entries:
+            held, entry.holds = entry.holds, getattr(phases, entry.when)
+            if not entry.holds:
+                entry.next_ns = None
+            elif not held:
+                entry.next_ns = now_ns
+            if entry.next_ns is None or now_ns < entry.next_ns - self._slack_ns:
+                continue
+            if only_once and entry.period_ns is not None:
+                continue
+            if self._transmitter.has_room() and self._transmitter.send(entry.message, None):
+                entry.next_ns = self._next_ns(entry, entry.next_ns, now_ns)
+
+    def _next_ns(self, entry: _Entry, due_ns: int, now_ns: int) -> int | None:
+        """On a grid from the begin of the phase; what was missed is left out."""
+        if entry.period_ns is None:
+            return None
+        missed = max(0, (now_ns - due_ns) // entry.period_ns)
+        return due_ns + (missed + 1) * entry.period_ns
