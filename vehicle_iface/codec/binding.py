@@ -18,9 +18,14 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.forms import FieldForm, signals_of, value_of
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
+from vehicle_iface.profile.schema import DriverConditions, ModeConditions
 from vehicle_iface.profile.state_pose import StatePose
 
 _NO_NOTES, _NO_MESSAGE_NOTES = SignalNotes(), MessageNotes()
+CONDITIONS = frozenset(
+    ("valid", "negative_if", *ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__)
+)
+"""Names of conditions, which may look at a signal of a field as well."""
 
 
 class Role(Enum):
@@ -67,9 +72,9 @@ class Binding:
             "body": _named_signals(profile.body.signals) if profile.body else {},
             "report": _named_signals(profile.report.signals) if profile.report else {},
         }
-        """Section of the profile → field → its signals as MESSAGE.SIGNAL."""
+        """Section of the profile → field or condition → its signals as MESSAGE.SIGNAL."""
         self.fields: Mapping[str, str] = self._fields()
-        """MESSAGE.SIGNAL → its field, or the condition or form that it is a part of; the first one of several."""
+        """MESSAGE.SIGNAL → its field, or where it has none the first condition that looks at it."""
         self.roles: Mapping[str, Role] = self._roles()
         """Each bound message's role; the first one where the profile gives it several."""
 
@@ -163,12 +168,12 @@ class Binding:
             yield from ((name, role) for name in self.messages if name in used)
 
     def _fields(self) -> dict[str, str]:
+        named = [one for bindings in self.sections.values() for one in bindings.items()]
         fields: dict[str, str] = {}
-        for bindings in self.sections.values():
-            for field, signals in bindings.items():
-                for dotted in signals:
-                    if self.find_signal(dotted) is not None:
-                        fields.setdefault(dotted, field)
+        for field, signals in sorted(named, key=lambda one: one[0] in CONDITIONS):
+            for dotted in signals:
+                if self.find_signal(dotted) is not None:
+                    fields.setdefault(dotted, field)
         return fields
 
     def _roles(self) -> dict[str, Role]:
