@@ -18,6 +18,7 @@ from vehicle_iface.codec.enumerations import frames_of_reference, translate_from
 from vehicle_iface.codec.protection import Protection
 from vehicle_iface.codec.protection_rules import build_protection
 from vehicle_iface.codec.row_reader import build_row_reader
+from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.row import RowReader
@@ -47,9 +48,13 @@ class BoundMessage:
     is_fd: bool
     length: int
     """Payload, bytes."""
+    cycle_s: float | None
+    """By the profile's notes or else the DBC; None where neither says it."""
     codec: MessageCodec
+    signals: tuple[SignalView, ...]
+    """The signal of each value, in the order of `codec.names`."""
     fields: tuple[str, ...]
-    """The field's name of each value, in the order of `codec.names`; "" for a multiplexer above bound signals."""
+    """The field's name of each value; "" for a multiplexer above bound signals."""
     conversions: tuple[Conversion | None, ...]
     """Between the DBC's unit and the field's, of each value; None where they are the same."""
     from_wire: tuple[Mapping[int, int] | None, ...]
@@ -148,6 +153,7 @@ def _bind_message(binding: Binding, name: str) -> BoundMessage:
     )
     places = [f"{name}.{value}" for value in codec.names]
     conversions = [views.get(value) for value in codec.names]
+    cycle_ms = binding.cycle_ms(name)
     return BoundMessage(
         name=name,
         role=binding.roles[name],
@@ -156,7 +162,9 @@ def _bind_message(binding: Binding, name: str) -> BoundMessage:
         id_mask=_id_mask(binding, name),
         is_fd=message.is_fd,
         length=message.length,
+        cycle_s=cycle_ms / 1000 if cycle_ms is not None else None,
         codec=codec,
+        signals=tuple(views.get(value) or binding.view(f"{name}.{value}") for value in codec.names),
         fields=tuple(binding.fields.get(dotted, "") for dotted in places),
         conversions=tuple(
             Conversion(view.scale, view.offset) if view is not None and view.is_converted else None
