@@ -77,7 +77,7 @@ class SignalView:
         value, signal = self.to_wire(field), self.signal
         if signal.is_float:
             return self.to_field(min(self.high, max(self.low, value)))
-        if self.enumeration:
+        if self.names and self.enumeration:
             value = min(self.enumeration, key=lambda number: abs(number - value))
         first, last = sorted((end - signal.offset) / signal.scale for end in (self.low, self.high))
         raw = min(

@@ -5,6 +5,7 @@ Each signal is compiled to a function of the report once, at the start.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import cycle
 from operator import attrgetter
 from typing import NamedTuple, TypeVar
@@ -156,7 +157,7 @@ class ReportWriter:
         period = _PERIODS.get(field)
         low, high = view.field_range
         if period is None or (low <= -period / 2 and high >= period / 2):
-            return lambda instant: view.to_wire(get(instant))
+            return get if not view.is_converted else lambda instant: view.to_wire(get(instant))
 
         def write(instant: _Instant) -> float:
             value = get(instant)
@@ -203,15 +204,16 @@ class ReportWriter:
         view, modes = self._view(dotted), self._status.get("mode")
         _, least = self._zero_and_more(dotted)
         expressed = self._numbers(modes) if modes is not None else {}
-        is_expressed = {mode: mode in expressed if modes else self._conditions.can_express(mode) for mode in _FAULTS}
+        is_told = any(mode in expressed if modes else self._conditions.can_express(mode) for mode in _FAULTS)
+
+        @cache
+        def find(code: int) -> float:
+            nearest = view.find_nearest(code)
+            return least if nearest is None or (code and not nearest) else view.to_wire(nearest)
 
         def write(instant: _Instant) -> float:
             report = instant.report
-            code = report.fault_code
-            if code == 0 and report.mode in _FAULTS and not any(is_expressed.values()):
-                code = 1
-            nearest = view.find_nearest(code)
-            return least if nearest is None or (code and not nearest) else view.to_wire(nearest)
+            return find(report.fault_code or int(not is_told and report.mode in _FAULTS))
 
         return write
 
@@ -237,9 +239,7 @@ def _value_signals(source: FieldSource) -> tuple[str, ...]:
 
 
 def _getter(field: str) -> Getter:
-    if field in POSE_SIGNALS:
-        return lambda instant: getattr(instant.pose, field)
-    return lambda instant: getattr(instant.report, field)
+    return attrgetter(f"pose.{field}" if field in POSE_SIGNALS else f"report.{field}")
 
 
 def _nothing(_: _Instant) -> Value:
@@ -248,6 +248,9 @@ def _nothing(_: _Instant) -> Value:
 
 def _clamped(view: SignalView, get: Getter) -> Term:
     """The nearest value that the signal can carry."""
+    low, high = (view.find_nearest(end) if math.isfinite(end) else end for end in view.field_range)
+    if low is not None and high is not None and not view.names and not view.rules.missing:
+        return lambda instant: view.to_wire(min(high, max(low, get(instant))))
 
     def write(instant: _Instant) -> float:
         nearest = view.find_nearest(get(instant))

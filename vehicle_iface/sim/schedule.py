@@ -19,24 +19,24 @@ class SendSchedule:
     """The periods of all messages; instants that were missed are not made up for."""
 
     def __init__(self, periods_ns: Mapping[str, int], start_ns: int) -> None:
-        self._periods_ns, self._start_ns = dict(periods_ns), start_ns
-        self._sent = dict.fromkeys(periods_ns, -1)
-        self._shortest = min(periods_ns, key=lambda name: periods_ns[name])
+        self._messages, self._start_ns = tuple(periods_ns.items()), start_ns
+        self._sent = dict.fromkeys(sorted(periods_ns.values()), -1)
+        """The number of the newest instant of each period, the shortest first."""
 
     @property
     def next_due_ns(self) -> int:
         """When the next message is due."""
-        sent = self._sent
-        return self._start_ns + min([(sent[name] + 1) * period_ns for name, period_ns in self._periods_ns.items()])
+        return self._start_ns + min([(number + 1) * period_ns for period_ns, number in self._sent.items()])
 
     def take_due(self, now_ns: int) -> Due | None:
         """The messages that are due, each once; None where there are none."""
         passed_ns, sent = now_ns - self._start_ns, self._sent
-        numbers = {name: passed_ns // period_ns for name, period_ns in self._periods_ns.items()}
-        due = tuple([name for name, number in numbers.items() if number > sent[name]])
+        numbers = {period_ns: passed_ns // period_ns for period_ns in sent}
+        due = {period_ns: number for period_ns, number in numbers.items() if number > sent[period_ns]}
         if not due:
             return None
-        missed = max(0, numbers[self._shortest] - sent[self._shortest] - 1)
-        instant_ns = max([numbers[name] * self._periods_ns[name] for name in due])
-        sent.update(numbers)
-        return Due(due, self._start_ns + instant_ns, missed)
+        shortest_ns, newest = next(iter(sent.items()))
+        missed = max(0, numbers[shortest_ns] - newest - 1)
+        sent.update(due)
+        instant_ns = self._start_ns + max([number * period_ns for period_ns, number in due.items()])
+        return Due(tuple([name for name, period_ns in self._messages if period_ns in due]), instant_ns, missed)
