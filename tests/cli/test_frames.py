@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from tests.harness import reference
-from tests.vehicles import load_vehicle
+from tests.vehicles.files import load_vehicle
 from vehicle_iface.cli.frames import check_frame
 
 

@@ -22,9 +22,7 @@ from vehicle_iface.profile.schema import DriverConditions, ModeConditions
 from vehicle_iface.profile.state_pose import StatePose
 
 _NO_NOTES, _NO_MESSAGE_NOTES = SignalNotes(), MessageNotes()
-CONDITIONS = frozenset(
-    ("valid", "negative_if", *ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__)
-)
+CONDITIONS = frozenset(("valid", "negative_if", *ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__))
 """Names of conditions, which may look at a signal of a field as well."""
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 from vehicle_iface.codec.expressions import Place
@@ -79,7 +80,7 @@ class ConditionValues:
         """The other signals in conditions."""
         self._fixed_leaves = [leaf for leaf in leaves if signal_of(leaf) in fields]
         self._chosen: dict[tuple[Wanted, tuple[bool, ...]], Mapping[str, float]] = {}
-        faults = [f"{profile.file}: {text}" for text in self._faults()]
+        faults = [f"{Path(profile.file).name}: {text}" for text in self._faults()]
         if faults:
             raise ConfigError("\n".join(faults))
 

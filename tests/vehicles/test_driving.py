@@ -8,7 +8,7 @@ import pytest
 
 from tests import harness
 from tests.harness import Drive, Sent
-from tests.vehicles import load_vehicle
+from tests.vehicles.files import load_vehicle
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.safety.engagement import Mode
 from vehicle_iface.status import Gear, VehicleMode
@@ -17,7 +17,7 @@ from vehicle_iface.trajectories.route import RouteConfig
 from vehicle_iface.trajectories.shapes import make_route
 from vehicle_iface.trajectories.source import FixedTrajectory
 
-VEHICLES = tuple(sorted(path.stem for path in (Path(__file__).parent / "vehicles").glob("*.toml")))
+VEHICLES = tuple(sorted(path.stem for path in Path(__file__).parent.glob("*.toml")))
 FIGURE = make_route("figure8", RouteConfig(half_width_m=18.0))
 
 
