@@ -31,7 +31,7 @@ class RowReader:
     """Which values of a row are whose, and what they mean."""
 
     empty: tuple[int | None, ...]
-    """The row before anything was received: 0 for fields of the state, None for all else."""
+    """The row before anything was received: 0 for fields of the state in whole messages, None for all else."""
     places: Mapping[str, slice]
     """Where the values of a message stand, by its name."""
     status_messages: frozenset[str]

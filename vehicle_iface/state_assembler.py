@@ -199,20 +199,27 @@ class StateAssembler:
         return all(name in came_ns and came_ns[name] >= oldest_ns for name in self._others)
 
     def _store_other(self, received: DecodedMessage) -> None:
-        """A message in which a value is missing that is needed does not count as received."""
-        where = self._reader.places[received.name]
-        needed = self._reader.needed[received.name]
-        if any(received.values[place - where.start] is None for place in needed):
+        """A message in which a value is missing that is needed does not count as received.
+
+        Of a multiplexed one each needed value must have come in some branch.
+        """
+        name, reader = received.name, self._reader
+        where, needed, values = reader.places[name], reader.needed[name], received.values
+        if name in reader.multiplexed:
+            self._row[where] = values = self._merge(received)
+        if any(values[place - where.start] is None for place in needed):
             return
         self._store(received)
+
+    def _merge(self, received: DecodedMessage) -> tuple[float | int | None, ...]:
+        """The values of a branch, and the row's for those of the other branches."""
+        row = self._row[self._reader.places[received.name]]
+        return tuple(old if new is None else new for old, new in zip(row, received.values, strict=True))
 
     def _store(self, received: DecodedMessage) -> None:
         """Its values stand in the row from now on; there is a status once all messages with the mode have come."""
         name, reader, stamps_ns = received.name, self._reader, self._stamps_ns
-        where, values = reader.places[name], received.values
-        if name in reader.multiplexed:
-            values = tuple(old if new is None else new for old, new in zip(self._row[where], values, strict=True))
-        self._row[where] = values
+        self._row[reader.places[name]] = self._merge(received) if name in reader.multiplexed else received.values
         stamps_ns[name] = received.stamp_ns
         if name in reader.driver_messages and all(one in stamps_ns for one in reader.status_messages):
             self.status = reader.read_status(min(stamps_ns[one] for one in reader.status_messages), self._row)

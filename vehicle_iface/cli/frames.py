@@ -4,9 +4,11 @@ from vehicle_iface.codec.database import VehicleDatabase
 from vehicle_iface.errors import ConfigError
 
 
-def check_frame(frame_id: str, database: VehicleDatabase) -> str:
-    """`frame_id`; raises `ConfigError` when the vehicle's pose is never in it."""
+def check_frame(frame_id: str | None, database: VehicleDatabase) -> str:
+    """`frame_id`, or the vehicle's, map where there is a choice; `ConfigError` when its pose is never in `frame_id`."""
     known = list(database.frames.values()) or [database.profile.state.frame_id]
+    if frame_id is None:
+        return "map" if "map" in known else known[0]
     if frame_id not in known:
         raise ConfigError(f"--frame {frame_id}: must be one of: {', '.join(known)}")
     return frame_id

@@ -118,7 +118,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", metavar="DIR", help="record frames and telemetry into DIR, which must not exist")
     parser.add_argument("--summary", metavar="FILE.json", help="write counts and latencies of the run to this file")
     parser.add_argument("--cpu", type=_processor, metavar="N", help="run on this CPU only, counted from 0")
-    parser.add_argument("--frame", default="map", help="frame of reference of the route")
+    parser.add_argument("--frame", help="frame of reference of the route; default: the vehicle's, or map of several")
     parser.add_argument("--verbose", action="store_true", help="log more")
     parser.epilog = (
         "Exit status: 0 done, 2 bad usage, configuration or file (also a summary that cannot be written after a drive "
@@ -130,7 +130,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 def _add_sim(parser: argparse.ArgumentParser) -> None:
     _add_bus(parser)
     parser.add_argument("--start", default="0,0,0", metavar="X,Y,HEADING", help="start pose in m, m, rad")
-    parser.add_argument("--frame", default="map", help="frame of reference of the pose that it reports")
+    parser.add_argument("--frame", help="frame of reference of the reported pose; default: the vehicle's, or map")
     parser.add_argument("--duration", type=_above_0("seconds"), metavar="S", help="exit after S seconds")
     parser.add_argument(
         "--driver-socket",

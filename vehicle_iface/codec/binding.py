@@ -19,10 +19,13 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.forms import FieldForm, signals_of, value_of
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
+from vehicle_iface.profile.schema import DriverConditions, ModeConditions
 from vehicle_iface.profile.sends import SentValue, ValueTable
 from vehicle_iface.profile.state_pose import StatePose
 
 _NO_NOTES, _NO_MESSAGE_NOTES = SignalNotes(), MessageNotes()
+CONDITIONS = frozenset(("valid", "negative_if", *ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__))
+"""Names of conditions, which may look at a signal of a field as well."""
 
 
 class Role(Enum):
@@ -78,11 +81,11 @@ class Binding:
             "body": _named_signals(profile.body.signals) if profile.body else {},
             "report": _named_signals(profile.report.signals) if profile.report else {},
         }
-        """Section of the profile → field → its signals as MESSAGE.SIGNAL."""
+        """Section of the profile → field or condition → its signals as MESSAGE.SIGNAL."""
         self.values: Mapping[str, StatedValue] = _stated_values(profile)
         """MESSAGE.SIGNAL of a sent message → its value by the profile."""
         self.fields: Mapping[str, str] = self._fields()
-        """MESSAGE.SIGNAL → its field, or the condition or form that it is a part of; the first one of several.
+        """MESSAGE.SIGNAL → its field, or where it has none the first condition that looks at it.
 
         "" for a received signal that is only echoed."""
         self.roles: Mapping[str, Role] = self._roles()
@@ -226,12 +229,12 @@ class Binding:
         return {dotted.partition(".")[0] for signals in bindings for dotted in signals}
 
     def _fields(self) -> dict[str, str]:
+        named = [one for bindings in self.sections.values() for one in bindings.items()]
         fields: dict[str, str] = {}
-        for bindings in self.sections.values():
-            for field, signals in bindings.items():
-                for dotted in signals:
-                    if self.find_signal(dotted) is not None:
-                        fields.setdefault(dotted, field)
+        for field, signals in sorted(named, key=lambda one: one[0] in CONDITIONS):
+            for dotted in signals:
+                if self.find_signal(dotted) is not None:
+                    fields.setdefault(dotted, field)
         for dotted in self.echoes.values():
             if self.find_signal(dotted) is not None:
                 fields.setdefault(dotted, "")

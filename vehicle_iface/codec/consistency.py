@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from cantools.database import Signal
 
 from vehicle_iface import checks
-from vehicle_iface.codec.binding import PERIODS, SENT_ROLES, Binding, Role, suggest
+from vehicle_iface.codec.binding import CONDITIONS, PERIODS, SENT_ROLES, Binding, Role, suggest
 from vehicle_iface.codec.command_faults import command_faults
 from vehicle_iface.codec.constants import constant_faults
 from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults, name_map_faults
@@ -18,13 +18,10 @@ from vehicle_iface.codec.signal_view import unit_faults
 from vehicle_iface.codec.usage import used_dbc_faults
 from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.profile.forms import FieldForm, signals_of
-from vehicle_iface.profile.schema import DriverConditions, ModeConditions, StatusSignals
+from vehicle_iface.profile.schema import ModeConditions, StatusSignals
 
 _COUNTS = ("ref_spatial_index", "ref_temporal_index", "deadline_misses")
 """Fields of the report in which every number means itself."""
-_CONDITIONS = frozenset(
-    ("valid", "negative_if", *ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__)
-)
 _ONE_SAMPLE = ("x_m", "y_m", "heading_rad", "latitude_deg", "longitude_deg", "speed_mps", "pose_frame")
 """Fields of the state that must come in messages of its sample: where the vehicle is, in which frame, how fast."""
 
@@ -51,7 +48,7 @@ def _signal_faults(binding: Binding) -> Iterator[ConfigError]:
                     place = f"$.status.{'when' if field in ModeConditions.__struct_fields__ else 'driver'}.{field}"
                 if signal is None:
                     yield binding.missing_signal(dotted, place)
-                elif field in _CONDITIONS and section != "command":
+                elif field in CONDITIONS and section != "command":
                     continue  # a condition may look at what is bound to a field as well
                 elif dotted in taken and taken[dotted] != field:
                     yield binding.fault(place, f"{dotted} is already bound to {taken[dotted]}")

@@ -20,6 +20,7 @@ from vehicle_iface.codec.protection import Protection
 from vehicle_iface.codec.protection_rules import build_protection
 from vehicle_iface.codec.row_reader import build_row_reader
 from vehicle_iface.codec.sent_values import NO_VALUES, FindColumn, SentValues, build_sent_values
+from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.command_forms import WireRange
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
@@ -50,7 +51,11 @@ class BoundMessage:
     is_fd: bool
     length: int
     """Payload, bytes."""
+    cycle_s: float | None
+    """By the profile's notes or else the DBC; None where neither says it."""
     codec: MessageCodec
+    signals: tuple[SignalView, ...]
+    """The signal of each value, in the order of `codec.names`."""
     fields: tuple[str, ...]
     """The field's name of each value, in the order of `codec.names`; "" for a multiplexer above bound signals, and for
     one of `values`."""
@@ -167,6 +172,7 @@ def _bind_message(binding: Binding, name: str, find_column: FindColumn | None = 
     )
     places = [f"{name}.{value}" for value in codec.names]
     conversions = [views.get(value) for value in codec.names]
+    cycle_ms = binding.cycle_ms(name)
     return BoundMessage(
         name=name,
         role=binding.roles[name],
@@ -175,7 +181,9 @@ def _bind_message(binding: Binding, name: str, find_column: FindColumn | None = 
         id_mask=_id_mask(binding, name),
         is_fd=message.is_fd,
         length=message.length,
+        cycle_s=cycle_ms / 1000 if cycle_ms is not None else None,
         codec=codec,
+        signals=tuple(views.get(value) or binding.view(f"{name}.{value}") for value in codec.names),
         fields=tuple(binding.fields.get(dotted, "") for dotted in places),
         values=NO_VALUES if find_column is None else build_sent_values(binding, name, find_column),
         conversions=tuple(

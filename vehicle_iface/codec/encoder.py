@@ -4,7 +4,7 @@ The counter of a message starts at 0 and steps once for each of its frames that 
 nobody took has stepped nothing, and the next one has its counter.
 """
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 from vehicle_iface.codec.binding import Role
 from vehicle_iface.codec.compiled import Value
@@ -52,6 +52,10 @@ class _Output:
             values = self.values_of(source, context, self.sent)
         except KeyError as error:
             raise SignalError(f"{self.name}: {error.args[0]!r} has no number in the DBC's VAL_ table") from None
+        return self.pack(values)
+
+    def pack(self, values: Sequence[Value]) -> CanFrame:
+        """The next frame of this message with these values; SignalError when one cannot be sent."""
         payload = self.encode(values)
         if self.protection is not None or self.complements:
             data = bytearray(payload)
@@ -88,10 +92,13 @@ class Encoder:
 
         Raises `SignalError` when a value is not finite or out of range, `ConfigError` for a message that this encoder
         does not have."""
-        output = self._outputs.get(message_name)
-        if output is None:
-            raise ConfigError(f"no message {message_name!r}: must be one of {', '.join(self._outputs)}")
-        return output.frame(source, self.context)
+        return self._find(message_name).frame(source, self.context)
+
+    def encode_values(self, message_name: str, values: Sequence[Value]) -> CanFrame:
+        """The next frame of a message with these values, in the order and the units of its codec.
+
+        Raises `SignalError` and `ConfigError` as `encode` does."""
+        return self._find(message_name).pack(values)
 
     def encode_command(
         self, command: SafeCommand | WireCommand, names: Collection[str] | None = None
@@ -106,6 +113,12 @@ class Encoder:
         """Whether all received values that these messages send back have come."""
         row = self.context.row
         return all(row[column] is not None for name in names for column in self._outputs[name].echoes)
+
+    def _find(self, message_name: str) -> _Output:
+        output = self._outputs.get(message_name)
+        if output is None:
+            raise ConfigError(f"no message {message_name!r}: must be one of {', '.join(self._outputs)}")
+        return output
 
     def commit(self, frames: Iterable[CanFrame]) -> None:
         """These frames were sent, at most one of each message: the next ones have the counters after theirs."""

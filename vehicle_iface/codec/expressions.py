@@ -6,7 +6,7 @@ In the source `s` is the row: the newest value of each bound signal in the field
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from vehicle_iface.profile.forms import Condition, FieldSource
+from vehicle_iface.profile.forms import Condition, ConditionTable, FieldSource
 
 
 class Place(NamedTuple):
@@ -15,6 +15,8 @@ class Place(NamedTuple):
     column: int
     """In the row."""
     names: Mapping[int, str]
+    from_wire: Mapping[int, int] | None = None
+    """The DBC's number → the row's, of an enumeration that the codec translates."""
 
 
 Find = Callable[[str], Place]
@@ -47,15 +49,20 @@ def condition_expression(condition: Condition, find: Find) -> str:
     slot = f"s[{place.column}]"
     value = f"abs({slot})" if condition.magnitude else slot
     if condition.among is not None:
-        numbers = ", ".join(repr(_number(wanted, place)) for wanted in condition.among)
-        comparison = f"{value} in ({numbers},)"
+        comparison = f"{value} in {wanted_numbers(condition, place)!r}"
     elif condition.equals is not None:
-        comparison = f"{value} == {_number(condition.equals, place)!r}"
+        comparison = f"{value} == {wanted_numbers(condition, place)[0]!r}"
     elif condition.above is not None:
         comparison = f"{value} > {condition.above!r}"
     else:
         comparison = f"{value} < {condition.below!r}"
     return f"({slot} is not None and {comparison})"
+
+
+def wanted_numbers(condition: ConditionTable, place: Place) -> tuple[float, ...]:
+    """The numbers of `equals` or `in`, as they stand in the row."""
+    wanted = condition.among or ((condition.equals,) if condition.equals is not None else ())
+    return tuple(_number(one, place) for one in wanted)
 
 
 def unknown_names(condition: Condition, find: Find) -> list[tuple[str, str]]:
@@ -76,9 +83,9 @@ def _joined(word: str, parts: tuple[Condition, ...], find: Find) -> str:
 
 
 def _number(wanted: float | str, place: Place) -> float:
-    if not isinstance(wanted, str):
-        return wanted
-    return next(number for number, name in place.names.items() if name == wanted)
+    """A number of the DBC, or a name of its table, as it stands in the row."""
+    number = next(key for key, name in place.names.items() if name == wanted) if isinstance(wanted, str) else wanted
+    return number if place.from_wire is None else place.from_wire.get(int(number), number)
 
 
 def _signed(value: str, condition: str) -> str:

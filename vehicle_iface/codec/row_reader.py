@@ -6,6 +6,7 @@ Each is one straight line of Python: no name is looked up and no dictionary is b
 from collections.abc import Iterator, Mapping
 
 from vehicle_iface.codec.binding import Binding
+from vehicle_iface.codec.enumerations import translate_from_wire
 from vehicle_iface.codec.expressions import Find, Place, condition_expression, field_expression
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.pose import PoseInputs
@@ -33,7 +34,7 @@ def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], f
         columns |= {f"{message}.{name}": len(columns) + place for place, name in enumerate(names)}
 
     def find(dotted: str) -> Place:
-        return Place(columns[dotted], binding.view(dotted).names)
+        return Place(columns[dotted], binding.view(dotted).names, translate_from_wire(binding, dotted))
 
     of_state = {columns[dotted] for of_field in binding.sections["state"].values() for dotted in of_field}
     needed = of_state | {columns[dotted] for dotted in binding.sections["status"].get("mode", ())}
@@ -50,15 +51,17 @@ def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], f
     }
     source = "\n".join([*_state_lines(binding, find), *_status_lines(binding, find)])
     exec(compile(source, f"<row of {binding.profile_name}>", "exec"), functions)
+    multiplexed = frozenset(name for name in signals if binding.is_multiplexed(name))
+    partial = {column for name in multiplexed for column in range(len(columns))[places[name]]}
     return RowReader(
-        empty=tuple(0 if column in of_state else None for column in range(len(columns))),
+        empty=tuple(0 if column in of_state - partial else None for column in range(len(columns))),
         places=places,
         status_messages=binding.status_messages,
         driver_messages=frozenset(
             dotted.partition(".")[0] for of_word in binding.sections["status"].values() for dotted in of_word
         ),
         needed={name: frozenset(needed.intersection(range(where.start, where.stop))) for name, where in places.items()},
-        multiplexed=frozenset(name for name in signals if binding.is_multiplexed(name)),
+        multiplexed=multiplexed,
         read_state=functions["read_state"],  # type: ignore[arg-type]
         read_status=functions["read_status"],  # type: ignore[arg-type]
     )

@@ -12,6 +12,8 @@ from vehicle_iface.profile.notes import SignalNotes
 
 ENUMERATED_FIELDS = {"mode", "gear", "gear_request", "reason", "state", "headlights", "turn_indicator", "pose_frame"}
 """Of these the program knows no number without a name."""
+_GRID = 1e-6
+"""Of one step: what a limit written in decimal may be off the grid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +71,27 @@ class SignalView:
     def resolution(self) -> float:
         """The step of one count, in the field's unit; 0 for a float."""
         return 0.0 if self.signal.is_float else abs(float(self.signal.scale) * self.scale)
+
+    @property
+    def enumeration(self) -> frozenset[int]:
+        """The only numbers that the signal may carry: those of its table, if it is unscaled and all are in range."""
+        signal = self.signal
+        is_plain = not signal.is_float and signal.scale == 1 and signal.offset == 0
+        is_named = bool(self.names) and all(self.low <= number <= self.high for number in self.names)
+        return frozenset(self.names) if is_plain and is_named else frozenset()
+
+    def find_nearest(self, field: float) -> float | None:
+        """The field's value that the signal can carry next to `field`; None where that says that there is no value."""
+        value, signal = self.to_wire(field), self.signal
+        if signal.is_float:
+            return self.to_field(min(self.high, max(self.low, value)))
+        if self.names and self.enumeration:
+            value = min(self.enumeration, key=lambda number: abs(number - value))
+        first, last = sorted((end - signal.offset) / signal.scale for end in (self.low, self.high))
+        raw = min(
+            math.floor(last + _GRID), max(math.ceil(first - _GRID), round((value - signal.offset) / signal.scale))
+        )
+        return None if raw in self.rules.missing else self.to_field(raw * signal.scale + signal.offset)
 
     def to_field(self, value: float) -> float:
         """The field for a value in the DBC's unit."""

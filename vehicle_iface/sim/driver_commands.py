@@ -162,7 +162,7 @@ def _sensor(vehicle: SimulatedVehicle, words: Words) -> str:
 
 
 def _late(vehicle: SimulatedVehicle, seconds: float) -> SignalFault:
-    return delayed(round(seconds * NS_PER_S / vehicle.parameters.sample_period_ns))
+    return delayed(round(seconds * NS_PER_S / vehicle.parameters.shortest_period_ns))
 
 
 SENSOR_FAULTS: dict[str, Callable[[SimulatedVehicle, float], SignalFault | None]] = {

@@ -13,9 +13,8 @@ TORQUE_LIMIT_NM = 12.7
 class SimulationParameters:
     """How the vehicle behaves on its bus. Raises `InvalidValueError` for what is not positive."""
 
-    sample_period_ns: int = 10 * NS_PER_MS
-    status_every: int = 2
-    """One status with this many samples."""
+    shortest_period_ns: int = 10 * NS_PER_MS
+    """Of its messages."""
     longest_step_ns: int = 100 * NS_PER_MS
     """After a longer pause the vehicle has moved for this long only."""
     gear_change_speed_mps: float = 0.5

@@ -51,8 +51,8 @@ class Wire(Protocol):
     """Messages that a commander must keep sending."""
     sample: tuple[str, ...]
     """Messages of one state sample, in the order in which they are sent."""
-    status: tuple[str, ...]
-    """Messages that carry the status."""
+    periods_ns: Mapping[str, int]
+    """Of each message that it sends, status first: its angle belongs to the sample sent after it."""
     frame_ids: Mapping[str, int]
     """Frames of reference that it can express, and their numbers."""
     requests_gear: bool

@@ -1,7 +1,7 @@
 """The simulated vehicle as a node on the bus: frames in, frames out, no clock, no socket.
 
-It keeps the bus contract: one sample each 10 ms, one status each 20 ms on an absolute grid, intact commands followed
-while AUTONOMOUS, and a watchdog of its own.
+It keeps the bus contract: each message at its period on an absolute grid, intact commands followed while AUTONOMOUS,
+and a watchdog of its own.
 
 Choices that the contract leaves open:
 
@@ -31,6 +31,7 @@ from vehicle_iface.sim.frame_faults import FrameFaults
 from vehicle_iface.sim.model import Bicycle, BicycleParameters, BicycleState
 from vehicle_iface.sim.parameters import TORQUE_LIMIT_NM, Driver, SimulationParameters
 from vehicle_iface.sim.report import ReceivedCommand, VehicleReport, Wire
+from vehicle_iface.sim.schedule import SendSchedule
 from vehicle_iface.sim.signal_faults import SignalFault, apply_faults
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.units import s_from_ns
@@ -79,8 +80,9 @@ class SimulatedVehicle:
         self._requested: dict[str, float | int] = {}
         self._interpret = interpret
         self._reported = self._car.state
-        self._start_ns = start_ns
-        self._tick = -1
+        self._schedule = SendSchedule(wire.periods_ns, start_ns)
+        self._moved_ns: int | None = None
+        """Until when the vehicle has moved; None before its first message."""
 
     @property
     def state(self) -> BicycleState:
@@ -89,8 +91,8 @@ class SimulatedVehicle:
 
     @property
     def messages(self) -> tuple[str, ...]:
-        """Everything that it sends, status first: its angle belongs to the sample sent after it."""
-        return (*self._wire.status, *self._wire.sample)
+        """Everything that it sends, in this order."""
+        return tuple(self._wire.periods_ns)
 
     @property
     def sample(self) -> tuple[str, ...]:
@@ -109,12 +111,11 @@ class SimulatedVehicle:
 
     @property
     def next_due_ns(self) -> int:
-        """When `advance` has something to do: the next sample, or the watchdog before it."""
-        tick_ns = self._start_ns + (self._tick + 1) * self.parameters.sample_period_ns
-        expires_ns = self._watch.expires_ns
+        """When `advance` has something to do: the next message, or the watchdog before it."""
+        due_ns, expires_ns = self._schedule.next_due_ns, self._watch.expires_ns
         if self.mode is VehicleMode.AUTONOMOUS and expires_ns is not None:
-            return min(tick_ns, expires_ns)
-        return tick_ns
+            return min(due_ns, expires_ns)
+        return due_ns
 
     def receive(self, frame: CanFrame, now_ns: int) -> None:
         """Handle one frame from the bus; never raises for any frame."""
@@ -132,23 +133,19 @@ class SimulatedVehicle:
         self._follow_command(command, seen_ns)
 
     def advance(self, now_ns: int) -> list[CanFrame]:
-        """Move on to `now_ns`; the frames that are due, at most one sample and one status.
+        """Move on to `now_ns`; the frames that are due, at most one of each message.
 
-        The grid is absolute. Ticks that were missed are counted as overruns and not made up for.
+        The grid is absolute. Instants that were missed are counted as overruns and not made up for.
         """
         self._check_watchdog(now_ns)
-        period_ns = self.parameters.sample_period_ns
-        tick = (now_ns - self._start_ns) // period_ns
-        if tick <= self._tick:
+        due = self._schedule.take_due(now_ns)
+        if due is None:
             return []
-        passed, first = tick - self._tick, self._tick < 0
-        self._tick = tick
-        self.counters["overruns"] += passed - 1 if not first else tick
-        if not first:
-            self._move(min(passed * period_ns, self.parameters.longest_step_ns))
-        every = self.parameters.status_every
-        status_due = first or tick // every != (tick - passed) // every
-        return self._frames(self.messages if status_due else self._wire.sample)
+        self.counters["overruns"] += due.missed
+        if self._moved_ns is not None and due.instant_ns > self._moved_ns:
+            self._move(min(due.instant_ns - self._moved_ns, self.parameters.longest_step_ns))
+        self._moved_ns = due.instant_ns
+        return self._frames(due.messages)
 
     def extend_watchdog(self, pause_ns: int) -> None:
         """Give the commands `pause_ns` more: the simulation itself was paused for this long."""

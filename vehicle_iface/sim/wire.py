@@ -3,18 +3,20 @@
 What the program receives is sent here, and what the program sends is received.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
+from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
-from vehicle_iface.errors import SignalError
+from vehicle_iface.errors import InvalidValueError, SignalError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import Profile
 from vehicle_iface.sim.command_forms import build_interpreter
 from vehicle_iface.sim.model import BicycleParameters, BicycleState
 from vehicle_iface.sim.parameters import SimulationParameters
 from vehicle_iface.sim.report import ReceivedCommand, VehicleReport
+from vehicle_iface.sim.report_writer import ReportWriter
 from vehicle_iface.sim.vehicle import SimulatedVehicle
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.units import ns_from_s
@@ -31,7 +33,7 @@ class ProfileWire:
             name: round(longest_s / periods_s.get(name, timing.command_period_s)) for name in self.commands
         }
         self.sample = tuple(message.name for message in database.sample)
-        self.status = tuple(message.name for message in (*database.status, *database.auxiliary))
+        self.periods_ns: Mapping[str, int] = dict(_periods_ns(database))
         names = {name: number for number, name in database.frames.items()}
         self.frame_ids: Mapping[str, int] = names or {database.profile.state.frame_id: 0}
         self.requests_gear = any("gear_request" in message.fields for message in database.commands)
@@ -40,7 +42,8 @@ class ProfileWire:
         self._ids = {_key(message) for message in (*database.received, *database.sent)}
         self._decoder = Decoder(database.commands)
         self._encoder = Encoder(database.received)
-        self._expressible: dict[str, VehicleReport] = {}
+        self._writer = ReportWriter(database, override_torque_nm=database.profile.limits.driver_steer_torque_nm)
+        self._expressible: dict[str, tuple[Value, ...]] = {}
 
     def is_command(self, frame: CanFrame) -> bool:
         """Whether the frame has a command's identifier."""
@@ -62,15 +65,16 @@ class ProfileWire:
         """The next frame of `message`.
 
         A report with a number beyond its signal's range is sent as the last one within it: the sensor is at its
-        end. `SignalError` when there was none yet.
+        end. `SignalError`, or `InvalidValueError` for a place, when there was none yet.
         """
         try:
-            frame = self._encoder.encode(message, report)
-            self._expressible[message] = report
-        except SignalError:
+            values = self._writer.values_of(message, report)
+            frame = self._encoder.encode_values(message, values)
+            self._expressible[message] = values
+        except (SignalError, InvalidValueError):
             if message not in self._expressible:
                 raise
-            frame = self._encoder.encode(message, self._expressible[message])
+            frame = self._encoder.encode_values(message, self._expressible[message])
         self._encoder.commit((frame,))
         return frame
 
@@ -86,8 +90,8 @@ def simulated_vehicle(
 ) -> SimulatedVehicle:
     """A vehicle as the database's profile describes it; `frame_id` is that of its pose, map where there is a choice.
 
-    Raises `InvalidValueError` for a frame of reference that its bus has no number for. A start that the bus cannot
-    express is a `SignalError` of the first `advance`.
+    Raises `InvalidValueError` for a frame of reference that its bus has no number for, and `ConfigError` for conditions
+    that no values fulfil. A start that the bus cannot express is a `SignalError` of the first `advance`.
     """
     profile, wire = database.profile, ProfileWire(database)
     if frame_id is None:
@@ -100,7 +104,7 @@ def simulated_vehicle(
             wheelbase_m=profile.geometry.wheelbase_m,
             rear_wheel_angle_limit_rad=profile.limits.rear_wheel_angle_rad,
         ),
-        parameters=_parameters(profile),
+        parameters=_parameters(profile, wire),
         mode=mode,
         gear=gear,
         frame_id=frame_id,
@@ -108,14 +112,27 @@ def simulated_vehicle(
     )
 
 
-def _parameters(profile: Profile) -> SimulationParameters:
-    timing, limits = profile.timing, profile.limits
+def _parameters(profile: Profile, wire: ProfileWire) -> SimulationParameters:
+    limits = profile.limits
     return SimulationParameters(
-        sample_period_ns=ns_from_s(timing.sample_period_s),
-        status_every=max(1, round(timing.status_period_s / timing.sample_period_s)),
+        shortest_period_ns=min(wire.periods_ns.values()),
         gear_change_speed_mps=limits.gear_change_speed_mps,
         override_torque_nm=limits.driver_steer_torque_nm,
     )
+
+
+def _periods_ns(database: VehicleDatabase) -> Iterator[tuple[str, int]]:
+    """Of each message that the vehicle sends, its own period or else that of its role; what completes a sample last."""
+    timing, state = database.profile.timing, database.profile.state
+    for message in (*database.status, *database.auxiliary):
+        yield message.name, ns_from_s(message.cycle_s or timing.status_period_s)
+    trigger = state.trigger or database.sample[0].name
+    sample = list(database.sample)
+    if not database.is_counted:
+        sample.sort(key=lambda message: message.name == trigger)
+    for message in sample:
+        is_free = not database.is_counted and message.name != trigger
+        yield message.name, ns_from_s((message.cycle_s if is_free else None) or timing.sample_period_s)
 
 
 def _key(message: BoundMessage) -> tuple[int, bool]:

@@ -1,0 +1,131 @@
+"""Vehicles of other vendors are driven by their profiles alone: loop and simulated vehicle on an embedded bus."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests import harness
+from tests.harness import Drive, Sent
+from tests.vehicles.files import load_vehicle
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.status import Gear, VehicleMode
+from vehicle_iface.trajectories.receding import RecedingRoute
+from vehicle_iface.trajectories.route import RouteConfig
+from vehicle_iface.trajectories.shapes import make_route
+from vehicle_iface.trajectories.source import FixedTrajectory
+
+VEHICLES = tuple(sorted(path.stem for path in Path(__file__).parent.glob("*.toml")))
+FIGURE = make_route("figure8", RouteConfig(half_width_m=18.0))
+
+
+@pytest.fixture(autouse=True)
+def _keep_frames_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The harness takes the reference vehicle's commands apart, and these are none."""
+    monkeypatch.setattr(harness, "taken_apart", _keep)
+
+
+def _keep(frame: CanFrame, at_ns: int, step: int) -> Sent:
+    return Sent(at_ns, step, "CMD", 0, {}, frame)
+
+
+def drive_of(name: str, folder: Path) -> Drive:
+    """Along a straight, in the vehicle's own frame of reference."""
+    database = load_vehicle(name, folder)
+    return Drive(FixedTrajectory(harness.straight(frame_id=database.profile.state.frame_id)), database=database)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_vehicle_drives_a_figure_of_eight(name: str, tmp_path: Path) -> None:
+    database = load_vehicle(name, tmp_path)
+    source = RecedingRoute(FIGURE, frame_id=database.profile.state.frame_id)
+    drive, aside_m, lap_m = Drive(source, database=database).engage(), 0.0, 0.0
+    while lap_m < FIGURE.length_m - 2.0:
+        drive.run_s(0.2)
+        state, lap_m = drive.vehicle.state, max(lap_m, source.progress_m)
+        aside_m = max(aside_m, float(np.min(np.hypot(FIGURE.x_m - state.x_m, FIGURE.y_m - state.y_m))))
+        assert drive.mode() is Mode.ENGAGED, drive.loop.reason
+        assert drive.now_s < 60.0
+    assert aside_m < 0.5
+    assert drive.vehicle.mode is VehicleMode.AUTONOMOUS
+    assert drive.vehicle.counters["commands_dropped"] == 0
+    assert drive.loop._decoder.drops == {}
+    measured, true = drive.state, drive.vehicle.state
+    near_m = 0.4 if name == "odometry" else 0.15
+    assert math.hypot(measured.x_m - true.x_m, measured.y_m - true.y_m) < near_m
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_driver_who_brakes_has_the_vehicle(name: str, tmp_path: Path) -> None:
+    drive = drive_of(name, tmp_path).engage(1.0)
+    drive.say("brake 1")
+    drive.run_s(0.1)
+    assert drive.mode() is Mode.OVERRIDDEN
+    status = drive.loop._assembler.status
+    assert status is not None
+    assert (status.mode, status.driver_brake) == (VehicleMode.MANUAL, True)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_vehicle_of_which_nothing_new_is_known_is_stopped(name: str, tmp_path: Path) -> None:
+    drive = drive_of(name, tmp_path).engage(1.0)
+    for part in drive.vehicle.sample:
+        drive.say(f"mute {part} on")
+        drive.run_s(0.15)
+        assert drive.loop.reason.name == "STATE_STALE"
+        drive.say(f"mute {part} off")
+        drive.run_s(0.15)
+        if name == "odometry":
+            break  # dead reckoning has lost its place
+    speed_mps = drive.vehicle.state.speed_mps
+    drive.say("mute STATE on")
+    drive.run_s(0.2)
+    assert drive.vehicle.state.speed_mps < speed_mps
+
+
+def test_a_fault_that_only_a_code_tells_stops_the_vehicle_and_latches(tmp_path: Path) -> None:
+    drive = drive_of("fault_code", tmp_path).engage(1.0)
+    drive.say("fault 7")
+    drive.run_s(0.1)
+    status = drive.loop._assembler.status
+    assert status is not None
+    assert (status.mode, status.fault_code) == (VehicleMode.FAULT, 7)
+    assert drive.mode() is Mode.FAULT
+    drive.say("reset")
+    drive.say("ready")
+    drive.run_s(1.0)
+    assert drive.mode() is Mode.FAULT
+
+
+def test_the_gear_gives_the_speed_its_sign(tmp_path: Path) -> None:
+    back = FixedTrajectory(harness.straight(60.0, -3.0))
+    drive = Drive(back, database=load_vehicle("gears", tmp_path))
+    drive.run_until(lambda: drive.vehicle.state.speed_mps < -2.5, 10.0)
+    assert drive.state.speed_mps == pytest.approx(drive.vehicle.state.speed_mps, abs=0.1)
+    status = drive.loop._assembler.status
+    assert status is not None
+    assert status.gear is Gear.REVERSE
+
+
+def test_flags_tell_of_each_override_and_of_a_fault(tmp_path: Path) -> None:
+    for line, mode in (("steer 5", Mode.OVERRIDDEN), ("fault 1", Mode.FAULT), ("emergency_stop", Mode.FAULT)):
+        drive = drive_of("flags", tmp_path).engage(1.0)
+        drive.say(line)
+        drive.run_s(0.1)
+        assert drive.mode() is mode
+
+
+def test_a_fix_that_the_receiver_doubts_stops_the_vehicle(tmp_path: Path) -> None:
+    drive = drive_of("wheels_and_fix", tmp_path).engage(1.0)
+    drive.say("pose_valid 0")
+    drive.run_s(0.1)
+    assert drive.loop.reason.name == "STATE_INVALID"
+
+
+def test_each_message_comes_at_its_own_period(tmp_path: Path) -> None:
+    vehicle = drive_of("own_counters", tmp_path).vehicle
+    sent = [frame.can_id for tick in range(100) for frame in vehicle.advance(harness.START_NS + harness.ms(10 * tick))]
+    assert {can_id: sent.count(can_id) for can_id in sent} == {272: 100, 273: 50, 256: 50}
+    assert sent[:3] == [256, 273, 272]
