@@ -121,7 +121,8 @@ def build_loop(
     limits, plausibility_limits = without_unmeasured(profile)
     link = Link(open_bus, counters, now_ns=now_ns, sleep_until=sleep_until)
     started_ns = now_ns()  # opening the bus may take a while
-    timer = PeriodicTimer(min(period_ns(database, message) for message in database.commands), started_ns)
+    periods_ns = [period_ns(database, message) for message in database.commands]
+    timer = PeriodicTimer(min(periods_ns, default=ns_from_s(timing.command_period_s)), started_ns)
     decoder, assembler, encoder = Decoder(database.received), build_state_assembler(database), Encoder(database.sent)
     engagement = Engagement(_engagement_timing(profile), armed=armed)
     plausibility = PlausibilityCheck(plausibility_limits, wheelbase_m=wheelbase_m)

@@ -23,7 +23,7 @@ from vehicle_iface.codec.protection_rules import build_protection
 from vehicle_iface.errors import ConfigError, SignalError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
-from vehicle_iface.profile.schema import MessageProtection
+from vehicle_iface.profile.protection import MessageProtection
 from vehicle_iface.sim.wire import simulated_vehicle
 
 from .layouts import network_start

@@ -23,7 +23,7 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.pose import Locator
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.forms import Condition, ConditionTable
-from vehicle_iface.profile.schema import ModeConditions
+from vehicle_iface.profile.signals import ModeConditions
 from vehicle_iface.row import Row
 from vehicle_iface.sim.condition_solver import Goal, holds, solve
 from vehicle_iface.sim.report import VehicleReport

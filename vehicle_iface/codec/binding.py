@@ -19,8 +19,8 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.forms import FieldForm, signals_of, value_of
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
-from vehicle_iface.profile.schema import DriverConditions, ModeConditions
 from vehicle_iface.profile.sends import SentValue, ValueTable
+from vehicle_iface.profile.signals import DriverConditions, ModeConditions
 from vehicle_iface.profile.state_pose import StatePose
 
 _NO_NOTES, _NO_MESSAGE_NOTES = SignalNotes(), MessageNotes()

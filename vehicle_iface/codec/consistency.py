@@ -18,7 +18,7 @@ from vehicle_iface.codec.signal_view import unit_faults
 from vehicle_iface.codec.usage import used_dbc_faults
 from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.profile.forms import FieldForm, signals_of
-from vehicle_iface.profile.schema import ModeConditions, StatusSignals
+from vehicle_iface.profile.signals import ModeConditions, StatusSignals
 
 _COUNTS = ("ref_spatial_index", "ref_temporal_index", "deadline_misses")
 """Fields of the report in which every number means itself."""

@@ -18,7 +18,7 @@ from vehicle_iface.codec.protection_rules import (
 )
 from vehicle_iface.codec.user_checksum import check_function, load_function
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.profile.schema import Checksum, ProtectedMessage, ProtectionRule
+from vehicle_iface.profile.protection import Checksum, ProtectedMessage, ProtectionRule
 
 _FORMULA = ("over", "init", "xor_out", "table")
 _CRC = (*_FORMULA, "poly", "reflect")

@@ -23,7 +23,7 @@ from vehicle_iface.codec.layout import Layout
 from vehicle_iface.codec.protection import NO_COUNTER, Payload, Protection
 from vehicle_iface.codec.user_checksum import UserChecksum, load_function
 from vehicle_iface.profile import Profile
-from vehicle_iface.profile.schema import Checksum, DataId, ProtectedMessage, ProtectionRule, SequenceCounter
+from vehicle_iface.profile.protection import Checksum, DataId, ProtectedMessage, ProtectionRule, SequenceCounter
 
 CRC_BITS = {"crc8": 8, "crc16": 16}
 DEFAULT_STEP = 3

@@ -11,7 +11,7 @@ from vehicle_iface.codec.expressions import Find, Place, condition_expression, f
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.pose import PoseInputs
 from vehicle_iface.profile.forms import Condition
-from vehicle_iface.profile.schema import DriverConditions
+from vehicle_iface.profile.signals import DriverConditions
 from vehicle_iface.profile.state_pose import POSE_SIGNALS, Mount
 from vehicle_iface.row import MeasuredState, RowReader
 from vehicle_iface.state import VehicleState

@@ -14,7 +14,8 @@ from vehicle_iface.profile.check_pose import check_pose
 from vehicle_iface.profile.check_sends import check_sends
 from vehicle_iface.profile.command_forms import needed_command_signals
 from vehicle_iface.profile.forms import check_form, signals_of
-from vehicle_iface.profile.schema import Command, Profile, State
+from vehicle_iface.profile.schema import Profile
+from vehicle_iface.profile.signals import Command, State
 from vehicle_iface.profile.state_pose import needed_pose_signals
 
 NOTHING_MORE: Mapping[str, str] = MappingProxyType({})

@@ -4,7 +4,8 @@ import itertools
 from collections.abc import Iterator
 
 from vehicle_iface.profile.command_forms import FORM_SIGNALS, Pedals
-from vehicle_iface.profile.schema import Command, Profile
+from vehicle_iface.profile.schema import Profile
+from vehicle_iface.profile.signals import Command
 
 ALSO_WITH_OTHERS = "speed_mps"
 """Of the form "speed"; with another one it tells the vehicle the reference speed."""

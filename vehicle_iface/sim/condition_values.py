@@ -10,7 +10,7 @@ from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.forms import Condition, FieldForm
-from vehicle_iface.profile.schema import DriverConditions, ModeConditions
+from vehicle_iface.profile.signals import DriverConditions, ModeConditions
 from vehicle_iface.sim.condition_solver import (
     Domains,
     Goal,

@@ -28,7 +28,7 @@ class ProfileWire:
     def __init__(self, database: VehicleDatabase) -> None:
         self.commands = tuple(message.name for message in database.commands)
         timing, periods_s = database.profile.timing, database.profile.command.periods
-        longest_s = max(periods_s.get(name, timing.command_period_s) for name in self.commands)
+        longest_s = max((periods_s.get(name, timing.command_period_s) for name in self.commands), default=0.0)
         self.most_per_pair: Mapping[str, int] = {
             name: round(longest_s / periods_s.get(name, timing.command_period_s)) for name in self.commands
         }

@@ -1,0 +1,82 @@
+"""The keys of a profile that say how messages are protected."""
+
+from typing import Annotated, Literal
+
+import msgspec
+
+Byte = Annotated[int, msgspec.Meta(ge=0, le=255)]
+DataId = Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] | tuple[Byte, ...]
+"""A number of 16 bits, or a byte for each value of the counter."""
+DataIdMode = Literal["BOTH", "ALT", "LOW", "NIBBLE"]
+
+
+class EndToEnd(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """AUTOSAR end-to-end protection of the messages in `data_ids`."""
+
+    profile: Literal[1, 2, 5, 11]
+    data_id_mode: DataIdMode = "BOTH"
+    """Profiles 1 and 11 (BOTH or NIBBLE); the others have one way only."""
+    crc_signal: str = "CRC"
+    counter_signal: str = "COUNTER"
+    max_counter_step: Annotated[int, msgspec.Meta(ge=1)] = 3
+    """A greater step of the counter is a wrong sequence."""
+    data_ids: dict[str, DataId]
+    """The data id of each protected message; 16 bytes each in profile 2."""
+
+
+class Checksum(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How a checksum is computed and where it is."""
+
+    signal: str
+    """Its name in the message."""
+    kind: Literal["autosar-1", "autosar-2", "autosar-5", "autosar-11", "sum", "xor", "crc8", "crc16", "python"]
+    over: Annotated[tuple[Literal["id", "length", "bytes", "data_id", "counter"], ...], msgspec.Meta(min_length=1)] = (
+        "bytes",
+    )
+    """What is covered, in this order; `codec.checksums` says as which bytes. A data id that is not named comes last."""
+    poly: Annotated[int, msgspec.Meta(ge=1, le=0xFFFF)] | None = None
+    """Polynomial of a CRC without its highest power, most significant bit first, also where the CRC is reflected."""
+    init: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """Value before the first byte."""
+    xor_out: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """Exclusive or with the result."""
+    reflect: bool = False
+    """Whether a CRC takes each byte, and gives its result, least significant bit first."""
+    table: Annotated[tuple[Byte, ...], msgspec.Meta(min_length=1)] | None = None
+    """The data id of messages without one of their own: a byte for each value of the counter, or a single one."""
+    data_id_mode: DataIdMode | None = None
+    """Of autosar-1 and autosar-11; BOTH where it is left out."""
+    function: str | None = None
+    """FILE.py:NAME of kind python, relative to the profile: `checksum(can_id: int, data: bytes) -> int`."""
+
+
+class SequenceCounter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A counter that steps by one from frame to frame."""
+
+    signal: str
+    """Its name in the message."""
+    max_step: Annotated[int, msgspec.Meta(ge=1)] | None = None
+    """A greater step is a wrong sequence; left out, 3 or as many as the counter's width allows."""
+
+
+class ProtectionRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The protection that several messages have in common: a checksum, a counter, or both."""
+
+    checksum: Checksum | None = None
+    counter: SequenceCounter | None = None
+
+
+class ProtectedMessage(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The protection of one message."""
+
+    use: str
+    """Name of the rule."""
+    data_id: DataId | None = None
+
+
+class MessageProtection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Rules by name, and which message uses which."""
+
+    rules: dict[str, ProtectionRule]
+    """In the file they stand beside `messages`: `[protection.NAME]`."""
+    messages: dict[str, str | ProtectedMessage]
