@@ -36,6 +36,14 @@ def test_a_dbc_cut_short_anywhere_is_refused(tmp_path_factory: pytest.TempPathFa
             load_database(load_profile(folder / "reference.toml"))
 
 
+def test_a_dbc_that_ends_in_the_middle_of_a_statement_is_refused_although_nothing_in_use_is_missing(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "cut.dbc").write_text(REFERENCE_DBC + '\nCM_ "the rest of the fi')
+    with pytest.raises(ConfigError, match=r"cut\.dbc:\d+: the file ends in the middle of this statement"):
+        read_dbc(tmp_path / "cut.dbc")
+
+
 @pytest.mark.parametrize(
     ("data", "text"),
     [

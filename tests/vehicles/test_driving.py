@@ -124,6 +124,22 @@ def test_a_fix_that_the_receiver_doubts_stops_the_vehicle(tmp_path: Path) -> Non
     assert drive.loop.reason.name == "STATE_INVALID"
 
 
+def test_odometry_that_was_interrupted_stops_for_good_and_begins_anew_when_armed(tmp_path: Path) -> None:
+    drive = drive_of("odometry", tmp_path).engage(2.0)
+    part = drive.vehicle.sample[0]
+    drive.say(f"mute {part} on")
+    drive.run_s(0.15)
+    drive.say(f"mute {part} off")
+    drive.run_until(lambda: drive.mode() is Mode.HALTED, 5.0)
+    assert drive.loop.reason.name == "STATE_INVALID"
+    assert drive.state.x_m > 0.5
+    drive.loop.arming.request()
+    drive.run_s(0.05)
+    assert drive.state.x_m == pytest.approx(0.0, abs=0.01)
+    drive.run_until(lambda: drive.vehicle.state.speed_mps > 1.0, 5.0)
+    assert (drive.mode(), drive.loop.reason.name) == (Mode.ENGAGED, "NOMINAL")
+
+
 def test_each_message_comes_at_its_own_period(tmp_path: Path) -> None:
     vehicle = drive_of("own_counters", tmp_path).vehicle
     sent = [frame.can_id for tick in range(100) for frame in vehicle.advance(harness.START_NS + harness.ms(10 * tick))]
