@@ -64,6 +64,10 @@ def _run_command(options: argparse.Namespace) -> int:
         from vehicle_iface.cli.check_dbc import check_dbc
 
         return check_dbc(options)
+    if options.command == "new-profile":
+        from vehicle_iface.cli.new_profile import new_profile
+
+        return new_profile(options)
     from vehicle_iface.cli.decode import decode
 
     return decode(options)

@@ -33,6 +33,9 @@ def build_parser() -> argparse.ArgumentParser:
     _add_check_dbc(
         _command(commands, "check-dbc", "check a DBC or profile for use in control; each fault comes with its line")
     )
+    _add_new_profile(
+        _command(commands, "new-profile", "draft a profile from a DBC; each binding comes with its reason")
+    )
     _add_decode(_command(commands, "decode", "decode a log of a bus into one NumPy array for each signal"))
     commands.add_parser("view", add_help=False, help="the browser viewer (vehicle-iface view --help)")
     return parser
@@ -169,6 +172,12 @@ def _add_doctor(parser: argparse.ArgumentParser) -> None:
 def _add_check_dbc(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a .dbc by itself, or a .toml profile with its DBC")
     parser.add_argument("--json", action="store_true", help="for programs: a list of file, line, severity, text")
+
+
+def _add_new_profile(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("dbc", metavar="FILE.dbc", help="the vehicle's DBC, as its maker ships it")
+    parser.add_argument("--out", metavar="FILE.toml", help="write the draft to this file (default: print it)")
+    parser.add_argument("--force", action="store_true", help="overwrite the file of --out")
 
 
 def _add_decode(parser: argparse.ArgumentParser) -> None:
