@@ -1,8 +1,8 @@
 """How many bindings of a draft are right: against the shipped profiles, and for DBCs in the styles of several makers.
 
-The profiles `NAME.toml` beside this file hold only what a person would bind. `truck` and `shuttle`
-were written after the rules: at their first run 28 of 34 bindings were right, 5 missing and 2 wrong. The rules were mended;
-`kart` and `tractor` were written after that: 23 of 26 right, 3 missing, none wrong. Then the rules were mended once more.
+The profiles `NAME.toml` beside this file hold only what a person would bind. `truck` and `shuttle` were written after
+the rules: at their first run 28 of 34 bindings were right, 5 missing and 2 wrong. The rules were mended; `kart` and
+`tractor` were written after that: 23 of 26 right, 3 missing, none wrong. Then the rules were mended once more.
 """
 
 import tomllib

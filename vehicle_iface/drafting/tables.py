@@ -8,7 +8,7 @@ from vehicle_iface.drafting.names import write_frames, write_gears, write_modes
 from vehicle_iface.drafting.notes import find_e2e
 from vehicle_iface.drafting.rules import Section
 from vehicle_iface.drafting.survey import MessageFacts
-from vehicle_iface.profile.schema import Command, CommandSignals
+from vehicle_iface.profile.signals import Command, CommandSignals
 
 _AGE_PERIODS = 2.5
 _POSE_NEEDS = {
