@@ -91,6 +91,8 @@ class StateAssembler:
         """Samples of which a message is missing or too old, or a value is."""
         self.repeated = 0
         """Messages of a sample that was complete already."""
+        self.oldest_ns: dict[str, int] = dict.fromkeys(freshness.max_age_ns, 0) if freshness is not None else {}
+        """The greatest age of each part that a sample by time was made of."""
 
     @property
     def row(self) -> Row:
@@ -127,6 +129,8 @@ class StateAssembler:
             if name not in stamps_ns or now_ns - stamps_ns[name] > max_age_ns:
                 self.incomplete += 1
                 return None
+        for name in self.oldest_ns:
+            self.oldest_ns[name] = max(self.oldest_ns[name], now_ns - stamps_ns[name])
         return self._complete(now_ns, received)
 
     # --- by the counter

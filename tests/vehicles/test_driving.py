@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import UNSET
 
 from tests import harness
 from tests.harness import Drive, Sent
 from tests.vehicles.files import load_vehicle
 from vehicle_iface.frame import CanFrame
+from vehicle_iface.runtime.summary import table
 from vehicle_iface.safety.engagement import Mode
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.trajectories.receding import RecedingRoute
@@ -145,3 +147,17 @@ def test_each_message_comes_at_its_own_period(tmp_path: Path) -> None:
     sent = [frame.can_id for tick in range(100) for frame in vehicle.advance(harness.START_NS + harness.ms(10 * tick))]
     assert {can_id: sent.count(can_id) for can_id in sent} == {272: 100, 273: 50, 256: 50}
     assert sent[:3] == [256, 273, 272]
+
+
+def test_the_summary_shows_the_age_of_each_part_and_how_far_odometry_went(tmp_path: Path) -> None:
+    drive = drive_of("odometry", tmp_path).engage(2.0)
+    way_m = drive.vehicle.state.x_m
+    summary = drive.loop.summary()
+    assert summary.odometry_m == pytest.approx(way_m, abs=0.1)
+    assert "m driven; it grows wrong with the way" in table(summary)
+    by_time = drive_of("sample_by_time", tmp_path).engage(1.0)
+    ages_s = by_time.loop.summary().part_ages_s
+    assert ages_s is not UNSET
+    assert set(ages_s) == set(by_time.vehicle.sample)
+    assert 0.0 < max(ages_s.values()) < 0.1
+    assert "oldest parts of a sample" in table(by_time.loop.summary())

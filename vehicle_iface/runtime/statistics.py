@@ -69,6 +69,8 @@ class RunStatistics:
                 incomplete=self._assembler.incomplete,
                 repeated=self._assembler.repeated,
             ),
+            part_ages_s=self._part_ages_s(),
+            odometry_m=self._odometry_m(),
             bus=self._link.counters(),
             **self._causes(),
         )
@@ -94,9 +96,19 @@ class RunStatistics:
                 Transition(at_s=self._since_start_s(at_ns), mode=mode.name, reason=reason.name)
                 for at_ns, mode, reason in self._engagement.transitions
             ],
+            part_ages_s=self._part_ages_s(),
+            odometry_m=self._odometry_m(),
             shadow=self._shadow_summary(),
             **self._causes(),
         )
+
+    def _part_ages_s(self) -> dict[str, float] | UnsetType:
+        ages_s = {name: s_from_ns(age_ns) for name, age_ns in self._assembler.oldest_ns.items()}
+        return ages_s if len(ages_s) > 1 else UNSET
+
+    def _odometry_m(self) -> float | UnsetType:
+        driven_m = self._assembler.locator.driven_m
+        return UNSET if driven_m is None else driven_m
 
     def _loop_counters(self) -> dict[str, int]:
         return self._counters.as_dict() | {"grid_overruns": self._timer.overruns}

@@ -55,6 +55,11 @@ def table(summary: RunSummary) -> str:
         ("commands", f"{summary.commands} sent"),
         ("deadline misses", str(summary.deadline_misses)),
     ]
+    if summary.part_ages_s is not UNSET:
+        ages = ", ".join(f"{name} {age_s * 1e3:.0f} ms" for name, age_s in summary.part_ages_s.items())
+        rows.append(("oldest parts of a sample", ages))
+    if summary.odometry_m is not UNSET:
+        rows.append(("odometry", f"{summary.odometry_m:.1f} m driven; it grows wrong with the way"))
     if summary.latency.count:
         rows.append(("latency state→command", "  ".join(_quantiles(summary.latency))))
     if summary.shadow is not UNSET and summary.shadow.takeovers:

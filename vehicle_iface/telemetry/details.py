@@ -97,6 +97,10 @@ class LiveDetails(Causes, frozen=True, kw_only=True):
     loop: ByCause = msgspec.field(default_factory=dict)
     """The counters of the loop, by name."""
     samples: SampleCounts = SampleCounts(complete=0, incomplete=0, repeated=0)
+    part_ages_s: dict[str, float] | UnsetType = UNSET
+    """By message, the greatest age of a part of a sample by time."""
+    odometry_m: float | UnsetType = UNSET
+    """The way of dead reckoning, which grows wrong with it."""
     bus: ByCause = msgspec.field(default_factory=dict)
 
     def shortened(self) -> "LiveDetails":
@@ -104,9 +108,10 @@ class LiveDetails(Causes, frozen=True, kw_only=True):
         groups = {
             name: {"all": sum(value.values())}
             for name in self.__struct_fields__
-            if isinstance(value := getattr(self, name), dict)
+            if isinstance(value := getattr(self, name), dict) and name != "part_ages_s"
         }
-        return msgspec.structs.replace(self, link=LinkDetails(state=self.link.state), **groups)
+        link = LinkDetails(state=self.link.state)
+        return msgspec.structs.replace(self, link=link, part_ages_s=UNSET, **groups)
 
 
 class Transition(msgspec.Struct, frozen=True, kw_only=True):
@@ -145,5 +150,9 @@ class RunSummary(Causes, frozen=True, kw_only=True):
     bus_counters: ByCause
     link: LinkSummary
     transitions: list[Transition]
+    part_ages_s: dict[str, float] | UnsetType = UNSET
+    """By message, the greatest age of a part of a sample by time."""
+    odometry_m: float | UnsetType = UNSET
+    """The way of dead reckoning, which grows wrong with it."""
     shadow: ShadowSummary | UnsetType = UNSET
     recorder: RecorderSummary | UnsetType = UNSET
