@@ -41,7 +41,8 @@ def check_sends(profile: Profile) -> Iterator[str]:
 
 def _check_enable(profile: Profile) -> Iterator[str]:
     """Something enables the vehicle."""
-    tables = (source for source in profile.command.values.values() if isinstance(source, ValueTable))
+    values = [*profile.command.values.values(), *(source for sent in profile.send for source in sent.values.values())]
+    tables = (source for source in values if isinstance(source, ValueTable))
     words = {sent.when for sent in profile.send} | {table.when for table in tables}
     if not profile.only_watches and profile.command.signals.enable is None and words.isdisjoint(ENABLING):
         yield (
