@@ -28,7 +28,7 @@ DATA = {
 }
 ROOMS = {"bus", "codec", "control", "safety", "telemetry", "state_assembler", "trajectories"}
 UPPER = {"logs", "sim", "runtime"}
-TOP = {"arming", "compose", "drivable", "process", "recorder", "cli", "__main__"}
+TOP = {"arming", "compose", "drivable", "process", "recorder", "review", "cli", "__main__"}
 FLOORS = (WORDS, DATA, ROOMS, UPPER, TOP)
 FLOOR_OF = {room: number for number, floor in enumerate(FLOORS) for room in floor}
 AMONG_DATA = {

@@ -1,0 +1,58 @@
+"""Where the heading's zero is: the direction of motion against the heading, once sign and unit are known."""
+
+import cmath
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle_iface.review.delays import Lag
+from vehicle_iface.review.fits import find_angular_lag
+from vehicle_iface.review.kinematics import Kinematics
+from vehicle_iface.review.series import POSITION
+from vehicle_iface.units import wrapped_rad
+
+TOLERANCE_RAD = math.radians(5.0)
+_SURE = 0.9
+_LEAST_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingOffset:
+    """True heading = measured heading, in its right sign and unit, + offset."""
+
+    offset_rad: float
+    """In [−π, π]."""
+    concentration: float
+    """1 where the offset is the same all the time."""
+    used_s: float
+    lag: Lag
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the drive tells."""
+        return self.concentration >= _SURE and self.used_s >= _LEAST_S
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether it is no misalignment of a sensor any more."""
+        return self.is_known and abs(self.offset_rad) > TOLERANCE_RAD
+
+
+def measure_heading_offset(motion: Kinematics) -> HeadingOffset | None:
+    """Of a motion with the right signs and units; None where position, heading or speed is not in the log."""
+    if not motion.has(POSITION, "heading_rad", "speed_mps"):
+        return None
+    heading = motion.mean("heading_rad")
+    course = motion.course_rad() + np.where(motion.mean("speed_mps") < 0.0, np.pi, 0.0)
+    difference = np.exp(1j * (course - heading))
+    known = difference[np.isfinite(difference)]
+    mean = complex(np.mean(known)) if len(known) else 0j
+    grid = motion.grid
+    lag = find_angular_lag(heading, course, step_s=grid.step_s, window_s=motion.window_s)
+    return HeadingOffset(
+        offset_rad=wrapped_rad(cmath.phase(mean)),
+        concentration=abs(mean),
+        used_s=len(known) * grid.step_s,
+        lag=Lag(y=POSITION, x="heading_rad", lag_s=lag.lag_s, error_s=lag.error_s),
+    )
