@@ -94,23 +94,22 @@ def write_log(path: Path, frames: Iterable[CanFrame]) -> Path:
     return path
 
 
-def write_profile(folder: Path, more: str = "", **edits: str) -> Path:
-    """The reference vehicle's profile with keys set to other values, and `more` at its end."""
-    (folder / "reference.dbc").write_bytes((DBC_FOLDER / "reference.dbc").read_bytes())
+def review(folder: Path, frames: Iterable[CanFrame], more: str = "", **edits: str) -> Review:
+    """What a drive says about the reference profile with keys set to other values, and `more` at its end."""
     lines = (DBC_FOLDER / "reference.toml").read_text().splitlines()
     for key, value in edits.items():
         places = [index for index, line in enumerate(lines) if line.startswith(f"{key} = ")]
         assert len(places) == 1, key
         lines[places[0]] = f"{key} = {value}"
-    path = folder / "profile.toml"
-    path.write_text("\n".join([*lines, more, ""]))
-    return path
+    return review_profile(folder, frames, "\n".join([*lines, more, ""]))
 
 
-def review(folder: Path, frames: Iterable[CanFrame], more: str = "", **edits: str) -> Review:
-    """What a drive says about the profile with these errors in it."""
-    profile = load_profile(write_profile(folder, more, **edits))
-    return review_drive(read_drive(write_log(folder / "drive.log", frames), profile, channel=None))
+def review_profile(folder: Path, frames: Iterable[CanFrame], profile: str) -> Review:
+    """What a drive says about a profile of the reference vehicle."""
+    (folder / "reference.dbc").write_bytes((DBC_FOLDER / "reference.dbc").read_bytes())
+    (folder / "profile.toml").write_text(profile)
+    log = write_log(folder / "drive.log", frames)
+    return review_drive(read_drive(log, load_profile(folder / "profile.toml"), channel=None))
 
 
 def note(signal: str, *lines: str) -> str:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from vehicle_iface.codec.binding import Binding
 from vehicle_iface.codec.quantities import find_unit, unit_of_field
 from vehicle_iface.review.explanations import Cause, GivenUnit, Kind
+from vehicle_iface.review.findings import BindingVerdict, Judgement
 from vehicle_iface.review.kinematics import COMMANDED
-from vehicle_iface.review.series import POSITION, RecordedDrive, Series
+from vehicle_iface.review.series import NOT_MEASURED, POSITION, RecordedDrive, Series
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +28,24 @@ def read_notes(drive: RecordedDrive) -> dict[str, FieldNotes]:
     """By the names that relations use: fields of the state, and those of commands."""
     named = {**drive.state, **{COMMANDED + name: series for name, series in drive.commands.items()}}
     return {name: _notes_of(drive.binding, name, series) for name, series in named.items()}
+
+
+def find_missing(drive: RecordedDrive) -> list[BindingVerdict]:
+    """Bound fields of the state without a value in the whole log."""
+    state = drive.binding.sections["state"]
+    fields = {POSITION if field in ("x_m", "latitude_deg") else field: signals for field, signals in state.items()}
+    unmeasured = (*NOT_MEASURED, "y_m", "longitude_deg", "valid", "negative_if", *drive.state)
+    return [
+        BindingVerdict(
+            field=field,
+            signal=" and ".join(signals),
+            judgement=Judgement.UNKNOWN,
+            text="no value in this log",
+            relations=(),
+        )
+        for field, signals in fields.items()
+        if field not in unmeasured
+    ]
 
 
 def units_of(notes: Mapping[str, FieldNotes]) -> dict[str, GivenUnit]:

@@ -55,7 +55,7 @@ def review_bus(drive: RecordedDrive) -> tuple[list[MessageTiming], list[Finding]
         frames = drive.frames[message.name]
         found, text = protection.describe(fit)
         timings.append(_measure_timing(drive, message, frames, text))
-        findings += [*_find_timing_faults(message, frames, timings[-1]), *found]
+        findings += [*_find_timing_faults(drive, message, timings[-1]), *found]
     return timings, findings
 
 
@@ -64,9 +64,9 @@ def _measure_timing(drive: RecordedDrive, message: BoundMessage, frames: Message
     is_known = len(periods_ms) > 0
     period_ms = float(np.median(periods_ms)) if is_known else None
     low, high = np.percentile(periods_ms, (1.0, 99.0)) if is_known else (0.0, 0.0)
-    key = PERIODS.get(message.role)
+    key = _period_key(drive, message)
     stated_ms = drive.binding.cycle_ms(message.name)
-    if stated_ms is None and key is not None:
+    if stated_ms is None and key:
         stated_ms = 1000.0 * float(getattr(drive.database.profile.timing, key))
     return MessageTiming(
         name=message.name,
@@ -82,7 +82,18 @@ def _measure_timing(drive: RecordedDrive, message: BoundMessage, frames: Message
     )
 
 
-def _find_timing_faults(message: BoundMessage, frames: MessageFrames, timing: MessageTiming) -> Iterator[Finding]:
+def _period_key(drive: RecordedDrive, message: BoundMessage) -> str:
+    """The key of the profile's timing for a message; empty where several messages have periods of their own."""
+    state, is_counted = drive.database.profile.state, drive.database.is_counted
+    if message.role is Role.SAMPLE and not is_counted and message.name != (state.trigger or state.sample[0]):
+        return ""
+    if message.role is Role.STATUS and len(drive.binding.status_messages) > 1:
+        return ""
+    return PERIODS.get(message.role, "")
+
+
+def _find_timing_faults(drive: RecordedDrive, message: BoundMessage, timing: MessageTiming) -> Iterator[Finding]:
+    frames = drive.frames[message.name]
     name, is_sent = message.name, message.role in SENT_ROLES
     if not frames.times_s and not frames.wrong_lengths:
         level, who = (Level.NOTE, "nobody sent") if is_sent else (Level.CONTRADICTION, "the vehicle never sent")
@@ -99,10 +110,12 @@ def _find_timing_faults(message: BoundMessage, frames: MessageFrames, timing: Me
         return
     if timing.stated_ms is not None and abs(timing.period_ms / timing.stated_ms - 1.0) > _PERIOD_TOLERANCE:
         text = f"{name} comes every {timing.period_ms:.3g} ms, not every {timing.stated_ms:.3g} ms"
-        fix = f"[messages.{name}]\ncycle_ms = {timing.period_ms:.3g}"
+        fix, key = f"[messages.{name}]\ncycle_ms = {timing.period_ms:.3g}", _period_key(drive, message)
+        fix += f"\n[timing]\n{key} = {timing.period_ms / 1000.0:.3g}" if key else ""
         yield Finding(level=Level.CONTRADICTION, about=name, text=text, fix=fix)
     if timing.gaps and message.role is not Role.COMMAND:
-        text = f"{name} paused {timing.gaps} times, for {(timing.longest_gap_ms or 0.0) / 1000.0:.2f} s at most"
+        longest_s = (timing.longest_gap_ms or 0.0) / 1000.0
+        text = f"{name} paused for more than 5 periods {_times(timing.gaps)}, for {longest_s:.2f} s at most"
         yield Finding(level=Level.DOUBT, about=name, text=text)
 
 
@@ -184,7 +197,13 @@ class _Protection:
             level = Level.CONTRADICTION
         else:
             text, level = f"{says}; the profile does not check it", Level.NOTE
-        finding = Finding(level=level, about=dotted, text=text, fix=fit.write_rule(self._message.name, name))
+        counter = self._rule.counter.signal if self._rule is not None and self._rule.counter is not None else ""
+        fix = fit.write_rule(self._message.name, name, counter)
+        if self._profile.e2e is not None and self._message.name in self._profile.e2e.data_ids:
+            fix += (
+                f'\n# and {self._message.name} no more in [e2e.data_ids]; in a sample by counter, assemble = "counter"'
+            )
+        finding = Finding(level=level, about=dotted, text=text, fix=fix)
         return [finding], f"{name} fits {fit.describe()}"
 
     def _describe_counter(self) -> tuple[list[Finding], str]:
@@ -222,6 +241,10 @@ class _Protection:
                 return [Finding(level=Level.DOUBT, about=dotted, text=text)], f"{name} counts with gaps"
             text = f"{dotted} steps by {usual}, not by 1, in {often:.0f} % of the frames"
         return [Finding(level=Level.CONTRADICTION, about=dotted, text=text)], f"{name} does not count as stated"
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def _read_all(place: BitPlace, data: Sequence[bytes]) -> "np.typing.NDArray[np.int64]":

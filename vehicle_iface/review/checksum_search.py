@@ -75,8 +75,8 @@ class ChecksumFit:
         constants += ["reflected"] if self.reflect else []
         return f"{kind} over {words}" + (f" ({', '.join(constants)})" if constants else "")
 
-    def write_rule(self, message: str, signal: str) -> str:
-        """The lines of a profile that check it."""
+    def write_rule(self, message: str, signal: str, counter: str = "") -> str:
+        """The lines of a profile that check it, and a counter."""
         over = ", ".join(f'"{part}"' for part in self.over)
         parts = [f'signal = "{signal}"', f'kind = "{self.kind}"', f"over = [{over}]"]
         parts += [f"poly = {self.poly:#04x}"] if self.poly else []
@@ -84,6 +84,7 @@ class ChecksumFit:
         parts += [f"xor_out = {self.xor_out:#x}"] if self.xor_out else []
         parts += ["reflect = true"] if self.reflect else []
         rule = f"[protection.found]\nchecksum = {{ {', '.join(parts)} }}"
+        rule += f'\ncounter = {{ signal = "{counter}" }}' if counter else ""
         return f'{rule}\n[protection.messages]\n{message} = "found"'
 
 

@@ -105,7 +105,9 @@ def draw_curves(curves: Sequence[Curve], title: str, y_label: str, *, width: int
     """Over time."""
     x = _Axis(float(curves[0].x[0]), float(curves[0].x[-1]) or 1.0)
     field = _Field(width, height, x, _Axis.over(*(curve.y for curve in curves)))
-    lines = "".join(f'<path class="curve {curve.style}" d="{_path(field, curve.x, curve.y)}"/>' for curve in curves)
+    lines = "".join(
+        f'<path class="curve {curve.style}" d="{_path(field, curve.x, curve.y)}"/>' for curve in reversed(curves)
+    )
     return field.wrap(title, lines) + field.frame("time, s", y_label) + "</svg>"
 
 
@@ -118,7 +120,7 @@ def draw_scatter(
     chosen = good[:: max(1, len(good) // MAX_DOTS)]
     dots = "".join("M{:.1f} {:.1f}h0".format(*field.at(float(x[index]), float(y[index]))) for index in chosen.tolist())
     content = (
-        f'<path class="dots" d="{dots}"/>{_line(field, 1.0, 0.0, "expected")}{_line(field, slope, offset, "fitted")}'
+        f'<path class="dots" d="{dots}"/>{_line(field, slope, offset, "fitted")}{_line(field, 1.0, 0.0, "expected")}'
     )
     return field.wrap(title, content) + field.frame(x_label, y_label) + "</svg>"
 

@@ -18,10 +18,10 @@ from vehicle_iface.review.series import POSITION
 
 UNITS: Mapping[str, tuple[str, ...]] = {
     "length": ("m", "cm", "mm", "km", "ft"),
-    "angle": ("rad", "deg", "mrad"),
-    "angular rate": ("rad/s", "deg/s", "rpm"),
-    "speed": ("m/s", "km/h", "mph", "kn", "cm/s", "mm/s"),
-    "acceleration": ("m/s^2", "g", "mm/s^2"),
+    "angle": ("rad", "deg"),
+    "angular rate": ("rad/s", "deg/s"),
+    "speed": ("m/s", "km/h", "mph", "kn", "cm/s"),
+    "acceleration": ("m/s^2", "g"),
 }
 """By quantity, the units that are tried."""
 RATIOS = (8.0, 25.0)
@@ -51,7 +51,7 @@ _COSTS = {
     Kind.SIGN: 1.0,
     Kind.UNIT: 1.0,
     Kind.MIRRORED: 1.0,
-    Kind.RATIO: 1.2,
+    Kind.RATIO: 1.1,
     Kind.WHEELBASE: 1.4,
     Kind.SCALE: 1.7,
 }

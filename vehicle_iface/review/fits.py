@@ -72,7 +72,7 @@ def fit(x: FloatArray, y: FloatArray, *, step_s: float, window_s: float, through
 def find_angular_lag(x_rad: FloatArray, y_rad: FloatArray, *, step_s: float, window_s: float) -> LagEstimate:
     """As `Fit`'s lag, of two angles that differ by a constant."""
     x, y = np.exp(1j * x_rad), np.exp(1j * y_rad)
-    steps = round(MAX_LAG_S / step_s)
+    steps = min(round(MAX_LAG_S / step_s), len(x) // 4)
     scores = []
     for shift in range(-steps, steps + 1):
         x_at, y_at = _shifted(x, y, shift)
@@ -91,7 +91,7 @@ def find_angular_lag(x_rad: FloatArray, y_rad: FloatArray, *, step_s: float, win
 def _find_lag(x: FloatArray, y: FloatArray, step_s: float, window_s: float) -> LagEstimate:
     """Where the two are most alike, whatever their signs."""
     x, y = _clip(x), _clip(y)
-    steps = round(MAX_LAG_S / step_s)
+    steps = min(round(MAX_LAG_S / step_s), len(x) // 4)
     scores = [abs(_correlate_pairs(*_shifted(x, y, shift))) for shift in range(-steps, steps + 1)]
     peak = int(np.argmax(scores))
     used = int(np.sum(np.isfinite(x) & np.isfinite(y)))

@@ -39,8 +39,11 @@ class HeadingOffset:
         return self.is_known and abs(self.offset_rad) > TOLERANCE_RAD
 
 
-def measure_heading_offset(motion: Kinematics) -> HeadingOffset | None:
-    """Of a motion with the right signs and units; None where position, heading or speed is not in the log."""
+def measure_heading_offset(motion: Kinematics, turned_rad: float = 0.0) -> HeadingOffset | None:
+    """Of a motion with the right signs and units whose heading was turned by so much already.
+
+    None where position, heading or speed is not in the log.
+    """
     if not motion.has(POSITION, "heading_rad", "speed_mps"):
         return None
     heading = motion.mean("heading_rad")
@@ -51,7 +54,7 @@ def measure_heading_offset(motion: Kinematics) -> HeadingOffset | None:
     grid = motion.grid
     lag = find_angular_lag(heading, course, step_s=grid.step_s, window_s=motion.window_s)
     return HeadingOffset(
-        offset_rad=wrapped_rad(cmath.phase(mean)),
+        offset_rad=wrapped_rad(cmath.phase(mean) + turned_rad),
         concentration=abs(mean),
         used_s=len(known) * grid.step_s,
         lag=Lag(y=POSITION, x="heading_rad", lag_s=lag.lag_s, error_s=lag.error_s),

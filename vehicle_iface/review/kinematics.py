@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicle_iface.profile.state_pose import Mount
 from vehicle_iface.review.grid import Grid, choose_window_s
 from vehicle_iface.review.series import POSITION, RecordedDrive, Series
 from vehicle_iface.trajectory import FloatArray
@@ -21,8 +22,8 @@ _MOVING_SHARE = 0.25
 class Kinematics:
     """The series of a drive at common times, and what follows from them."""
 
-    def __init__(self, drive: RecordedDrive, gains: Mapping[str, float] | None = None) -> None:
-        """`gains` (measured over true value) are taken out of the fields first."""
+    def __init__(self, drive: RecordedDrive, gains: Mapping[str, float] | None = None, turn_rad: float = 0.0) -> None:
+        """`gains` (measured over true value) are taken out of the fields, and `turn_rad` is added to the heading."""
         gains = gains or {}
         self.grid = Grid.over(drive.duration_s)
         self.wheelbase_m = drive.database.profile.geometry.wheelbase_m / gains.get(WHEELBASE, 1.0)
@@ -34,12 +35,22 @@ class Kinematics:
             for name, series in drive.state.items()
             if not (is_reckoned and name == POSITION)
         }
+        if "heading_rad" in self._values:
+            self._values["heading_rad"] += turn_rad
         if POSITION in self._values:
             self._values[POSITION] *= (1.0, gains.get(HANDEDNESS, 1.0))
+            self._move_to_rear_axle(drive.database.profile.state.pose.mount)
         self._commanded = {
             name: self.grid.resample(_correct(series, gains.get(COMMANDED + name, 1.0)))
             for name, series in drive.commands.items()
         }
+
+    def _move_to_rear_axle(self, mount: Mount) -> None:
+        """From where the sensor of the position is."""
+        if (mount.x_m or mount.y_m) and "heading_rad" in self._values:
+            cos, sin = np.cos(self._values["heading_rad"]), np.sin(self._values["heading_rad"])
+            arm = np.column_stack((cos * mount.x_m - sin * mount.y_m, sin * mount.x_m + cos * mount.y_m))
+            self._values[POSITION] -= arm
 
     def has(self, *fields: str) -> bool:
         """Whether all of them are in the log."""

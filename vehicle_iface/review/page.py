@@ -99,7 +99,7 @@ def _relation_row(relation: Relation) -> str:
     lag = "–"
     if numbers is not None and numbers.lag_error_s < 0.1:
         lag = f"{1000.0 * numbers.lag_s:+.0f} ms"
-    slope = f"{numbers.slope:.3g}" if numbers is not None else "–"
+    slope = f"{numbers.slope:#.3g}" if numbers is not None else "–"
     error = (
         f' <span class="quiet">±{100 * numbers.slope_error:.1f} %</span>'
         if numbers is not None and numbers.slope_error < 1.0

@@ -3,16 +3,19 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from vehicle_iface.review.bindings import FieldNotes, read_notes, units_of
+from vehicle_iface.review.bindings import FieldNotes, find_missing, read_notes, units_of
 from vehicle_iface.review.bus import MessageTiming, review_bus
 from vehicle_iface.review.delays import find_delays, lags_of
-from vehicle_iface.review.explanations import SAME_COST, Explanation, combine, explain, is_as_expected, refine
+from vehicle_iface.review.explanations import Explanation, combine, explain, is_as_expected, refine
 from vehicle_iface.review.findings import BindingVerdict, Finding, Level
 from vehicle_iface.review.headings import HeadingOffset, measure_heading_offset
 from vehicle_iface.review.kinematics import COMMANDED, HANDEDNESS, Kinematics
 from vehicle_iface.review.relations import Outcome, Relation, measure_relations
 from vehicle_iface.review.series import POSITION, RecordedDrive
 from vehicle_iface.review.verdicts import Words, describe_alternatives, describe_unexplained
+
+_SAME_COST = 0.05
+"""Explanations that were tried on the drive are equally good only within this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,7 +51,7 @@ def review_drive(drive: RecordedDrive) -> Review:
         relations=relations,
         heading_offset=corrections[0].heading_offset if corrections else None,
         findings=sorted([*judge.findings, *of_bus], key=lambda finding: order.index(finding.level)),
-        bindings=list(judge.words.judge_bindings(judge.corrected, judge.wrong)),
+        bindings=[*judge.words.judge_bindings(judge.corrected, judge.wrong), *find_missing(drive)],
         messages=messages,
     )
 
@@ -75,9 +78,13 @@ def _correct(drive: RecordedDrive, relations: Sequence[Relation], notes: Mapping
             again = list(measure_relations(corrected))
         explanation = refine(explanation, again)
         offset = measure_heading_offset(corrected)
+        if offset is not None and offset.is_wrong:
+            corrected = Kinematics(drive, explanation.gains, offset.offset_rad)
+            again = list(measure_relations(corrected))
+            offset = measure_heading_offset(corrected, offset.offset_rad)
         found.append(_Correction(explanation=explanation, relations=again, heading_offset=offset))
     least = min((one.explanation.cost for one in found), default=0.0)
-    return [one for one in found if one.explanation.cost <= least + SAME_COST]
+    return [one for one in found if one.explanation.cost <= least + _SAME_COST]
 
 
 class _Judge:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from vehicle_iface.codec.binding import SENT_ROLES, Binding
@@ -23,7 +24,7 @@ from vehicle_iface.pose import PoseInputs
 from vehicle_iface.pose.build import build_pose_source
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.forms import FieldForm, signals_of, value_of
-from vehicle_iface.profile.state_pose import POSE_SIGNALS
+from vehicle_iface.profile.state_pose import POSE_SIGNALS, Mount
 from vehicle_iface.review.log_frames import LoggedFrame, Progress, read_frames
 from vehicle_iface.row import Row
 from vehicle_iface.trajectory import FloatArray
@@ -182,10 +183,14 @@ class _DriveReader:
         return outputs
 
     def _build_locate(self, bound: Mapping[str, FieldForm | str]) -> "_Read":
-        pose, signals = self._binding.profile.state.pose, self._binding.profile.state.signals
-        inputs = {name: field_expression(form, self._find) for name, form in bound.items() if name in POSE_SIGNALS}
-        source = build_pose_source(self._binding.profile)
-        read = _compile(f"PoseInputs({', '.join(f'{name}={term}' for name, term in inputs.items())})")
+        """The sensor's place; `Kinematics` corrects for its mount, once the heading is known to be right."""
+        profile = self._binding.profile
+        pose, signals = profile.state.pose, profile.state.signals
+        places = [name for name in POSE_SIGNALS if name in bound and name != "heading_rad"]
+        terms = ", ".join(f"{name}={field_expression(bound[name], self._find)}" for name in places)
+        at_sensor = msgspec.structs.replace(profile.state, pose=msgspec.structs.replace(pose, mount=Mount()))
+        source = build_pose_source(msgspec.structs.replace(profile, state=at_sensor))
+        read = _compile(f"PoseInputs({terms}, heading_rad=0.0)")
         conditions = [f"s[{self._columns[signals.pose_valid]}] not in (0, None)"] if signals.pose_valid else []
         conditions += [condition_expression(pose.valid, self._find)] if pose.valid is not None else []
         is_valid = _compile(" and ".join(conditions) or "True")

@@ -120,6 +120,8 @@ class Words:
     ) -> Iterator[BindingVerdict]:
         """A verdict on each field; `wrong` has the texts about those that are contradicted."""
         for name, notes in self._notes.items():
+            if name == COMMANDED + "enable":
+                continue
             about = [one for one in relations if name in one.powers]
             about += [one for one in relations if name == POSITION and HANDEDNESS in one.powers and one not in about]
             measured = [one for one in about if one.outcome is Outcome.MEASURED]
@@ -128,11 +130,11 @@ class Words:
                 judgement, text = Judgement.CONTRADICTED, "; ".join(wrong[name])
             elif measured:
                 judgement = Judgement.AGREES
-                text = f"agrees: {', '.join(_short_title(one) for one in measured)}"
+                text = f"by {', '.join(_short_title(one) for one in measured)}"
             elif about:
                 text = "; ".join(dict.fromkeys(one.why for one in about))
             else:
-                text = "nothing in the profile to compare it with"
+                text = "no law here to check it by"
             keys = tuple(one.key for one in about)
             yield BindingVerdict(field=name, signal=notes.series.label, judgement=judgement, text=text, relations=keys)
 
