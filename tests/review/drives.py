@@ -1,6 +1,6 @@
 """Simulated drives as logs, with the noise of sensors that are good enough to drive by."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -48,9 +48,7 @@ def record(route: str, seconds: float = 40.0) -> tuple[CanFrame, ...]:
 @cache
 def record_noisily(route: str, seed: int = 0) -> tuple[CanFrame, ...]:
     """The same as sensors see it: white noise, and constant errors."""
-    database, noise, rng = reference(), SensorNoise(), np.random.default_rng(seed)
-    names = {message.can_id: message for message in database.sample}
-    decoder, encoder = Decoder(database.sample), Encoder(database.sample)
+    noise, rng = SensorNoise(), np.random.default_rng(seed)
     errors = {
         "x_m": (noise.position_m, 0.0, 1.0),
         "y_m": (noise.position_m, 0.0, 1.0),
@@ -61,23 +59,35 @@ def record_noisily(route: str, seed: int = 0) -> tuple[CanFrame, ...]:
         "lateral_speed_mps": (noise.lateral_speed_mps, 0.0, 1.0),
         "front_wheel_angle_rad": (noise.front_wheel_rad, noise.front_wheel_offset_rad, 1.0),
     }
-    frames = []
-    for frame in record(route):
-        decoded = decoder.decode(frame) if frame.can_id in names else None
-        if decoded is None:
-            frames.append(frame)
-            continue
-        values = dict(zip(names[frame.can_id].fields, decoded.values, strict=True))
-        for field, (sigma, offset, scale) in errors.items():
-            value = values.get(field)
-            if value is not None:
-                values[field] = value * scale + offset + rng.normal(0.0, sigma)
+
+    def disturb(values: dict[str, float]) -> None:
+        for field in (name for name in errors if name in values):
+            sigma, offset, scale = errors[field]
+            values[field] = values[field] * scale + offset + rng.normal(0.0, sigma)
         if "heading_rad" in values:
-            values["heading_rad"] = wrapped_rad(values["heading_rad"] or 0.0)
+            values["heading_rad"] = wrapped_rad(values["heading_rad"])
+
+    return tuple(rewrite(record(route), disturb))
+
+
+def rewrite(frames: Frames, change: Callable[[dict[str, float]], None]) -> list[CanFrame]:
+    """The frames, with the fields of each message of the sample as `change` leaves them."""
+    database = reference()
+    messages = {message.can_id: message for message in database.sample}
+    decoder, encoder = Decoder(database.sample), Encoder(database.sample)
+    changed = []
+    for frame in frames:
+        decoded = decoder.decode(frame) if frame.can_id in messages else None
+        if decoded is None:
+            changed.append(frame)
+            continue
+        pairs = zip(messages[frame.can_id].fields, decoded.values, strict=True)
+        values = {field: value for field, value in pairs if value is not None}
+        change(values)
         again = encoder.encode(decoded.name, SimpleNamespace(**values))
         encoder.commit((again,))
-        frames.append(again._replace(stamp_ns=frame.stamp_ns))
-    return tuple(frames)
+        changed.append(again._replace(stamp_ns=frame.stamp_ns))
+    return changed
 
 
 def delay(frames: Frames, message: str, delay_ms: float) -> list[CanFrame]:

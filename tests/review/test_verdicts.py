@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.review.drives import delay, note, record, record_noisily, review
+from tests.review.drives import DBC_FOLDER, delay, note, record, record_noisily, review, review_profile, rewrite
 from vehicle_iface.review.findings import Judgement, Level
 
 HEADING, SPEED, YAW = "MOTION.HEADING", "MOTION.SPEED", "MOTION.YAW_RATE"
@@ -50,10 +50,10 @@ def test_an_error_of_the_profile_is_named_and_nothing_else(tmp_path: Path, name:
         assert any(one.startswith(text) for one in found), found
 
 
-@pytest.mark.parametrize("route", ["figure8", "slalom", "three_point_turn", "stop_and_go"])
+@pytest.mark.parametrize("route", ["figure8", "slalom", "circle", "three_point_turn", "stop_and_go"])
 @pytest.mark.parametrize("is_noisy", [False, True])
 def test_nothing_is_invented_about_a_sound_drive(tmp_path: Path, route: str, is_noisy: bool) -> None:
-    frames = record_noisily(route, 1) if is_noisy else record(route)
+    frames = record_noisily(route, 11) if is_noisy else record(route)
     findings = review(tmp_path, frames).findings
     assert [finding.text for finding in findings if finding.level is not Level.NOTE] == []
 
@@ -72,6 +72,39 @@ def test_a_late_message_is_named_with_its_delay(tmp_path: Path, message: str, de
     assert found.about == message
     measured_ms = float(found.text.partition(" is ")[2].partition(" ms")[0])
     assert measured_ms == pytest.approx(delay_ms, abs=20)
+
+
+def drop_sign(values: dict[str, float]) -> None:
+    if "speed_mps" in values:
+        values["speed_mps"] = abs(values["speed_mps"])
+
+
+def mix_up(values: dict[str, float]) -> None:
+    if "speed_mps" in values:
+        values["yaw_rate_radps"] = 0.2 * values["speed_mps"]
+
+
+def test_swapped_axes_are_named_with_the_lines_that_exchange_them(tmp_path: Path) -> None:
+    profile = (DBC_FOLDER / "reference.toml").read_text()
+    for old, new in (("POS_X", "POS_Q"), ("POS_Y", "POS_X"), ("POS_Q", "POS_Y")):
+        profile = profile.replace(f"POSE.{old}", f"POSE.{new}")
+    (found,) = review_profile(tmp_path, record_noisily("figure8"), profile).contradictions
+    assert found.text == "POSE.POS_Y/POS_X is mirrored: x and y are swapped"
+    assert found.fix.splitlines()[1:] == ['x_m = "POSE.POS_X"', 'y_m = "POSE.POS_Y"']
+
+
+def test_a_speed_without_a_sign_is_named_once_the_vehicle_reverses(tmp_path: Path) -> None:
+    frames = rewrite(record_noisily("three_point_turn"), drop_sign)
+    (found,) = review(tmp_path, frames).contradictions
+    assert found.text == "MOTION.SPEED has no sign: it is positive while the vehicle drives backwards"
+
+
+def test_a_field_bound_to_another_quantity_is_named(tmp_path: Path) -> None:
+    frames = record_noisily("figure8")
+    mixed = rewrite(frames, mix_up)
+    found = review(tmp_path, mixed).contradictions
+    assert {one.about for one in found} == {"MOTION.YAW_RATE"}
+    assert found[0].text.startswith("heading rate does not follow yaw rate: MOTION.YAW_RATE is another quantity")
 
 
 def test_what_a_straight_drive_cannot_tell_is_not_judged(tmp_path: Path) -> None:

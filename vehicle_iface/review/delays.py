@@ -85,7 +85,7 @@ def _explain(
         return
     for lag in lags:
         expected_s = sum(_power(one, lag, messages) * delay_s for one, delay_s in zip(chosen, delays_s, strict=True))
-        allowed_s = TOLERANCE_S + _SIGMAS * lag.error_s
+        allowed_s = max(TOLERANCE_S, _SIGMAS * lag.error_s)
         response_s = STEERING_RESPONSE_S if lag.x == "front_wheel_angle_rad" else 0.0
         if not -allowed_s <= lag.lag_s - expected_s <= allowed_s + response_s:
             return

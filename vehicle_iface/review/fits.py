@@ -81,8 +81,7 @@ def find_angular_lag(x_rad: FloatArray, y_rad: FloatArray, *, step_s: float, win
     peak, used = int(np.argmax(scores)), int(np.sum(np.isfinite(x) & np.isfinite(y)))
     if peak in (0, 2 * steps) or not used:
         return LagEstimate(0.0, math.inf)
-    rate = np.diff(x_rad) / step_s
-    turning = float(np.sqrt(np.nanmean(rate**2))) if np.any(np.isfinite(rate)) else 0.0
+    turning = _measure_agility(x_rad, step_s, window_s)
     noise = math.sqrt(max(0.0, -2.0 * math.log(max(scores[peak], 1e-9))))
     error_s = noise / (turning * math.sqrt(used * step_s / window_s)) if turning > 0.0 else math.inf
     return LagEstimate((peak - steps + _refine(scores, peak)) * step_s, error_s)
@@ -97,11 +96,17 @@ def _find_lag(x: FloatArray, y: FloatArray, step_s: float, window_s: float) -> L
     used = int(np.sum(np.isfinite(x) & np.isfinite(y)))
     if peak in (0, 2 * steps) or scores[peak] < 0.5 or used * step_s < 4.0 * window_s:
         return LagEstimate(0.0, math.inf)
-    rate = np.diff(x) / step_s
-    agility = float(np.sqrt(np.nanmean(rate**2)) / np.nanstd(x))  # 1/s
+    agility = _measure_agility(x, step_s, window_s) / float(np.nanstd(x))  # 1/s
     noise = math.sqrt(max(0.0, 1.0 / scores[peak] ** 2 - 1.0))
     error_s = noise / (agility * math.sqrt(used * step_s / window_s)) if agility > 0.0 else math.inf
     return LagEstimate((peak - steps + _refine(scores, peak)) * step_s, error_s)
+
+
+def _measure_agility(x: FloatArray, step_s: float, window_s: float) -> float:
+    """How much the rate of a quantity changes: a constant rate looks like an offset, and tells nothing about a lag."""
+    half = max(1, round(window_s / step_s))
+    rate = (x[2 * half :] - x[: -2 * half]) / (2 * half * step_s)
+    return float(np.nanstd(rate)) if np.any(np.isfinite(rate)) else 0.0
 
 
 def _refine(scores: list[float], peak: int) -> float:

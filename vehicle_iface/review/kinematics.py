@@ -22,8 +22,17 @@ _MOVING_SHARE = 0.25
 class Kinematics:
     """The series of a drive at common times, and what follows from them."""
 
-    def __init__(self, drive: RecordedDrive, gains: Mapping[str, float] | None = None, turn_rad: float = 0.0) -> None:
-        """`gains` (measured over true value) are taken out of the fields, and `turn_rad` is added to the heading."""
+    def __init__(
+        self,
+        drive: RecordedDrive,
+        gains: Mapping[str, float] | None = None,
+        turn_rad: float = 0.0,
+        directions: FloatArray | None = None,
+    ) -> None:
+        """`gains` (measured over true value) are taken out of the fields, and `turn_rad` is added to the heading.
+
+        `directions` (n,) are the signs of a speed that has none.
+        """
         gains = gains or {}
         self.grid = Grid.over(drive.duration_s)
         self.wheelbase_m = drive.database.profile.geometry.wheelbase_m / gains.get(WHEELBASE, 1.0)
@@ -37,6 +46,8 @@ class Kinematics:
         }
         if "heading_rad" in self._values:
             self._values["heading_rad"] += turn_rad
+        if directions is not None and "speed_mps" in self._values:
+            self._values["speed_mps"] *= directions
         if POSITION in self._values:
             self._values[POSITION] *= (1.0, gains.get(HANDEDNESS, 1.0))
             self._move_to_rear_axle(drive.database.profile.state.pose.mount)

@@ -6,7 +6,7 @@ value) of the fields that it is made of, each with a power: `powers`.
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -27,6 +27,8 @@ _ACCEL_MPS2 = 0.25
 _SURE_ERROR = 0.05
 """Of a slope, relative: however little there is of it, it is enough."""
 _NOISE_SHARE = 0.6
+_CONSTANT_SHARE, _ONE_SIDED_TOLERANCE = 0.3, 0.08
+"""Of what is nearly constant, a sensor's offset is taken for a part of the slope."""
 _LEAST_S = 5.0
 """Of both sides at once."""
 
@@ -132,6 +134,8 @@ def _curvatures(motion: Kinematics) -> tuple[FloatArray, FloatArray]:
 
 def _measure(motion: Kinematics, law: _Law, x: FloatArray, y: FloatArray) -> Relation:
     step_s, window_s = motion.grid.step_s, motion.window_s
+    if _is_constant(x) and _is_constant(y):
+        law = replace(law, through_origin=True, tolerance=law.tolerance + _ONE_SIDED_TOLERANCE)
     found = fit(x, y, step_s=step_s, window_s=window_s, through_origin=law.through_origin)
     outcome, why = _judge(law, found, x, y, motion)
     return Relation(
@@ -156,7 +160,8 @@ def _measure(motion: Kinematics, law: _Law, x: FloatArray, y: FloatArray) -> Rel
 
 def _judge(law: _Law, found: Fit | None, x: FloatArray, y: FloatArray, motion: Kinematics) -> tuple[Outcome, str]:
     step_s = motion.grid.step_s
-    noisy = [_is_noise(values, 2 * round(motion.window_s / step_s)) for values in (x, y)]
+    apart = 2 * round(motion.window_s / step_s)
+    noisy = [not law.through_origin and _is_noise(values, apart) for values in (x, y)]
     size: Callable[[FloatArray], float] = _rms if law.through_origin else _deviation
     sizes = [0.0 if is_noise else size(values) for values, is_noise in zip((x, y), noisy, strict=True)]
     is_enough = sizes[0] >= law.least if law.x.startswith(COMMANDED) else max(sizes) >= law.least
@@ -176,6 +181,11 @@ def _is_noise(values: FloatArray, apart: int) -> bool:
         return True
     middle = values[apart:-apart] - 0.5 * (values[: -2 * apart] + values[2 * apart :])
     return _deviation(middle) > _NOISE_SHARE * math.sqrt(1.5) * _deviation(values)
+
+
+def _is_constant(values: FloatArray) -> bool:
+    """Whether it is mostly one value other than 0, as on a circle."""
+    return 0.0 < _deviation(values) < _CONSTANT_SHARE * _rms(values)
 
 
 def _deviation(values: FloatArray) -> float:

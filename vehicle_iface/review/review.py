@@ -8,11 +8,12 @@ from vehicle_iface.review.bus import MessageTiming, review_bus
 from vehicle_iface.review.delays import find_delays, lags_of
 from vehicle_iface.review.explanations import Explanation, combine, explain, is_as_expected, refine
 from vehicle_iface.review.findings import BindingVerdict, Finding, Level
-from vehicle_iface.review.headings import HeadingOffset, measure_heading_offset
+from vehicle_iface.review.headings import HeadingOffset, find_directions, measure_heading_offset
 from vehicle_iface.review.kinematics import COMMANDED, HANDEDNESS, Kinematics
 from vehicle_iface.review.relations import Outcome, Relation, measure_relations
 from vehicle_iface.review.series import POSITION, RecordedDrive
 from vehicle_iface.review.verdicts import Words, describe_alternatives, describe_unexplained
+from vehicle_iface.trajectory import FloatArray
 
 _SAME_COST = 0.05
 """Explanations that were tried on the drive are equally good only within this."""
@@ -41,8 +42,12 @@ def review_drive(drive: RecordedDrive) -> Review:
     """Measure, explain, correct, measure again, and put into words."""
     motion, notes = Kinematics(drive), read_notes(drive)
     relations = list(measure_relations(motion))
-    corrections = _correct(drive, relations, notes)
+    directions = find_directions(motion)
+    signed = relations if directions is None else list(measure_relations(Kinematics(drive, directions=directions)))
+    corrections = _correct(drive, signed, notes, directions)
     judge = _Judge(drive, notes, relations, corrections)
+    if directions is not None:
+        judge.add_missing_sign()
     messages, of_bus = review_bus(drive)
     order = list(Level)
     return Review(
@@ -65,21 +70,26 @@ class _Correction:
     heading_offset: HeadingOffset | None
 
 
-def _correct(drive: RecordedDrive, relations: Sequence[Relation], notes: Mapping[str, FieldNotes]) -> list[_Correction]:
+def _correct(
+    drive: RecordedDrive,
+    relations: Sequence[Relation],
+    notes: Mapping[str, FieldNotes],
+    directions: FloatArray | None,
+) -> list[_Correction]:
     """The best explanations, each tried on the drive; empty where there is none."""
     found = []
     for first in explain(relations, units_of(notes)):
-        explanation, corrected = first, Kinematics(drive, first.gains)
+        explanation, corrected = first, Kinematics(drive, first.gains, directions=directions)
         again = list(measure_relations(corrected))
         rest = explain(again, {}) if first.causes else []
         if rest and rest[0].causes:
             explanation = combine(first, rest[0])
-            corrected = Kinematics(drive, explanation.gains)
+            corrected = Kinematics(drive, explanation.gains, directions=directions)
             again = list(measure_relations(corrected))
         explanation = refine(explanation, again)
         offset = measure_heading_offset(corrected)
         if offset is not None and offset.is_wrong:
-            corrected = Kinematics(drive, explanation.gains, offset.offset_rad)
+            corrected = Kinematics(drive, explanation.gains, offset.offset_rad, directions)
             again = list(measure_relations(corrected))
             offset = measure_heading_offset(corrected, offset.offset_rad)
         found.append(_Correction(explanation=explanation, relations=again, heading_offset=offset))
@@ -110,6 +120,12 @@ class _Judge:
         for finding in self.words.describe_unrelated(self.corrected):
             self._add(finding, self._fields_of(finding, notes))
         self._add_responses(relations)
+
+    def add_missing_sign(self) -> None:
+        """The speed does not say that the vehicle reverses."""
+        label = self.words.label("speed_mps")
+        text = f"{label} has no sign: it is positive while the vehicle drives backwards"
+        self._add(Finding(level=Level.CONTRADICTION, about=label, text=text), ["speed_mps"])
 
     def _add_causes(self, corrections: Sequence[_Correction], notes: Mapping[str, FieldNotes]) -> None:
         described = [list(self.words.describe_causes(one.explanation, one.heading_offset)) for one in corrections]

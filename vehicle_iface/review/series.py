@@ -111,9 +111,14 @@ class _DriveReader:
         self._binding, self._database = binding, database
         messages = (*database.received, *database.sent)
         self._bound = {message.name: message for message in messages}
-        self._decoder = Decoder(_without_checks(binding, message) for message in messages)
+        raw = [replace(m, from_wire=(None,) * len(m.codec.names), protection=None) for m in messages]
+        self._decoder = Decoder(raw)
+        self._lenient = Decoder(replace(message, codec=_build_lenient_codec(binding, message)) for message in raw)
         self._columns = {f"{m.name}.{name}": 0 for m in messages for name in m.codec.names}
         self._columns = {dotted: column for column, dotted in enumerate(self._columns)}
+        self._first_columns = {
+            m.name: self._columns[f"{m.name}.{m.codec.names[0]}"] if m.codec.names else 0 for m in messages
+        }
         self._row: Row = [None] * len(self._columns)
         self._outputs: dict[str, list[_Output]] = {name: [] for name in self._bound}
         self.frames = {name: MessageFrames() for name in self._bound}
@@ -133,24 +138,22 @@ class _DriveReader:
         can = (message.can_id, frame.data, frame.stamp_ns, message.is_extended, False, message.is_fd, False)
         received = self._decoder.decode(unchecked_frame(can))
         if received is None:
-            frames.wrong_lengths += 1
-            return
+            received = self._lenient.decode(unchecked_frame(can))
+            if received is None:
+                frames.wrong_lengths += 1
+                return
+            frames.out_of_range += 1
+            frames.example = frames.example or _explain_refusal(message, frame.data)
         frames.times_s.append(time_s)
         frames.payloads.append(frame.data)
-        try:
-            message.codec.decode(frame.data)
-        except SignalError as error:
-            frames.out_of_range += 1
-            frames.example = frames.example or str(error)
-        first = self._columns.get(f"{frame.name}.{message.codec.names[0]}", 0) if message.codec.names else 0
-        present = set()
-        for column, value in enumerate(received.values, first):
+        first, values, row = self._first_columns[frame.name], received.values, self._row
+        is_whole = None not in values
+        for column, value in enumerate(values, first):
             if value is not None:
-                self._row[column] = value
-                present.add(column)
+                row[column] = value
         for output in self._outputs[frame.name]:
-            if output.column in present:
-                output.take(time_s, frame.stamp_ns, self._row)
+            if is_whole or values[output.column - first] is not None:
+                output.take(time_s, frame.stamp_ns, row)
 
     def result(self) -> RecordedDrive:
         return RecordedDrive(
@@ -252,18 +255,24 @@ class _Output:
         return Series(field=self.name, signals=self.signals, times_s=times_s, values=values)
 
 
-def _without_checks(binding: Binding, message: BoundMessage) -> BoundMessage:
-    """The message as a frame has it, whatever ranges, names and checksums say."""
+def _build_lenient_codec(binding: Binding, message: BoundMessage) -> MessageCodec:
+    """What the message's frames have in them, whatever ranges and names say."""
     used = binding.signals_used(message.name)
-    rules = {signal: binding.view(f"{message.name}.{signal}").rules for signal in used}
-    codec = MessageCodec(
+    return MessageCodec(
         binding.messages[message.name],
         checked=False,
         only=used,
-        rules=rules,
+        rules={signal: binding.view(f"{message.name}.{signal}").rules for signal in used},
         base=bytes(message.length) if message.role in SENT_ROLES else None,
     )
-    return replace(message, codec=codec, from_wire=(None,) * len(codec.names), protection=None)
+
+
+def _explain_refusal(message: BoundMessage, data: bytes) -> str:
+    try:
+        message.codec.decode(data)
+    except SignalError as error:
+        return str(error)
+    return ""
 
 
 def _signals(form: FieldForm | str) -> Iterator[str]:

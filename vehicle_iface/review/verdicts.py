@@ -43,7 +43,7 @@ class Words:
                 level=Level.CONTRADICTION,
                 about=self.label(field),
                 text=self._describe(field, causes, offset),
-                fix=self._fix(field, causes, turn_rad),
+                fix=self._fix(field, causes, turn_rad, offset),
             )
 
     def _describe(self, field: str, causes: Sequence[Cause], offset: HeadingOffset | None) -> str:
@@ -82,11 +82,11 @@ class Words:
             f"(or else {angle} reads {_describe_factor(cause.gain)})"
         )
 
-    def _fix(self, field: str, causes: Sequence[Cause], offset_rad: float) -> str:
+    def _fix(self, field: str, causes: Sequence[Cause], offset_rad: float, offset: HeadingOffset | None) -> str:
         if field == WHEELBASE:
             return f"[geometry]\nwheelbase_m = {self._profile.geometry.wheelbase_m / causes[0].gain:.2f}"
         if field == HANDEDNESS:
-            return ""
+            return _write_axes(self._notes[POSITION], offset)
         return write_fix(self._notes[field], causes, offset_rad)
 
     def describe_delay(self, delay: Delay) -> Finding:
@@ -173,21 +173,29 @@ def _describe_heading(label: str, is_clockwise: bool, offset: HeadingOffset | No
         yield f"zero of {label} is {math.degrees(turn_rad):+.0f}° off"
 
 
+_AXES = {0: "its y axis is reversed", 3: "x and y are swapped", 2: "its x axis is reversed"}
+"""Quarter turns from the heading to the course, with y negated: what is wrong with the axes."""
+_OTHER_AXES = "x and y are swapped, or one is reversed"
+
+
+def _quarter_turns(offset: HeadingOffset | None) -> int | None:
+    return round(offset.offset_rad / (math.pi / 2.0)) % 4 if offset is not None and offset.is_known else None
+
+
 def _describe_axes(label: str, offset: HeadingOffset | None) -> str:
-    """True heading + mirrored course = offset says which axes are meant."""
-    quarter = round(offset.offset_rad / (math.pi / 2.0)) % 4 if offset is not None else None
-    ways = {
-        0: "its y axis is reversed",
-        1: "x and y are swapped",
-        2: "its x axis is reversed",
-        3: "x and y are swapped and reversed",
-    }
-    how = (
-        ways.get(quarter, "x and y are swapped, or one is reversed")
-        if quarter is not None
-        else ways.get(-1, "x and y are swapped, or one is reversed")
-    )
+    quarter = _quarter_turns(offset)
+    how = _AXES.get(quarter, "x and y are swapped and both reversed") if quarter is not None else _OTHER_AXES
     return f"{label} is mirrored: {how}"
+
+
+def _write_axes(notes: FieldNotes, offset: HeadingOffset | None) -> str:
+    """The lines that correct the axes, where each is a signal of its own."""
+    quarter, signals = _quarter_turns(offset), notes.series.signals
+    if len(signals) != 2 or notes.scale != 1.0:
+        return ""
+    if quarter in (0, 2):
+        return f'[signals."{signals[1 if quarter == 0 else 0]}"]\nscale = -1.0'
+    return f'[state.signals]\nx_m = "{signals[1]}"\ny_m = "{signals[0]}"' if quarter == 3 else ""
 
 
 def _describe_factor(gain: float) -> str:
