@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from vehicle_iface.cli.exit_status import DONE
+from vehicle_iface.cli.progress import show_progress
 from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec.dbc_file import DbcFile, read_dbc
 from vehicle_iface.errors import ConfigError
@@ -24,7 +25,7 @@ def decode(options: argparse.Namespace) -> int:
     file = read_dbc(dbc)
     selected = file.select_messages(options.message)
     _show_faults(file)
-    log = decode_log(Path(options.log), selected, checked=True, channel=options.channel, progress=_show_progress)
+    log = decode_log(Path(options.log), selected, checked=True, channel=options.channel, progress=show_progress)
     for refused in log.refused[:MAX_REFUSED_SHOWN]:
         print(f"{options.log}:{refused.line}: {refused.why}", file=sys.stderr)
     if len(log.refused) > MAX_REFUSED_SHOWN:
@@ -54,11 +55,3 @@ def _show_faults(file: DbcFile) -> None:
         print(error, file=sys.stderr)
     if len(file.errors) > MAX_FAULTS_SHOWN:
         print(f"… and {len(file.errors) - MAX_FAULTS_SHOWN} more faults; see vehicle-iface check-dbc", file=sys.stderr)
-
-
-def _show_progress(done_bytes: int, total_bytes: int) -> None:
-    """In place on a terminal, elsewhere only when all is done."""
-    is_over = done_bytes == total_bytes
-    if is_over or sys.stderr.isatty():
-        text = f"\r{100 * done_bytes // total_bytes:3d} % of {total_bytes / 1e6:.1f} MB"
-        print(text, end="\n" if is_over else "", file=sys.stderr, flush=True)

@@ -37,6 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
         _command(commands, "new-profile", "draft a profile from a DBC; each binding comes with its reason")
     )
     _add_decode(_command(commands, "decode", "decode a log of a bus into one NumPy array for each signal"))
+    _add_review(_command(commands, "review", "what a recorded drive says about a profile: signs, units, delays"))
     commands.add_parser("view", add_help=False, help="the browser viewer (vehicle-iface view --help)")
     return parser
 
@@ -199,6 +200,17 @@ def _add_decode(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--message", action="append", default=[], metavar="NAME", help="decode only this message; may be repeated"
     )
+
+
+def _add_review(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "log", metavar="LOG", help="the log of a drive with turns and stops, of any kind that decode reads"
+    )
+    parser.add_argument("--profile", required=True, help="profile of the vehicle: its name, or a .toml file")
+    parser.add_argument("--channel", metavar="NAME", help="only this channel, as the log calls it")
+    parser.add_argument("--html", metavar="FILE", help="write one page with plots to this file")
+    parser.add_argument("--json", metavar="FILE", help="write all numbers and verdicts to this file")
+    parser.epilog = "Exit status: 0 when nothing contradicts the profile, 1 when something does, 2 bad usage or file."
 
 
 def _add_bus(parser: argparse.ArgumentParser) -> None:

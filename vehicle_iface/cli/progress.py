@@ -1,0 +1,11 @@
+"""How far the reading of a log has come."""
+
+import sys
+
+
+def show_progress(done_bytes: int, total_bytes: int) -> None:
+    """In place on a terminal, elsewhere only when all is done."""
+    is_over = done_bytes == total_bytes
+    if is_over or sys.stderr.isatty():
+        text = f"\r{100 * done_bytes // total_bytes:3d} % of {total_bytes / 1e6:.1f} MB"
+        print(text, end="\n" if is_over else "", file=sys.stderr, flush=True)
