@@ -72,7 +72,7 @@ def run_pytest(
         ([1], 2, "3 passed", 1),
         ([1], 3, "1 passed, 2 failed", 1),
         ([1, 2], 3, "3 passed", 2),
-        ([1, 2, 3, 4], 5, "1 passed, 2 failed", 2),
+        ([1, 2, 3, 4, 5], 6, "1 passed, 2 failed", 4),
     ],
 )
 def test_a_failure_counts_unless_the_machine_stood_still(
