@@ -21,8 +21,7 @@ TOOLS = ROOT / "tools"
 
 PROFILE = load_profile("reference")
 NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "F9", "S11", *(f"W{n}" for n in range(2, 9))}
-"""F9 and S11 need a vehicle that sends without counters or without a position."""
-"""Rows of the catalogue of faults that are inside a controller, or not on a bus."""
+"""Rows that are inside a controller or not on a bus; F9 and S11 need a vehicle without counters or a position."""
 
 
 def rows() -> set[str]:
