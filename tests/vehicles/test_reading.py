@@ -309,3 +309,77 @@ def test_an_identifier_of_11_bits_is_not_of_j1939(tmp_path: Path) -> None:
 def test_one_placeholder_may_send_everything(tmp_path: Path) -> None:
     dbc = (("8 CAR", "8 XXX"), ("2 CAR", "2 XXX"), ("8 PC", "8 XXX"), ("BU_: PC CAR", "BU_: PC CAR XXX"))
     assert [message.name for message in load_vehicle(tmp_path, dbc=dbc).commands] == ["CMD"]
+
+
+BRANCHES = (
+    (
+        "BO_ 256 STATUS",
+        "BO_ 288 EXTRA: 8 CAR\n"
+        ' SG_ PAGE M : 0|8@1+ (1,0) [0|3] "" PC\n'
+        ' SG_ LATERAL m0 : 8|16@1- (0.01,0) [-5|5] "m/s" PC\n'
+        ' SG_ REAR m1 : 8|16@1- (0.001,0) [-1|1] "rad" PC\n'
+        ' SG_ PEDAL m1 : 24|1@1+ (1,0) [0|1] "" PC\n\nBO_ 256 STATUS',
+    ),
+)
+OF_BRANCHES = (
+    (
+        "[status.signals]",
+        'lateral_speed_mps = "EXTRA.LATERAL"\nrear_wheel_angle_rad = "EXTRA.REAR"\n\n'
+        '[status.signals]\ndriver_throttle = "EXTRA.PEDAL"',
+    ),
+)
+
+
+def page(number: int, value: int, flag: int = 0) -> bytes:
+    return bytes((number,)) + little(value) + bytes((flag, 0, 0, 0, 0))
+
+
+def test_values_in_two_branches_of_a_multiplexer_are_both_kept_and_both_needed(tmp_path: Path) -> None:
+    reader = Reader(load_vehicle(tmp_path, dbc=BRANCHES, toml=OF_BRANCHES))
+    reader.receive(256, bytes((1, 0)), 0)
+    reader.receive(288, page(0, 50), 1)
+    assert reader.receive(272, pose(), 2) is None  # the other branch has not come yet
+    reader.receive(288, page(1, 200, flag=1), 3)
+    reader.receive(256, bytes((1, 0)), 3)
+    reader.receive(288, page(0, -25), 4)
+    sample = reader.receive(272, pose(), 5)
+    assert sample is not None
+    assert sample.others_fresh
+    assert (sample.state.lateral_speed_mps, sample.state.rear_wheel_angle_rad) == (-0.25, 0.2)
+    assert reader.assembler.status is not None
+    assert reader.assembler.status.driver_throttle
+
+
+def test_a_sample_by_time_has_no_counter_also_where_its_messages_have_one(tmp_path: Path) -> None:
+    dbc = ((' SG_ V : 48|16@1- (0.01,0) [-50|50] "m/s" PC', ' SG_ V : 48|12@1- (0.1,0) [-50|50] "m/s" PC\n'
+            ' SG_ COUNTER : 60|4@1+ (1,0) [0|15] "" PC'),)  # fmt: skip
+    more = (
+        '\n[protection.alive]\ncounter = { signal = "COUNTER", max_step = 3 }\n[protection.messages]\nPOSE = "alive"\n'
+    )
+    reader = Reader(load_vehicle(tmp_path, dbc=dbc, more=more))
+    for counter in (4, 5):
+        sample = reader.receive(272, bytes(7) + bytes((counter << 4,)), counter)
+        assert sample is not None
+        assert sample.counter == -1
+    assert reader.receive(272, bytes(7) + bytes((5 << 4,)), 6) is None
+
+
+def test_a_status_whose_mode_is_not_available_is_none(tmp_path: Path) -> None:
+    dbc = (('4 "EMERGENCY_STOP" ;', '4 "EMERGENCY_STOP" 7 "SNA" ;'),)
+    reader = Reader(load_vehicle(tmp_path, dbc=dbc, more='\n[signals."STATUS.MODE"]\nnot_available = [7]\n'))
+    reader.receive(256, bytes((7, 0)), 1)
+    assert at_present(reader.assembler.status) is None
+    reader.receive(256, bytes((1, 0)), 2)
+    reader.receive(256, bytes((7, 0)), 3)
+    assert reader.assembler.status is not None
+    assert reader.assembler.status.stamp_ns == 2 * MS
+
+
+def test_the_greatest_age_of_each_part_is_kept(tmp_path: Path) -> None:
+    reader = Reader(load_vehicle(tmp_path, dbc=TWO_PARTS, toml=BY_TIME))
+    reader.receive(273, little(0, 0, 0, 0), 0)
+    for at_ms in (5, 30):
+        reader.receive(272, pose(), at_ms)
+    reader.receive(273, little(0, 0, 0, 0), 40)
+    reader.receive(272, pose(), 41)
+    assert reader.assembler.oldest_ns == {"POSE": 0, "ATT": 30 * MS}
