@@ -29,7 +29,7 @@ class Sample(NamedTuple):
     """The counter value that its messages share; −1 where it was assembled by time."""
     completed_ns: int
     """Kernel receive time of the message that completed it; `state.stamp_ns` is that of the first one."""
-    is_lost: bool = False
+    is_lost: bool
     """Whether dead reckoning was interrupted: where the vehicle is will not be known again by itself."""
 
 
@@ -66,7 +66,7 @@ class StateAssembler:
         sample: Collection[str],
         window_ns: int,
         stale_ns: int,
-        counter_states: int = 1,
+        counter_states: int,
         freshness: Freshness | None = None,
     ) -> None:
         """A counter comes round again after `counter_states` samples; 1 where there is none."""

@@ -84,7 +84,7 @@ def shadow_of(database: VehicleDatabase, theirs: SafeCommand) -> Shadow:
     for _ in range(2):  # the first one takes the vehicle over
         now_ns += 20 * NS_PER_MS
         state = VehicleState(stamp_ns=now_ns, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=2.0)
-        shadow.record(Sample(state, True, True, 0, now_ns), OURS, now_ns)
+        shadow.record(Sample(state, True, True, 0, now_ns, False), OURS, now_ns)
         for frame in encoder.encode_command(former.form(theirs, MeasuredMotion(2.0, 0.0, False), now_ns)):
             shadow.on_foreign_frame(frame._replace(stamp_ns=now_ns + NS_PER_MS))
         shadow.compare()

@@ -104,7 +104,14 @@ class Cabin:
     ) -> Decision:
         state = VehicleState(stamp_ns=NOW_NS, frame_id=frame_id, x_m=5.0, y_m=0.0, heading_rad=0.0, speed_mps=speed_mps)
         self.cycle.controller.set_trajectory(straight(time_s=1e6))
-        sample = Sample(state=state, pose_valid=pose_valid, others_fresh=others_fresh, counter=1, completed_ns=NOW_NS)
+        sample = Sample(
+            state=state,
+            pose_valid=pose_valid,
+            others_fresh=others_fresh,
+            counter=1,
+            completed_ns=NOW_NS,
+            is_lost=False,
+        )
         status = None
         if gear is not None:
             status = VehicleStatus(stamp_ns=NOW_NS - status_age_ns, mode=VehicleMode.AUTONOMOUS, gear=gear)

@@ -214,7 +214,7 @@ class Other:
         state = VehicleState(
             stamp_ns=self.now_ns, frame_id="map", x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=float(self.now_ns)
         )
-        self.shadow.record(Sample(state, True, True, 0, self.now_ns), safe, self.now_ns)
+        self.shadow.record(Sample(state, True, True, 0, self.now_ns, False), safe, self.now_ns)
 
     def frames(self, **changes: Any) -> list[CanFrame]:
         """The other one's command, 1 ms after the sample."""

@@ -383,3 +383,26 @@ def test_the_greatest_age_of_each_part_is_kept(tmp_path: Path) -> None:
     reader.receive(273, little(0, 0, 0, 0), 40)
     reader.receive(272, pose(), 41)
     assert reader.assembler.oldest_ns == {"POSE": 0, "ATT": 30 * MS}
+
+
+def test_the_row_has_the_newest_value_of_each_signal(tmp_path: Path) -> None:
+    reader = Reader(load_vehicle(tmp_path))
+    for x in (100, 125):
+        reader.receive(272, pose(x=x))
+        assert reader.assembler.row[:4] == [x / 100, 0.0, 0.0, 0.0]
+
+
+def test_odometry_begins_at_0_with_the_first_sample_after_a_reset(tmp_path: Path) -> None:
+    toml = (
+        ('x_m = "POSE.X"\ny_m = "POSE.Y"\nheading_rad = "POSE.YAW"\n', 'front_wheel_angle_rad = "POSE.YAW"\n'),
+        ("[status.signals]", '[state.pose]\nsource = "odometry"\n\n[status.signals]'),
+    )
+    reader = Reader(load_vehicle(tmp_path, toml=toml))
+    way_m = []
+    for at_ms in (0, 20, 40, 60):
+        if at_ms == 40:
+            reader.assembler.reset()
+        sample = reader.receive(272, pose(speed=1000), at_ms)
+        assert sample is not None
+        way_m.append(sample.state.x_m)
+    assert way_m == pytest.approx([0.0, 0.2, 0.0, 0.2])
