@@ -17,7 +17,7 @@ HEADER = "time_s,x_m,y_m,heading_rad,speed_mps\n"
 DBC: dict[str, tuple[str, str, str]] = {
     "cut short": ("BO_ 256 VEHICLE_STATUS", "\0", "reference.dbc"),
     "one identifier twice": ("BO_ 273 MOTION", "BO_ 272 MOTION", "id 272 is already in line"),
-    "one name twice": ("BO_ 273 MOTION", "BO_ 273 POSE", "message POSE is already in line"),
+    "one name twice": ("BO_ 273 MOTION", "BO_ 273 POSE", "POSE: is already in line"),
     "overlapping signals": ("SPEED : 32|16", "SPEED : 31|16", "overlapping"),
     "factor 0": ("YAW_RATE : 48|16@1- (0.0002,0)", "YAW_RATE : 48|16@1- (0,0)", "MOTION.YAW_RATE: factor 0"),
     "no range": ("[-6.5536|6.5534]", "[0|0]", "MOTION.YAW_RATE: no range"),

@@ -31,6 +31,8 @@ LOST = "lost"
 ACCEPTED = ("", LOST)
 MOST_WIDENED = 4
 """Damaged frames that widen the next step of a counter."""
+HOLD_NS = 250 * MS
+"""A stop for samples that did not come goes on for 0.2 s after they have come again."""
 SILENT_NS = 100 * MS
 """So long without a command is long enough for the vehicle's watchdog."""
 OVERLAP_NS = 1 * S
@@ -239,6 +241,7 @@ class Judge:
         self._pair_ns = self._settled_ns = self._crossed_ns = 0
         self._debts: deque[Sample] = deque()
         """Samples that wait for their answers."""
+        self._held_until_ns = 0
         self._left: deque[tuple[int, int]] = deque(maxlen=100)
         """How many still waited after each of the last pairs: its stamp, and their number."""
         self._newest = self._before = Sample(0, 0)
@@ -419,7 +422,9 @@ class Judge:
         is_crossing = self._newest.first_ns - self._before.first_ns > LEAST_LOSS_NS
         if pair.reason == "STATE_STALE" and pair.is_enabled:
             self.stale_stops += 1
-            if not (is_stale or is_crossing):
+            if is_stale or is_crossing or self.log.is_excused(pair.stamp_ns):
+                self._held_until_ns = pair.stamp_ns + HOLD_NS
+            elif pair.stamp_ns > self._held_until_ns:
                 self._report_unless_excused(pair.stamp_ns, "a stop for STATE_STALE, and the newest sample is not old")
         if self._debts:
             delay_ns = pair.stamp_ns - self._debts.popleft().stamp_ns

@@ -1,5 +1,6 @@
 """The log on the terminal, written by a thread of its own."""
 
+import copy
 import logging
 import logging.handlers
 import queue
@@ -22,6 +23,15 @@ class _Listener(logging.handlers.QueueListener):
             self._thread = None
 
 
+class _Handler(logging.handlers.QueueHandler):
+    """Leaves tracebacks to the listener's thread: reading the source of their lines takes longer than a pass."""
+
+    def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
+        prepared = copy.copy(record)
+        prepared.msg, prepared.args = record.getMessage(), None
+        return prepared
+
+
 @contextmanager
 def log_to_terminal(verbose: bool) -> Iterator[None]:
     """Log to standard error. A thread writes it: a terminal that hangs must not hold up the loop."""
@@ -32,7 +42,7 @@ def log_to_terminal(verbose: bool) -> Iterator[None]:
     terminal.setFormatter(logging.Formatter(CLEAR_LINE + form if sys.stderr.isatty() else form, "%H:%M:%S"))
     lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
     listener = _Listener(lines, terminal)
-    handler = logging.handlers.QueueHandler(lines)
+    handler = _Handler(lines)
     log.addHandler(handler)
     log.setLevel(logging.DEBUG if verbose else logging.INFO)
     listener.start()
