@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from drive_checks.soak import wrong_with_summary
-from drive_checks.soak_judge import Judge, LinkOutage, SoakLog, wrong_with_cable, wrong_with_counts
+from drive_checks.soak_judge import Judge, LinkOutage, SoakLog, without_expired, wrong_with_cable, wrong_with_counts
 from vehicle_bus_contract.reference import AUTONOMOUS, DRIVE, FAULT, MS, REFERENCE, Frame, S
 from vehicle_bus_contract.socketcan import ReceivedFrame
 
@@ -299,3 +299,14 @@ def test_a_soak_that_makes_no_sense_is_refused(option: list[str]) -> None:
     done = run_module("drive_checks.soak", *option)
     assert done.returncode == 2
     assert "must be a number from" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("unanswered", "expired", "left"), [(0, 0, 0), (2, 2, 0), (2, 3, 0), (2, 1, 2), (2, 6, 2), (1, 0, 1)]
+)
+def test_samples_that_the_loop_counts_as_expired_are_excused_while_they_are_few(
+    unanswered: int, expired: int, left: int
+) -> None:
+    summary = {"samples": 1000, "counts": {"samples_expired": expired}}
+    wrong = [f"{at} s: a sample that is not answered" for at in range(unanswered)]
+    assert len(without_expired([*wrong, "half a pair"], summary)) == left + 1

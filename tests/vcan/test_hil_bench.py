@@ -65,15 +65,27 @@ def test_there_is_a_case_for_every_defect() -> None:
     assert DEFECTS.keys() == defects.DEFECTS.keys()
 
 
+ATTEMPTS = 3
+OF_THE_MACHINE = ("99 % of the answers", "half of the answers", "no burst", "the bench itself was late")
+"""Findings that a machine with too little time makes: the case is run again, and only these."""
+
+
 @pytest.mark.timeout(LONGEST_S)
 def test_an_independent_sound_controller_passes_every_case_that_detects_a_defect(
     tmp_path: Path,
 ) -> None:
-    cases = dict.fromkeys(case for case, _ in DEFECTS.values())
-    status, run, said = bench(tmp_path, list(cases), device=ARMED, recording=RECORDING, viewer=VIEWER)
-    assert {case.name: (case.verdict, case.why) for case in run.cases} == dict.fromkeys(cases, (Verdict.PASS, "")), said
-    assert status == 0
-    assert run.evidence is Evidence.VIRTUAL_BUS
+    left, said = list(dict.fromkeys(case for case, _ in DEFECTS.values())), ""
+    for attempt in range(ATTEMPTS):
+        folder = tmp_path / str(attempt)
+        folder.mkdir()
+        status, run, said = bench(folder, left, device=ARMED, recording=RECORDING, viewer=VIEWER)
+        assert run.evidence is Evidence.VIRTUAL_BUS
+        failed = [case for case in run.cases if case.verdict is not Verdict.PASS]
+        assert all(case.why.startswith(OF_THE_MACHINE) for case in failed), said
+        left = [case.name for case in failed]
+        if not left:
+            break
+    assert (left, status) == ([], 0), said
 
 
 @pytest.mark.timeout(LONGEST_S)

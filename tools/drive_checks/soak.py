@@ -29,7 +29,7 @@ from vehicle_bus_contract.socketcan import ReceivedFrame, open_socket, receive
 
 from drive_checks.check_drive import table
 from drive_checks.long_drive import CannotError, Programs
-from drive_checks.soak_judge import Judge, LinkOutage, SoakLog, wrong_with_cable, wrong_with_counts
+from drive_checks.soak_judge import Judge, LinkOutage, SoakLog, without_expired, wrong_with_cable, wrong_with_counts
 from vehicle_iface.bus.link_state import OPEN
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.sim.driver_socket import send_line
@@ -173,6 +173,7 @@ class Soak:
         if missed:
             wrong.append(f"{missed} frames were not seen: this soak proves nothing")
         if summary:
+            wrong = without_expired(wrong, summary)
             wrong += [*wrong_with_summary(summary), *wrong_with_counts(self._judge, summary)]
         for way, name in ((self._judge.to_loop, "to the loop"), (self._judge.to_vehicle, "to the vehicle")):
             wrong += wrong_with_cable(way, name, self._chances())

@@ -7,7 +7,7 @@ and what a receiver by the bus contract has to drop, and why. Nothing of this as
 
 from bisect import bisect, bisect_left
 from collections import Counter, defaultdict, deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from vehicle_bus_contract.judge import (
@@ -41,6 +41,9 @@ REOPENED_NS = 300 * MS
 """After the link is up again, frames come for so long that the loop may not hear: it tries at 10 Hz."""
 OLDEST_NS = 200 * MS
 """No frame is on its way for longer: one that is was kept back by somebody."""
+UNANSWERED = "is not answered"
+MOST_EXPIRED = 0.005
+"""Of the samples; more of them is a loop that is too slow."""
 RECENT = 8
 """Flaps that may lie in what is being judged."""
 MOST_WRONG = 1000
@@ -411,11 +414,11 @@ class Judge:
             return
         sent_ns = pair.drive.stamp_ns
         while self._debts and sent_ns - self._debts[0].stamp_ns > OLDEST_ANSWERED_NS:
-            self._report_unless_excused(self._debts.popleft().stamp_ns, "a sample that is not answered")
+            self._report_unless_excused(self._debts.popleft().stamp_ns, f"a sample that {UNANSWERED}")
         never_paid = min((count for _, count in self._left), default=0) if len(self._left) == self._left.maxlen else 0
         for _ in range(min(never_paid, len(self._debts))):
             self._debts.popleft()
-            self._report_unless_excused(self._left[0][0], "a sample shortly before this is not answered")
+            self._report_unless_excused(self._left[0][0], f"a sample shortly before this {UNANSWERED}")
         if never_paid:
             self._left.clear()
         is_stale = sent_ns - self._newest.first_ns > LEAST_LOSS_NS
@@ -485,6 +488,18 @@ class Judge:
         recent = [seen for seen in stretch if seen.frame.stamp_ns >= since_ns]
         begin = next((i for i, seen in enumerate(recent) if seen.is_own and seen.frame.can_id == first), 0)
         self._kept = recent[begin:]
+
+
+def without_expired(wrong: Iterable[str], summary: dict[str, Any]) -> list[str]:
+    """What is wrong, without the few samples that the loop itself counts as too old by the time that it ran again.
+
+    A machine can keep the loop from running without keeping the vehicle from sending.
+    """
+    found, expired = list(wrong), summary["counts"]["samples_expired"]
+    unanswered = {text for text in found if UNANSWERED in text}
+    if len(unanswered) > expired or expired > MOST_EXPIRED * summary["samples"]:
+        return found
+    return [text for text in found if text not in unanswered]
 
 
 def wrong_with_counts(judge: Judge, summary: dict[str, Any]) -> list[str]:
