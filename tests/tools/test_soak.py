@@ -302,11 +302,12 @@ def test_a_soak_that_makes_no_sense_is_refused(option: list[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("unanswered", "expired", "left"), [(0, 0, 0), (2, 2, 0), (2, 3, 0), (2, 1, 2), (2, 6, 2), (1, 0, 1)]
+    ("unanswered", "expired", "held_up", "left"),
+    [(0, 0, 0, 0), (2, 2, 0, 0), (2, 1, 1, 0), (2, 1, 0, 2), (5, 9, 9, 0), (6, 9, 9, 6), (1, 0, 0, 1)],
 )
-def test_samples_that_the_loop_counts_as_expired_are_excused_while_they_are_few(
-    unanswered: int, expired: int, left: int
+def test_samples_that_the_loop_counts_as_not_answered_are_excused_while_they_are_few(
+    unanswered: int, expired: int, held_up: int, left: int
 ) -> None:
-    summary = {"samples": 1000, "counts": {"samples_expired": expired}}
+    summary = {"samples": 1000, "counts": {"samples_expired": expired, "samples_held_up": held_up}}
     wrong = [f"{at} s: a sample that is not answered" for at in range(unanswered)]
     assert len(without_expired([*wrong, "half a pair"], summary)) == left + 1

@@ -42,7 +42,7 @@ REOPENED_NS = 300 * MS
 OLDEST_NS = 200 * MS
 """No frame is on its way for longer: one that is was kept back by somebody."""
 UNANSWERED = "is not answered"
-MOST_EXPIRED = 0.005
+MOST_UNANSWERED = 0.005
 """Of the samples; more of them is a loop that is too slow."""
 RECENT = 8
 """Flaps that may lie in what is being judged."""
@@ -491,13 +491,14 @@ class Judge:
 
 
 def without_expired(wrong: Iterable[str], summary: dict[str, Any]) -> list[str]:
-    """What is wrong, without the few samples that the loop itself counts as too old by the time that it ran again.
+    """What is wrong, without the few samples that the loop itself counts as expired or held up: it answers none.
 
-    A machine can keep the loop from running without keeping the vehicle from sending.
+    A machine can keep the loop from running without keeping the vehicle from sending, and frames come late in a row.
     """
-    found, expired = list(wrong), summary["counts"]["samples_expired"]
+    found, counts = list(wrong), summary["counts"]
     unanswered = {text for text in found if UNANSWERED in text}
-    if len(unanswered) > expired or expired > MOST_EXPIRED * summary["samples"]:
+    counted = counts["samples_expired"] + counts["samples_held_up"]
+    if len(unanswered) > min(counted, MOST_UNANSWERED * summary["samples"]):
         return found
     return [text for text in found if text not in unanswered]
 
