@@ -70,21 +70,27 @@ OF_THE_MACHINE = ("99 % of the answers", "half of the answers", "no burst", "the
 """Findings that a machine with too little time makes: the case is run again, and only these."""
 
 
+def late_cases(run: Run, said: str) -> list[str]:
+    """The cases that failed by such a finding; there must be no other failure."""
+    failed = [case for case in run.cases if case.verdict is not Verdict.PASS]
+    assert all(case.why.startswith(OF_THE_MACHINE) for case in failed), said
+    return [case.name for case in failed]
+
+
 @pytest.mark.timeout(LONGEST_S)
 def test_an_independent_sound_controller_passes_every_case_that_detects_a_defect(
     tmp_path: Path,
 ) -> None:
-    left, said = list(dict.fromkeys(case for case, _ in DEFECTS.values())), ""
-    for attempt in range(ATTEMPTS):
-        folder = tmp_path / str(attempt)
-        folder.mkdir()
-        status, run, said = bench(folder, left, device=ARMED, recording=RECORDING, viewer=VIEWER)
-        assert run.evidence is Evidence.VIRTUAL_BUS
-        failed = [case for case in run.cases if case.verdict is not Verdict.PASS]
-        assert all(case.why.startswith(OF_THE_MACHINE) for case in failed), said
-        left = [case.name for case in failed]
-        if not left:
-            break
+    cases = list(dict.fromkeys(case for case, _ in DEFECTS.values()))
+    status, run, said = bench(tmp_path, cases, device=ARMED, recording=RECORDING, viewer=VIEWER)
+    assert run.evidence is Evidence.VIRTUAL_BUS
+    left = late_cases(run, said)
+    for attempt in range(1, ATTEMPTS):
+        if left:
+            folder = tmp_path / str(attempt)
+            folder.mkdir()
+            status, run, said = bench(folder, left, device=ARMED, recording=RECORDING, viewer=VIEWER)
+            left = late_cases(run, said)
     assert (left, status) == ([], 0), said
 
 
@@ -104,9 +110,15 @@ def test_each_defect_fails_its_case(tmp_path: Path, defect: str) -> None:
 def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> None:
     cases = ["state-lost", "killed", "link-blip", "recorder-disk-full", "viewer-stopped", "not-armed"]
     cases += ["trajectory-with-nan"]
-    status, run, said = bench(tmp_path, cases)
-    assert {case.name: case.verdict for case in run.cases} == dict.fromkeys(cases, Verdict.PASS), said
-    assert status == 0
+    _, run, said = bench(tmp_path, cases)
+    left = late_cases(run, said)
+    for attempt in range(1, ATTEMPTS):
+        if left:
+            again = tmp_path / str(attempt)
+            again.mkdir()
+            _, repeated, said = bench(again, left)
+            left = late_cases(repeated, said)
+    assert left == [], said
     folder = tmp_path / "report"
     assert "<title>" in (folder / "index.html").read_text()
     assert (folder / "junit.xml").read_text().count("<testcase") == len(cases)
