@@ -20,8 +20,7 @@ DBC: dict[str, tuple[str, str, str]] = {
     "one name twice": ("BO_ 273 MOTION", "BO_ 273 POSE", "POSE: is already in line"),
     "overlapping signals": ("SPEED : 32|16", "SPEED : 31|16", "overlapping"),
     "factor 0": ("YAW_RATE : 48|16@1- (0.0002,0)", "YAW_RATE : 48|16@1- (0,0)", "MOTION.YAW_RATE: factor 0"),
-    "no range": ("[-6.5536|6.5534]", "[0|0]", "MOTION.YAW_RATE: no range"),
-    "garbage": ("BU_:", "%%PDF-1.7", "reference.dbc"),
+    "garbage": ("BO_ 272 POSE:", "%%PDF-1.7", "POSE"),
     "another encoding": ("BO_ 256 VEHICLE_STATUS", "BO_ 256 VEHICLE_STATUS\udcff", "reference.dbc"),
 }
 """What is replaced by what (`\\0`: cut off there), and what is said."""
