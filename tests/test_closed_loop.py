@@ -25,8 +25,9 @@ from tests.harness import (
 )
 from vehicle_iface import Command, ControllerBase, Reason, Trajectory, VehicleState, clock, compose, drivable
 from vehicle_iface.cli.run import run_for
+from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.control.tracking import point_at, tracking_error
-from vehicle_iface.errors import BusError
+from vehicle_iface.errors import BusError, SignalError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.safety.engagement import Mode
 from vehicle_iface.sim import engagement as sim_engagement
@@ -816,6 +817,25 @@ def test_when_the_bus_has_no_room_the_frame_is_lost_and_not_kept() -> None:
     assert max(Counter(pair.step for pair in pairs).values()) == 1
     assert drive.loop.details().loop["frames_not_sent"] >= 5
     assert counters_step_by_one(drive.sent)
+
+
+def test_a_command_that_cannot_be_encoded_is_counted_and_silence_ends_the_drive(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    drive = cruising()
+
+    def refuse(*_: object) -> None:
+        raise SignalError("DRIVE_COMMAND: checksum: ZeroDivisionError")
+
+    monkeypatch.setattr(Encoder, "encode_command", refuse)
+    count = len(drive.named("DRIVE_COMMAND"))
+    drive.run_s(1.0)
+    assert len(drive.named("DRIVE_COMMAND")) == count
+    assert drive.mode() is Mode.FAULT  # the vehicle's own watchdog acted
+    assert drive.loop.details().loop["messages_not_encoded"] > 90
+    assert [record.message for record in caplog.records if "not sent" in record.message] == [
+        "not sent: DRIVE_COMMAND: checksum: ZeroDivisionError (further ones are counted)"
+    ]
 
 
 def test_a_command_is_not_sent_behind_one_that_still_waits() -> None:

@@ -45,7 +45,9 @@ def check_function(function: UserFunction, can_id: int, length: int, place: BitP
     for data in (bytes(length), place.clear(b"\xff" * length)):
         try:
             results = [function(can_id, data) for _ in range(2)]
-        except Exception as error:  # noqa: BLE001 - a user's code; reported with file and line
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 - a user's code; reported with file and line
             return describe_error(error)
         for result in results:
             if not _fits(result, place.width):
@@ -69,7 +71,9 @@ class UserChecksum:
         """The checksum of a payload that will be sent. `SignalError` when the function fails."""
         try:
             number = self._function(self._can_id, data)
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise SignalError(f"{self._message_name}: checksum: {describe_error(error)}") from error
         if not isinstance(number, int) or not _fits(number, self._width):
             raise SignalError(f"{self._message_name}: checksum = {number!r}: must be an int of {self._width} bits")

@@ -104,6 +104,9 @@ def _wire_command(
 
 
 def _cut(value: float, wire: WireRange) -> float:
+    """Limited to the signal's range; a value that is no number stays one, and the encoder refuses it."""
+    if not math.isfinite(value):
+        return value
     return min(wire.high, max(wire.low, value))
 
 

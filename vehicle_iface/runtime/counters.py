@@ -28,6 +28,8 @@ class Counters:
     """Frames that the bus had no room for; they are lost, not kept."""
     commands_refused: int = 0
     """Commands that were not sent because an earlier one still waited to leave."""
+    messages_not_encoded: int = 0
+    """Commands and other messages that were not sent because a value or a checksum of theirs cannot be."""
     foreign_commands: int = 0
     """Frames of other nodes that carried an identifier of ours."""
     controller_errors: int = 0

@@ -13,6 +13,7 @@ SHOWN_COUNTS = (
     "stops_on_stale_state",
     "commands_refused",
     "frames_not_sent",
+    "messages_not_encoded",
     "foreign_commands",
     "controller_errors",
     "controller_too_slow",

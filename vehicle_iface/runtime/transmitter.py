@@ -1,5 +1,6 @@
 """Frames on their way out: through the filter to the link; what left is committed, everything else has not happened."""
 
+import logging
 from collections.abc import Callable, Iterable
 from enum import Enum, auto
 
@@ -7,6 +8,7 @@ from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.codec.sent_values import SendContext
 from vehicle_iface.command import WireCommand
 from vehicle_iface.command_forms import CommandFormer, MeasuredMotion
+from vehicle_iface.errors import SignalError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.command_pace import CommandPace
 from vehicle_iface.runtime.counters import Counters
@@ -15,6 +17,8 @@ from vehicle_iface.runtime.link import Link
 from vehicle_iface.safety.engagement import Engagement
 from vehicle_iface.safety.gate import Gate
 from vehicle_iface.safety.transmit_filter import TransmitFilter
+
+log = logging.getLogger(__name__)
 
 
 class Outcome(Enum):
@@ -84,7 +88,11 @@ class Transmitter:
             return Outcome.NOT_DUE
         former = self._former
         command = permitted if former is None else _form(former, decision, now_ns)
-        frames = self._encoder.encode_command(command, names)
+        try:
+            frames = self._encoder.encode_command(command, names)
+        except SignalError as error:
+            self._note_unencodable(error)
+            return Outcome.NOT_SENT
         sent = self._send(frames)
         if sent == len(frames):
             self._pace.commit(permitted, now_ns, names)
@@ -102,7 +110,18 @@ class Transmitter:
         """One message, its values taken from the attributes of `source`; whether it left."""
         if not self._prepare((message,), self._now_ns()):
             return False
-        return self._send((self._encoder.encode(message, source),)) == 1
+        try:
+            frame = self._encoder.encode(message, source)
+        except SignalError as error:
+            self._note_unencodable(error)
+            return False
+        return self._send((frame,)) == 1
+
+    def _note_unencodable(self, error: SignalError) -> None:
+        """Nothing is sent instead; without commands the vehicle's own watchdog acts."""
+        if not self._counters.messages_not_encoded:
+            log.error("not sent: %s (further ones are counted)", error)
+        self._counters.messages_not_encoded += 1
 
     def _prepare(self, names: Iterable[str], now_ns: int) -> bool:
         """Read what the values of these messages depend on; whether all of it is there."""
