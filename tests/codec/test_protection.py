@@ -324,16 +324,23 @@ def test_a_users_function_gets_the_id_and_the_payload_without_the_checksum(tmp_p
 def test_a_users_function_that_fails_drops_the_frame_and_sends_none(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    source = "def checksum(can_id, data):\n    return {9: 300}.get(data[6], abs(100 // (8 - data[6])))\n"
+    source = (
+        "def checksum(can_id, data):\n    if data[6] == 7: raise SystemExit\n"
+        "    return {9: 300}.get(data[6], abs(100 // (8 - data[6])))\n"
+    )
     (tmp_path / "own.py").write_text(source, encoding="utf-8")
     message = load_command(tmp_path, PYTHON + RULE, COMMAND)
-    decoder, counters = receive(message, [CanFrame(401, bytes([0] * 6 + [last, 0]), 0) for last in (8, 8, 9)])
+    decoder, counters = receive(message, [CanFrame(401, bytes([0] * 6 + [last, 0]), 0) for last in (8, 7, 9)])
     assert counters == []
     assert decoder.drops == {(DropCause.BAD_CRC, "CMD"): 3}
     failure = "CMD: checksum: ZeroDivisionError: integer division or modulo by zero"
     assert [record.message.partition(" (")[0] for record in caplog.records] == [failure]
     assert message.protection is not None
-    for last, text in ((8, failure), (9, "CMD: checksum = 300: must be an int of 8 bits")):
+    for last, text in (
+        (8, failure),
+        (7, "CMD: checksum: SystemExit"),
+        (9, "CMD: checksum = 300: must be an int of 8 bits"),
+    ):
         with pytest.raises(SignalError, match=text):
             message.protection.protect(bytearray([0] * 6 + [last, 0]), 0)
 
@@ -347,6 +354,7 @@ def test_a_users_function_that_fails_drops_the_frame_and_sends_none(
         ("\n1 / 0", r"'own.py:checksum': ZeroDivisionError: division by zero \(.*own\.py:2\)"),
         ("def checksum(:", r"'own.py:checksum': SyntaxError: .*own\.py:1\)"),
         ("def checksum(can_id): return 0", "'own.py:checksum' for CMD: TypeError: "),
+        ("def checksum(can_id, data): raise SystemExit(3)", "for CMD: SystemExit: 3"),
         ("def checksum(can_id, data): return 256", r"for CMD: returned 256 for 0{16}; must be an int in \[0, 255\]"),
         ("def checksum(can_id, data): return -1 + data[0]", r"for CMD: returned -1 for"),
         ("def checksum(can_id, data): return 0.5", r"for CMD: returned 0\.5 for"),
