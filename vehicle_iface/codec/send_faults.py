@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from cantools.database import Message, Signal
 
-from vehicle_iface.codec.binding import SENT_ROLES, Binding, Role, StatedValue, suggest
+from vehicle_iface.codec.binding import SENT_ROLES, Binding, Role, StatedValue
 from vehicle_iface.codec.constants import encode_faults, is_shown
 from vehicle_iface.codec.enumerations import translate_from_wire
 from vehicle_iface.codec.layout import Field, Layout
@@ -26,7 +26,7 @@ def send_faults(binding: Binding) -> Iterator[ConfigError]:
         yield from _command_faults(binding, name, f"$.command.periods.{name}")
     for index, sent in enumerate(profile.send):
         if sent.message not in binding.messages:
-            yield _missing_message(binding, sent.message, f"$.send[{index}].message")
+            yield binding.missing_message(sent.message, f"$.send[{index}].message")
     for dotted, stated in binding.values.items():
         if not stated.place.startswith("$.constants."):
             yield from _value_faults(binding, dotted, stated)
@@ -36,18 +36,14 @@ def _command_faults(binding: Binding, name: str, place: str) -> Iterator[ConfigE
     """The message carries a command."""
     commands = [one for one, role in binding.roles.items() if role is Role.COMMAND]
     if name not in binding.messages:
-        yield _missing_message(binding, name, place)
+        yield binding.missing_message(name, place)
     elif name not in commands:
         yield binding.fault(place, f"must be of a command message: {' or '.join(commands)}; others are a [[send]]")
 
 
-def _missing_message(binding: Binding, name: str, place: str) -> ConfigError:
-    return binding.fault(place, f"no message {name!r} in {binding.file.name}{suggest(name, binding.messages)}")
-
-
 def _value_faults(binding: Binding, dotted: str, stated: StatedValue) -> Iterator[ConfigError]:
     """The signal is there for a value to be written to, and can carry it."""
-    place, (name, _, signal_name) = stated.place, dotted.partition(".")
+    place, name = stated.place, dotted.partition(".")[0]
     if place.startswith("$.command.values."):
         faults = list(_command_faults(binding, name, place))
         if faults:
@@ -57,8 +53,7 @@ def _value_faults(binding: Binding, dotted: str, stated: StatedValue) -> Iterato
     if message is None:
         return  # reported for the message
     if signal is None:
-        names = [one.name for one in message.signals]
-        yield binding.fault(place, f"no signal {signal_name!r} in {name}{suggest(signal_name, names)}")
+        yield binding.missing_signal(dotted, place)
     elif dotted in binding.fields:
         yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
     elif dotted in binding.protection_signals:
@@ -103,11 +98,8 @@ def _echo_faults(binding: Binding, dotted: str, place: str, echo: str, signal: S
     """The echoed signal is received, and everything that it can say can be sent back."""
     name, _, echo_name = echo.partition(".")
     source = binding.find_signal(echo)
-    if name not in binding.messages:
-        yield _missing_message(binding, name, place)
-    elif source is None:
-        names = [one.name for one in binding.messages[name].signals]
-        yield binding.fault(place, f"no signal {echo_name!r} in {name}{suggest(echo_name, names)}")
+    if source is None:
+        yield binding.missing_signal(echo, place)
     elif binding.roles.get(name) in SENT_ROLES:
         yield binding.fault(place, f"{echo} is sent by the program; only a received signal can be sent back")
     else:
@@ -143,8 +135,7 @@ def _complement_faults(
     rule = find_rule(binding.profile, message.name)
     stated = binding.values.get(f"{message.name}.{name}")
     if other is None:
-        names = [one.name for one in message.signals]
-        yield binding.fault(place, f"no signal {name!r} in {message.name}{suggest(name, names)}")
+        yield binding.missing_signal(f"{message.name}.{name}", place)
     elif signal.is_float or other.length != signal.length:
         text = f"{signal.name} has {signal.length} bits and {name} {other.length}: must be as many, and no float"
         yield binding.fault(place, text)
