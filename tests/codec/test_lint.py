@@ -1,6 +1,7 @@
 """Everything that is wrong with a profile or a DBC is found at once, each with its line; the shipped ones are clean."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,12 @@ from .conftest import DBC_FOLDER
 SHIPPED = ("reference.dbc", "reference.toml", "reference_fd.dbc", "reference_fd.toml")
 
 
+Copy = Callable[..., Path]
+"""The file to look at, and edits: file, old text, new text."""
+
+
 @pytest.fixture
-def copy(tmp_path: Path):  # type: ignore[no-untyped-def]
+def copy(tmp_path: Path) -> Copy:
     """A copy of the reference vehicle's files with texts replaced; the path of one of them."""
 
     def write(name: str, *edits: tuple[str, str, str]) -> Path:
@@ -98,7 +103,7 @@ WITH_THE_PROFILE = [
 
 
 @pytest.mark.parametrize("case", IN_THE_DBC + BOTH_WAYS + BY_ITSELF, ids=lambda case: case[3])
-def test_a_fault_of_a_dbc_is_found_in_its_line(copy, case) -> None:  # type: ignore[no-untyped-def]
+def test_a_fault_of_a_dbc_is_found_in_its_line(copy: Copy, case: tuple[str, ...]) -> None:
     old, new, severity, text, place = case
     path = copy("reference.dbc", ("reference.dbc", old, new))
     finding = found_in(check_file(path), text)
@@ -107,7 +112,7 @@ def test_a_fault_of_a_dbc_is_found_in_its_line(copy, case) -> None:  # type: ign
 
 
 @pytest.mark.parametrize("case", IN_THE_DBC + BOTH_WAYS + WITH_THE_PROFILE, ids=lambda case: case[3])
-def test_a_fault_of_a_profiles_dbc_is_found_in_the_dbcs_line(copy, case) -> None:  # type: ignore[no-untyped-def]
+def test_a_fault_of_a_profiles_dbc_is_found_in_the_dbcs_line(copy: Copy, case: tuple[str, ...]) -> None:
     old, new, severity, text, place = case
     path = copy("reference.toml", ("reference.dbc", old, new))
     finding = found_in(check_file(path), text)
@@ -136,7 +141,7 @@ IN_THE_PROFILE = [
 
 
 @pytest.mark.parametrize("case", IN_THE_PROFILE, ids=lambda case: case[2])
-def test_a_fault_of_a_profile_is_found_with_its_path_and_line(copy, case) -> None:  # type: ignore[no-untyped-def]
+def test_a_fault_of_a_profile_is_found_with_its_path_and_line(copy: Copy, case: tuple[str, ...]) -> None:
     old, new, text, place = case
     path = copy("reference.toml", ("reference.toml", old, new))
     finding = found_in(check_file(path), text)
@@ -144,26 +149,26 @@ def test_a_fault_of_a_profile_is_found_with_its_path_and_line(copy, case) -> Non
     assert finding.line == line_of(path, place)
 
 
-def test_an_old_key_of_a_profile_is_a_warning_in_its_line(copy) -> None:  # type: ignore[no-untyped-def]
+def test_an_old_key_of_a_profile_is_a_warning_in_its_line(copy: Copy) -> None:
     path = copy("reference.toml", ("reference.toml", "stop_release_time_constant_s", "stop_ease_s"))
     finding = found_in(check_file(path), "$.behavior.stop_ease_s: renamed to stop_release_time_constant_s")
     assert (finding.severity, finding.file) == (WARNING, str(path))
     assert finding.line == line_of(path, "stop_ease_s")
 
 
-def test_a_counter_that_the_profile_claims_and_the_dbc_lacks_is_found_in_each_message(copy) -> None:  # type: ignore[no-untyped-def]
+def test_a_counter_that_the_profile_claims_and_the_dbc_lacks_is_found_in_each_message(copy: Copy) -> None:
     path = copy("reference.toml", ("reference.toml", 'counter_signal = "COUNTER"', 'counter_signal = "ALIVE"'))
     missing = [finding.text for finding in check_file(path) if "no signal 'ALIVE'" in finding.text]
     assert len(missing) == 8
     assert all(text.startswith("$.e2e.counter_signal: ") for text in missing)
 
 
-def test_messages_without_protection_are_a_warning(copy) -> None:  # type: ignore[no-untyped-def]
+def test_messages_without_protection_are_a_warning(copy: Copy) -> None:
     path = copy("reference_fd.toml", ("reference_fd.toml", "COMMAND = 0x080\n", ""))
     assert found_in(check_file(path), "COMMAND: no counter and no checksum").severity == WARNING
 
 
-def test_all_faults_are_found_at_once(copy) -> None:  # type: ignore[no-untyped-def]
+def test_all_faults_are_found_at_once(copy: Copy) -> None:
     every = [("reference.dbc", old, new) for old, new, *_ in (IN_THE_DBC[2], IN_THE_DBC[4], WITH_THE_PROFILE[3])]
     every += [
         ("reference.toml", old, new) for old, new, *_ in (IN_THE_PROFILE[0], IN_THE_PROFILE[5], IN_THE_PROFILE[6])
@@ -203,7 +208,7 @@ def test_a_file_that_is_no_profile_is_reported(tmp_path: Path, content: str, tex
     assert any(text in finding.text and finding.line == line for finding in check_file(path))
 
 
-def test_a_profile_that_is_not_whole_still_has_its_dbc_checked(copy) -> None:  # type: ignore[no-untyped-def]
+def test_a_profile_that_is_not_whole_still_has_its_dbc_checked(copy: Copy) -> None:
     path = copy(
         "reference.toml",
         ("reference.toml", 'x_m = "POSE.POS_X"', ""),
@@ -231,7 +236,9 @@ def test_another_kind_of_file_is_refused(tmp_path: Path) -> None:
         check_file(tmp_path / "a.arxml")
 
 
-def test_the_command_says_each_finding_and_ends_with_2_only_for_errors(copy, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_the_command_says_each_finding_and_ends_with_2_only_for_errors(
+    copy: Copy, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert cli.main(["check-dbc", str(DBC_FOLDER / "reference.toml")]) == 0
     assert capsys.readouterr().out == ""
     path = copy("reference.dbc", ("reference.dbc", "[-6.5536|6.5534]", "[-7|7]"))
