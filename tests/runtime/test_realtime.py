@@ -186,3 +186,34 @@ def test_no_pass_leaves_a_cycle_behind_and_memory_stays_flat(collections: list[d
     gc.collect()
     assert sum(collection["collected"] for collection in collections) == 0
     assert len(gc.get_objects()) - objects < 200
+
+
+RUN = """
+import json, os, sys
+from vehicle_iface import cli
+from vehicle_iface.cli import run
+from vehicle_iface.runtime.loop import Loop
+
+step, found = Loop.step, {}
+
+def watched_step(loop):
+    found["while it runs"] = os.sched_getparam(0).sched_priority
+    step(loop)
+
+def watched_table(what):
+    found["at its summary"] = os.sched_getparam(0).sched_priority
+    return json.dumps(found)
+
+Loop.step, run.table = watched_step, watched_table
+sys.exit(cli.main(["run", "--interface", "embedded", "--duration", "0.2", *sys.argv[1:]]))
+"""
+
+
+def test_a_loop_that_only_watches_yields_to_one_that_drives_and_one_that_has_ended_to_all(tmp_path: Path) -> None:
+    granted = realtime.may_fifo()
+    for arming, priority in (["--arm"], realtime.FIFO_PRIORITY), ([], realtime.UNARMED_PRIORITY):
+        arguments = ["--route", "figure8", "--telemetry", str(tmp_path / "telemetry"), *arming]
+        command = [sys.executable, "-c", RUN, *arguments]
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+        assert json.loads(done.stdout) == {"while it runs": priority if granted else 0, "at its summary": 0}

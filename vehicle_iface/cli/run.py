@@ -84,10 +84,12 @@ def run(options: argparse.Namespace) -> int:
             log.info("%s, %s: %s", loop.link.description, _arming(options), _describe_route(options))
             connect = "" if options.telemetry == DEFAULT_TELEMETRY else f" --connect {shlex.quote(options.telemetry)}"
             log.info("process %d; the page: vehicle-iface view%s", os.getpid(), connect)
-            for lack in realtime.apply_settings(cpu=options.cpu):
+            priority = realtime.FIFO_PRIORITY if options.arm else realtime.UNARMED_PRIORITY
+            for lack in realtime.apply_settings(priority=priority, cpu=options.cpu):
                 log.warning("%s", lack)
             run_for(loop, options.duration)
             loop.link.close()
+            realtime.release_priority()
         on_end_signals(None)  # the vehicle is released: a terminal or disk that hangs must not keep the program
         summary = loop.summary()
         if recording is not None:

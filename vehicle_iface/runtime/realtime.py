@@ -26,6 +26,8 @@ from pathlib import Path
 
 FIFO_PRIORITY = 50
 """Above everything ordinary, below the kernel's interrupt threads of a real-time kernel (50 shares their class)."""
+UNARMED_PRIORITY = FIFO_PRIORITY - 10
+"""A loop that only watches never delays one that drives."""
 LIMITS_FILE = "/etc/security/limits.d/vehicle-iface.conf"
 FIX_FIFO = f'echo "$USER - rtprio {FIFO_PRIORITY}" | sudo tee -a {LIMITS_FILE}'
 FIX_LOCK = f'echo "$USER - memlock unlimited" | sudo tee -a {LIMITS_FILE}'
@@ -58,6 +60,12 @@ def apply_settings(priority: int = FIFO_PRIORITY, *, cpu: int | None = None) -> 
     settings = RealtimeSettings(priority=priority, cpu=cpu)
     problems = (step(settings) for step in STEPS)
     return [problem for problem in problems if problem]
+
+
+def release_priority() -> None:
+    """Make this thread ordinary again: what follows the last pass must not delay another loop on this machine."""
+    if hasattr(os, "sched_setscheduler"):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def collect_garbage_if_due() -> None:
