@@ -485,7 +485,7 @@ def test_another_commander_silences_at_once_and_for_good(name: str) -> None:
 @pytest.fixture
 def lenient(monkeypatch: pytest.MonkeyPatch) -> None:
     """The vehicle's own watchdog is satisfied: somebody else drives it."""
-    monkeypatch.setattr(sim_engagement, "WATCHDOG_NS", ms(10**6))
+    monkeypatch.setattr(sim_engagement, "WATCHDOG_PERIODS", 10**5)
 
 
 def silenced(drive: Drive, count: int) -> bool:

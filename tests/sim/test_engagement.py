@@ -5,7 +5,7 @@ import itertools
 import pytest
 from vehicle_bus_contract.reference import AUTONOMOUS, EMERGENCY_STOP, FAULT, MANUAL, READY
 
-from vehicle_iface.sim.engagement import TRANSITIONS, WATCHDOG_NS, CommandWatch, Event
+from vehicle_iface.sim.engagement import TRANSITIONS, WATCHDOG_PERIODS, CommandWatch, Event
 from vehicle_iface.sim.parameters import Driver
 
 from .harness import VehicleHarness
@@ -42,30 +42,39 @@ def test_a_driver_at_rest_is_the_default() -> None:
 
 
 def test_a_watch_knows_no_deadline_before_each_kind_has_come() -> None:
-    watch = CommandWatch(["a", "b"])
+    watch = CommandWatch({"a": 10, "b": 10})
     watch.note("a", enabled=True, seen_ns=5)
     assert watch.expires_ns is None
     watch.note("b", enabled=True, seen_ns=7)
-    assert watch.expires_ns == 5 + WATCHDOG_NS
+    assert watch.expires_ns == 5 + WATCHDOG_PERIODS * 10
+
+
+def test_each_kind_has_ten_of_its_own_periods() -> None:
+    watch = CommandWatch({"fast": 10, "slow": 100})
+    watch.note("slow", enabled=True, seen_ns=0)
+    watch.note("fast", enabled=True, seen_ns=850)
+    assert watch.expires_ns == 950
+    watch.note("fast", enabled=True, seen_ns=945)
+    assert watch.expires_ns == 1000
 
 
 def test_a_vehicle_with_one_command_message_counts_each_as_a_pair() -> None:
-    watch = CommandWatch(["both"])
+    watch = CommandWatch({"both": 10})
     for i in range(3):
         watch.note("both", enabled=True, seen_ns=i)
     assert watch.pairs == 3
 
 
 def test_a_gap_breaks_the_row_once() -> None:
-    watch = CommandWatch(["a", "b"])
-    for start_ns in (0, WATCHDOG_NS):
+    watch = CommandWatch({"a": 10, "b": 10})
+    for start_ns in (0, WATCHDOG_PERIODS * 10):
         watch.note("a", enabled=True, seen_ns=start_ns)
         watch.note("b", enabled=True, seen_ns=start_ns)
         assert watch.pairs == 1
 
 
 def test_a_command_that_comes_twice_as_often_comes_twice_for_a_pair_and_no_more() -> None:
-    watch = CommandWatch(["fast", "slow"], {"fast": 2, "slow": 1})
+    watch = CommandWatch({"fast": 10, "slow": 20})
     for kind in ("fast", "slow", "fast", "fast", "slow"):
         watch.note(kind, enabled=True, seen_ns=0)
     assert watch.pairs == 2

@@ -9,7 +9,7 @@ from msgspec import UNSET
 
 from tests import harness
 from tests.harness import Drive, Sent
-from tests.vehicles.files import load_vehicle
+from tests.vehicles.files import load_text, load_vehicle
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.summary import table
 from vehicle_iface.safety.engagement import Mode
@@ -147,6 +147,22 @@ def test_each_message_comes_at_its_own_period(tmp_path: Path) -> None:
     sent = [frame.can_id for tick in range(100) for frame in vehicle.advance(harness.START_NS + harness.ms(10 * tick))]
     assert {can_id: sent.count(can_id) for can_id in sent} == {272: 100, 273: 50, 256: 50}
     assert sent[:3] == [256, 273, 272]
+
+
+def test_a_vehicle_with_slow_commands_waits_for_ten_of_them_before_it_misses_one(tmp_path: Path) -> None:
+    toml, dbc = (
+        (Path(__file__).with_name("sample_by_time").with_suffix(kind)).read_text(encoding="utf-8")
+        for kind in (".toml", ".dbc")
+    )
+    database = load_text(f"{toml}\n[command.periods]\nCMD = 0.1\n", dbc, tmp_path)
+    source = FixedTrajectory(harness.straight(frame_id=database.profile.state.frame_id))
+    drive = Drive(source, database=database).engage(1.0)
+    assert drive.vehicle.counters["commands_lost"] == 0
+    drive.line.full = True
+    drive.run_s(0.85)
+    assert drive.vehicle.mode is VehicleMode.AUTONOMOUS
+    drive.run_s(0.2)
+    assert drive.vehicle.counters["commands_lost"] == 1
 
 
 def test_the_summary_shows_the_age_of_each_part_and_how_far_odometry_went(tmp_path: Path) -> None:

@@ -1,15 +1,13 @@
 """Who drives the simulated vehicle, as a table, and what earns or loses the commander its place."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from enum import Enum, auto
-from types import MappingProxyType
 
 from vehicle_iface.status import VehicleMode
-from vehicle_iface.units import NS_PER_MS
 
-WATCHDOG_NS = 100 * NS_PER_MS
-"""Commands are lost after this long without an intact one of a kind."""
+WATCHDOG_PERIODS = 10
+"""Commands are lost after this many periods of a kind without an intact one: 100 ms where they come every 10 ms."""
 PAIRS_TO_ENGAGE = 3
 """Consecutive intact pairs with ENABLE = 1 that a commander needs."""
 
@@ -62,21 +60,20 @@ TRANSITIONS = {
 """Without an entry the mode stays."""
 
 
-NOTHING_MORE: Mapping[str, int] = MappingProxyType({})
-
-
 class CommandWatch:
     """Counts consecutive intact pairs and notices when commands stop.
 
     A pair is one command of each kind, in any order; two of one kind without the other between them end the streak
     (more of a kind that is sent more often), and so do a damaged one, one with ENABLE = 0 and a gap as long as the
-    watchdog's. "No intact command of either kind for 100 ms" is read strictly: each kind by itself must stay fresh,
+    watchdog's. "No intact command of either kind" is read strictly: each kind by itself must stay fresh,
     since a vehicle that is still steered but no longer braked, or the other way round, is not being driven.
     """
 
-    def __init__(self, kinds: Iterable[str], most_per_pair: Mapping[str, int] = NOTHING_MORE) -> None:
-        """`kinds`: the command messages' names; of each, one for a pair or at most as many as `most_per_pair`."""
-        self._kinds, self._most_per_pair = frozenset(kinds), most_per_pair
+    def __init__(self, periods_ns: Mapping[str, int]) -> None:
+        """`periods_ns`: of each command message, how often it comes; of a pair, the slowest comes once."""
+        slowest_ns = max(periods_ns.values(), default=0)
+        self._most_per_pair = {kind: round(slowest_ns / period_ns) for kind, period_ns in periods_ns.items()}
+        self._patience_ns = {kind: WATCHDOG_PERIODS * period_ns for kind, period_ns in periods_ns.items()}
         self._last_ns: dict[str, int] = {}
         self._half: Counter[str] = Counter()
         self.pairs = 0
@@ -85,15 +82,15 @@ class CommandWatch:
     def note(self, kind: str, *, enabled: bool, seen_ns: int) -> None:
         """An intact command of `kind` was on the bus at `seen_ns`."""
         last_ns = self._last_ns.get(kind)
-        if last_ns is not None and seen_ns - last_ns >= WATCHDOG_NS:
+        if last_ns is not None and seen_ns - last_ns >= self._patience_ns[kind]:
             self.reset_streak()
             self._last_ns.clear()  # one gap ends one streak, though the other kind shows it too
         self._last_ns[kind] = seen_ns
-        if not enabled or self._half[kind] >= self._most_per_pair.get(kind, 1):
+        if not enabled or self._half[kind] >= self._most_per_pair[kind]:
             self.reset_streak()
         if enabled:
             self._half[kind] += 1
-        if self._half.keys() >= self._kinds:
+        if self._half.keys() >= self._patience_ns.keys():
             self._half.clear()
             self.pairs += 1
 
@@ -109,6 +106,6 @@ class CommandWatch:
     @property
     def expires_ns(self) -> int | None:
         """When the commands are lost unless more come; None before the first of each kind."""
-        if not self._kinds or len(self._last_ns) < len(self._kinds):
+        if not self._patience_ns or len(self._last_ns) < len(self._patience_ns):
             return None
-        return min(self._last_ns.values()) + WATCHDOG_NS
+        return min([last_ns + self._patience_ns[kind] for kind, last_ns in self._last_ns.items()])

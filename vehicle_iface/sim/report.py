@@ -45,10 +45,8 @@ class VehicleReport:
 class Wire(Protocol):
     """Between the vehicle's fields and the bytes on its bus."""
 
-    commands: tuple[str, ...]
-    most_per_pair: Mapping[str, int]
-    """How many frames of a command may come for one of the slowest command."""
-    """Messages that a commander must keep sending."""
+    command_periods_ns: Mapping[str, int]
+    """Messages that a commander must keep sending, and how often."""
     sample: tuple[str, ...]
     """Messages of one state sample, in the order in which they are sent."""
     periods_ns: Mapping[str, int]

@@ -76,7 +76,7 @@ class SimulatedVehicle:
         """What happened how often; `other` are frames that are none of the profile's."""
         self._wire = wire
         self._car = Bicycle(car, start)
-        self._watch = CommandWatch(wire.commands, wire.most_per_pair)
+        self._watch = CommandWatch(wire.command_periods_ns)
         self._requested: dict[str, float | int] = {}
         self._interpret = interpret
         self._reported = self._car.state

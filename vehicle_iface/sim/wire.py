@@ -26,11 +26,10 @@ class ProfileWire:
     """The wire of one profile."""
 
     def __init__(self, database: VehicleDatabase) -> None:
-        self.commands = tuple(message.name for message in database.commands)
         timing, periods_s = database.profile.timing, database.profile.command.periods
-        longest_s = max((periods_s.get(name, timing.command_period_s) for name in self.commands), default=0.0)
-        self.most_per_pair: Mapping[str, int] = {
-            name: round(longest_s / periods_s.get(name, timing.command_period_s)) for name in self.commands
+        self.command_periods_ns: Mapping[str, int] = {
+            message.name: ns_from_s(periods_s.get(message.name, timing.command_period_s))
+            for message in database.commands
         }
         self.sample = tuple(message.name for message in database.sample)
         self.periods_ns: Mapping[str, int] = dict(_periods_ns(database))
