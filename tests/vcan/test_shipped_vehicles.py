@@ -1,0 +1,201 @@
+"""Each shipped vehicle as processes of its own on a real vcan0: driven, and stopped or released for each cause in turn.
+
+The frames are decoded by cantools from the shipped DBC, not by the program's codec.
+"""
+
+import select
+import signal
+import threading
+import time
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import cantools
+import pytest
+from vehicle_bus_contract.reference import Frame
+from vehicle_bus_contract.socketcan import open_socket, receive_frames
+
+from vehicle_iface.sim.driver_socket import send_line
+
+from .conftest import ROOT, Programs
+from .observer import CHANNEL, PATIENCE_S
+
+DBC = ROOT / "dbc"
+LATCHED_FAULT = 4
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """Where a vehicle's DBC shows how a drive goes; signals are MESSAGE.SIGNAL."""
+
+    speed: str
+    fast: float
+    """Of that signal: it drives."""
+    drive: str
+    """A command above 0 while the vehicle is to be driven forwards."""
+    enabled: tuple[str, int]
+    """The value of a sent signal while commands are enabled."""
+    sample: str
+    """The message that completes a sample."""
+    protected: str = ""
+    """A message of the vehicle with a checksum."""
+    stop_latches: bool = False
+    """A vehicle that has lost its place by dead reckoning is held until it is armed again."""
+
+
+VEHICLES = {
+    "agilex_hunter": Shipped(
+        speed="MOTION_STATE.LINEAR_VELOCITY",
+        fast=0.7,
+        drive="MOTION_COMMAND.LINEAR_VELOCITY",
+        enabled=("CONTROL_MODE_SETTING.MODE", 1),
+        sample="MOTION_STATE",
+        stop_latches=True,
+    ),
+}
+
+
+class Watched:
+    """Every frame on vcan0, from a thread of its own; a message is decoded when a test asks for it."""
+
+    def __init__(self, name: str) -> None:
+        database = cantools.database.load_file(str(DBC / f"{name}.dbc"))
+        assert isinstance(database, cantools.database.can.Database)
+        self._messages = {message.name: message for message in database.messages}
+        self.frames: list[Frame] = []
+        self._raw = open_socket(CHANNEL)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="watched")
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop watching; the record stays."""
+        self._over.set()
+        self._thread.join()
+        self._raw.close()
+
+    def values(self, dotted: str, since: int = 0) -> Iterator[tuple[int, float]]:
+        """Index after the frame and value, of each frame that has the signal."""
+        name, _, signal_name = dotted.partition(".")
+        message = self._messages[name]
+        for index in range(since, len(self.frames)):
+            frame = self.frames[index]
+            if (frame.can_id, frame.is_extended) == (message.frame_id, message.is_extended_frame):
+                told = message.decode(frame.data, decode_choices=False)
+                assert isinstance(told, dict)
+                yield index + 1, float(str(told[signal_name]))
+
+    def wait_for(self, what: str, dotted: str, fits: Callable[[float], bool], since: int) -> int:
+        """The index after the first frame with such a value; fails, naming `what`, when it does not come."""
+        deadline_s, newest = time.monotonic() + PATIENCE_S, None
+        while time.monotonic() < deadline_s:
+            for since, newest in self.values(dotted, since):  # noqa: B020 (each frame is looked at once)
+                if fits(newest):
+                    return since
+            time.sleep(0.05)  # a test that looks more often takes time from the programs that it watches
+        raise AssertionError(f"{what}: did not come in {PATIENCE_S:.0f} s; {dotted} is {newest}")
+
+    def _watch(self) -> None:
+        while not self._over.is_set():
+            select.select([self._raw], [], [], 0.2)
+            self.frames += receive_frames(self._raw)
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A vehicle with its loop, and what their frames say."""
+
+    vehicle: Shipped
+    watched: Watched
+    socket: str
+
+    def say(self, line: str) -> None:
+        """An order to the vehicle's driver."""
+        assert send_line(self.socket, line, timeout_s=PATIENCE_S) == "ok"
+
+    def drives(self, since: int) -> int:
+        """Commands are enabled, they drive, and the vehicle is fast."""
+        vehicle, wait_for = self.vehicle, self.watched.wait_for
+        signal_name, value = vehicle.enabled
+        since = wait_for("commands are enabled", signal_name, lambda one: one == value, since)
+        since = wait_for("a command that drives", vehicle.drive, lambda one: one > 0.0, since)
+        return wait_for("the vehicle drives", vehicle.speed, lambda one: one >= vehicle.fast, since)
+
+    def stops(self, since: int) -> int:
+        """No command drives any more."""
+        return self.watched.wait_for("a command that does not drive", self.vehicle.drive, lambda one: one <= 0, since)
+
+    def is_released(self, since: int) -> int:
+        """Commands are no longer enabled."""
+        signal_name, value = self.vehicle.enabled
+        return self.watched.wait_for("commands are released", signal_name, lambda one: one != value, since)
+
+    def stays_released(self, since: int) -> int:
+        """For a dozen frames nothing enables or drives."""
+        signal_name, value = self.vehicle.enabled
+        end = since
+        for _ in range(12):
+            end = self.watched.wait_for("the next frame", signal_name, lambda _: True, end)
+        assert all(one != value for _, one in self.watched.values(signal_name, since))
+        assert all(one <= 0.0 for _, one in self.watched.values(self.vehicle.drive, since))
+        return end
+
+
+def test_every_shipped_vehicle_that_can_be_driven_is_driven_here() -> None:
+    profiles = {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in DBC.glob("*.toml")}
+    drivable = {name for name, profile in profiles.items() if "command" in profile}
+    assert set(VEHICLES) == drivable - {"reference", "reference_fd"}
+
+
+@pytest.mark.usefixtures("vcan0")
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_shipped_vehicle_drives_and_is_stopped_or_released_for_each_cause(
+    name: str, request: pytest.FixtureRequest
+) -> None:
+    vehicle, watched = VEHICLES[name], Watched(name)
+    request.addfinalizer(watched.close)
+    programs = Programs(request.getfixturevalue("tmp_path"))
+    request.addfinalizer(programs.kill_all)
+    request.addfinalizer(lambda: print(programs.text))
+    driven = Driven(vehicle, watched, str(programs.folder / "driver.sock"))
+    programs.start("sim", "--profile", name, "--driver-socket", driven.socket)
+    watched.wait_for("the vehicle's first sample", vehicle.speed, lambda _: True, 0)
+    loop = programs.run("--profile", name, "--arm", "--route", "figure8")
+
+    def goes_on(since: int) -> int:
+        if vehicle.stop_latches:
+            loop.says(r"HALTED \(")
+            loop.tell(signal.SIGUSR1)
+        return driven.drives(since)
+
+    now = driven.drives(0)
+    assert loop.is_running
+
+    driven.say(f"mute {vehicle.sample} on")
+    now = driven.stops(now)
+    driven.say(f"mute {vehicle.sample} off")
+    loop.says("reason: STATE_STALE")
+    now = goes_on(now)
+
+    if vehicle.protected:
+        driven.say(f"corrupt {vehicle.protected} 15")
+        now = driven.stops(now)
+        now = driven.drives(now)
+
+    driven.say("brake 1")
+    now = driven.is_released(now)
+    loop.says(r"OVERRIDDEN \(DRIVER_OVERRIDE\)|OVERRIDDEN \(VEHICLE_NOT_AUTONOMOUS\)")
+    driven.say("brake 0")
+    driven.say("ready")
+    now = driven.stays_released(now)
+    loop.tell(signal.SIGUSR1)
+    now = driven.drives(now)
+
+    driven.say("fault 1")
+    now = driven.is_released(now)
+    loop.says(r"FAULT \(VEHICLE_FAULT\)")
+    driven.stays_released(now)
+    loop.tell(signal.SIGTERM)
+    assert loop.ends() == LATCHED_FAULT
+    assert not vehicle.protected or f"bad CRC {vehicle.protected}" in loop.text
