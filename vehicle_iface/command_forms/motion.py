@@ -5,8 +5,6 @@ from typing import NamedTuple
 
 LONGEST_STEP_S = 0.1
 """After a longer silence a target moves on by no more than this much time."""
-STANDING_MPS = 0.05
-"""Slower than this the vehicle stands, as far as its speed signal can tell."""
 
 
 class MeasuredMotion(NamedTuple):

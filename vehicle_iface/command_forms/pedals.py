@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from vehicle_iface.command import SafeCommand
-from vehicle_iface.command_forms.motion import LONGEST_STEP_S, STANDING_MPS, MeasuredMotion, WireRange
+from vehicle_iface.command_forms.motion import LONGEST_STEP_S, MeasuredMotion, WireRange
 from vehicle_iface.profile import Limits
 from vehicle_iface.profile.command_forms import Feedback
+from vehicle_iface.standstill import STANDING_MPS
 from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_S
 

@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from vehicle_iface.command_forms.motion import STANDING_MPS
 from vehicle_iface.command_forms.pedals import Table, interpolate
 from vehicle_iface.profile import Profile
+from vehicle_iface.standstill import STANDING_MPS
 
 Fields = Mapping[str, float | int]
 

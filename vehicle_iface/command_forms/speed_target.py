@@ -16,8 +16,9 @@ blocked) does not find a distant target when it does.
 from typing import NamedTuple
 
 from vehicle_iface.command import SafeCommand
-from vehicle_iface.command_forms.motion import LONGEST_STEP_S, STANDING_MPS, MeasuredMotion, WireRange
+from vehicle_iface.command_forms.motion import LONGEST_STEP_S, MeasuredMotion, WireRange
 from vehicle_iface.profile import Limits
+from vehicle_iface.standstill import STANDING_MPS
 from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_S
 

@@ -21,6 +21,7 @@ from vehicle_iface.control.stop_schedule import StopSchedule
 from vehicle_iface.control.tracking import PathProgress
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.reason import Reason
+from vehicle_iface.standstill import CREEPING_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.units import s_from_ns
 
@@ -46,7 +47,7 @@ class PurePursuitConfig:
     """Aim at exactly the look-ahead distance, between two points; otherwise at the next point beyond it."""
     delay_compensation: bool = False
     """Compute from the state predicted for now, not from the one at its stamp."""
-    standstill_speed_mps: float = 0.1
+    standstill_speed_mps: float = CREEPING_MPS
     """Below this speed the vehicle counts as standing; it is also the speed at which it creeps up to a stop that it did
     not quite reach. At least 0."""
 

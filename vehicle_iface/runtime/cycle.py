@@ -15,15 +15,13 @@ from vehicle_iface.safety.gate import Gate
 from vehicle_iface.safety.gear import GearCheck
 from vehicle_iface.safety.motion import MotionCheck
 from vehicle_iface.safety.stop_hold import StopHold
+from vehicle_iface.standstill import STANDING_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.state_assembler import Sample
 from vehicle_iface.status import ControllerState, Gear, VehicleStatus
 from vehicle_iface.units import NS_PER_MS
 
 log = logging.getLogger(__name__)
-
-STANDSTILL_MPS = 0.05
-"""Slower than this the vehicle stands, as far as its own speed signal can tell."""
 
 
 class Decision(NamedTuple):
@@ -257,7 +255,7 @@ def find_needed_gear(requested: Command, state: VehicleState) -> Gear:
     if requested.is_stop:
         return Gear.NO_REQUEST
     direction = requested.speed_mps
-    if direction == 0.0 and abs(state.speed_mps) < STANDSTILL_MPS:
+    if direction == 0.0 and abs(state.speed_mps) < STANDING_MPS:
         direction = requested.accel_mps2
     if direction == 0.0:
         return Gear.NO_REQUEST

@@ -12,6 +12,7 @@ from vehicle_iface.runtime.cycle import Decision
 from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.runtime.transmitter import Outcome
 from vehicle_iface.safety.engagement import Event
+from vehicle_iface.standstill import AT_REST_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.state_assembler import Sample
 from vehicle_iface.status import VehicleStatus
@@ -19,8 +20,8 @@ from vehicle_iface.telemetry.details import LiveDetails, RunSummary
 
 log = logging.getLogger(__name__)
 
-AT_REST_MPS, AT_REST_SAMPLES = 0.01, 3
-"""Two counts of the reference vehicle's speed signal, several times in a row: only then is it released."""
+AT_REST_SAMPLES = 3
+"""So many samples in a row at rest: only then is the vehicle released."""
 
 
 class Loop:

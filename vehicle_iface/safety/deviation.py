@@ -7,7 +7,7 @@ from enum import Enum
 from vehicle_iface.profile import Deviation
 from vehicle_iface.safety.limits import LimitViolation
 from vehicle_iface.safety.path_distance import PathLocator, PathPlace
-from vehicle_iface.safety.plausibility import STANDING_MPS
+from vehicle_iface.standstill import STANDING_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
 

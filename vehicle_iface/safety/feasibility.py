@@ -8,7 +8,8 @@ together make a turn out of nothing. A window with both directions of travel in 
 import numpy as np
 
 from vehicle_iface.profile import Limits
-from vehicle_iface.safety.lateral import SLOW_MPS, curvature_per_m
+from vehicle_iface.safety.lateral import curvature_per_m
+from vehicle_iface.standstill import CREEPING_MPS
 from vehicle_iface.trajectory import FloatArray, IntArray, Trajectory
 
 CHORD_S = 0.5
@@ -58,7 +59,7 @@ def max_curvature(speed_mps: FloatArray, limits: Limits, wheelbase_m: float) -> 
     table = np.array(limits.front_wheel_angle_by_speed)  # (rows, 2)
     front_rad = np.minimum(np.interp(speed_mps, table[:, 0], table[:, 1]), limits.front_wheel_angle_rad)
     by_wheels = curvature_per_m(0.0, -limits.rear_wheel_angle_rad, wheelbase_m) + np.tan(front_rad) / wheelbase_m
-    by_force: FloatArray = limits.lateral_accel_mps2 / np.maximum(speed_mps, SLOW_MPS) ** 2
+    by_force: FloatArray = limits.lateral_accel_mps2 / np.maximum(speed_mps, CREEPING_MPS) ** 2
     allowed: FloatArray = np.minimum(by_wheels, by_force)
     return allowed
 

@@ -8,9 +8,10 @@ from typing import NamedTuple
 from vehicle_iface.command import Command, SafeCommand
 from vehicle_iface.profile import Limits
 from vehicle_iface.reason import Reason
-from vehicle_iface.safety.lateral import SLOW_MPS, curvature_per_m, front_angle_rad
+from vehicle_iface.safety.lateral import curvature_per_m, front_angle_rad
 from vehicle_iface.safety.limits import Channel, clamp_interval, interpolate_by_speed, limit_raw, raw_range
 from vehicle_iface.safety.stop import StopShape, stop_accel_raw
+from vehicle_iface.standstill import CREEPING_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_S
@@ -206,7 +207,7 @@ class Gate:
                 apart = min(apart, limits.while_engaging.front_wheel_rate_radps * LONGEST_STEP_S)
             nearest, farthest = raw_range(channel, measured - apart, measured + apart)
             within = clamp_interval((min(nearest, last.front_raw), max(farthest, last.front_raw)), within)
-        if abs(speed_mps) >= SLOW_MPS:
+        if abs(speed_mps) >= CREEPING_MPS:
             since_ns, held_s = max(last.front_ns, last.rear_ns), (now_ns - last.turned_ns) / NS_PER_S
             lateral = self._lateral_rad(rear_raw, last, speed_mps, _step_s(now_ns, since_ns), held_s)
             within = clamp_interval(within, raw_range(channel, *lateral))

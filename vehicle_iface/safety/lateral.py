@@ -6,9 +6,6 @@ Curvature κ = (tan δ_front − tan δ_rear) / L, lateral acceleration v²·κ,
 
 import math
 
-SLOW_MPS = 0.1
-"""Slower than this nothing that the wheels do can be felt, and v² must not be divided by."""
-
 
 def curvature_per_m(front_rad: float, rear_rad: float, wheelbase_m: float) -> float:
     """Of the path of the rear axle's centre, positive to the left."""

@@ -25,7 +25,7 @@ from vehicle_iface.motion_sources import MotionSources
 from vehicle_iface.profile import Plausibility
 from vehicle_iface.safety.lateral import curvature_per_m
 from vehicle_iface.safety.limits import LimitViolation
-from vehicle_iface.safety.plausibility import STANDING_MPS
+from vehicle_iface.standstill import STANDING_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_MS, NS_PER_S, ns_from_s, wrapped_rad

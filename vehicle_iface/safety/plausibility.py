@@ -8,6 +8,7 @@ from enum import Enum
 from vehicle_iface.profile import Plausibility
 from vehicle_iface.safety.lateral import curvature_per_m
 from vehicle_iface.safety.limits import LimitViolation
+from vehicle_iface.standstill import STANDING_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.units import NS_PER_MS, NS_PER_S, s_from_ns, wrapped_rad
 
@@ -27,8 +28,6 @@ STRAY_SHARE = 0.15
 """While samples are dropped, the vehicle may have strayed from straight on by this share of its way."""
 RESTED_NS = 500 * NS_PER_MS
 """After so long at a speed of 0 a position that stands is right, whatever the speed was before."""
-STANDING_MPS = 0.05
-"""Up to here a speed may be a sensor's offset at rest, and makes no way."""
 
 
 class PlausibilityFault(Enum):

@@ -18,14 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle_iface.errors import BackwardStepError
+from vehicle_iface.standstill import STANDING_MPS
 from vehicle_iface.trajectory import FloatArray, IntArray, Trajectory
 
 NOISE_M = 0.1
 """Noise of recorded positions: a point that does not lead on and is no further away than this is left out."""
 LEAST_LEAD = 0.5
 """Of a step's length, the part that must be in the direction of travel: the cosine of 60°."""
-STANDSTILL_MPS = 0.05
-"""A measured speed below this is noise at standstill; its sign means nothing."""
 ROUNDING_M = 1e-8
 """A step back of no more than this is rounding; a controller's index gets past it (`control.PASSED_TOLERANCE`)."""
 
@@ -80,7 +79,7 @@ def drop_backward_steps(trajectory: Trajectory) -> CleanedTrajectory:
     """Leave out the points that do not lead on from the last point before them that does.
 
     What is kept has its time as before, and with these exceptions its place: a standstill (speeds of at most
-    `STANDSTILL_MPS`, all places within `NOISE_M` of the first) with steps to and fro in it becomes a dwell, its first
+    `STANDING_MPS`, all places within `NOISE_M` of the first) with steps to and fro in it becomes a dwell, its first
     and its last point at one place, without speed. A slow point and the last point of all are not left out but put at
     the place of the point before, so that no time is lost.
 
@@ -112,7 +111,7 @@ def _with_dwells(trajectory: Trajectory, directions: "_Directions") -> tuple[Int
     places these are, and which of the k are in a dwell by that."""
     places, is_kept = np.arange(len(trajectory)), np.ones(len(trajectory), dtype=bool)
     is_dwell = np.zeros(len(trajectory), dtype=bool)
-    is_slow = np.concatenate(([False], np.abs(trajectory.speed_mps) <= STANDSTILL_MPS, [False]))
+    is_slow = np.concatenate(([False], np.abs(trajectory.speed_mps) <= STANDING_MPS, [False]))
     edges = np.flatnonzero(is_slow[1:] != is_slow[:-1])
     for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
         if directions.is_noisy_standstill(first, last):
@@ -143,7 +142,7 @@ def _without_noise(trajectory: Trajectory, directions: "_Directions", numbers: I
                 f"and sign of the speed: at most {NOISE_M} m is taken for noise and left out",
                 point=int(numbers[i]),
             )
-        if i == last or abs(speeds_mps[i]) <= STANDSTILL_MPS:
+        if i == last or abs(speeds_mps[i]) <= STANDING_MPS:
             points.append(i)
             places.append(before)
     return np.array(points), np.array(places)
@@ -168,7 +167,7 @@ class _Directions:
         self._x_m, self._y_m = trajectory.x_m, trajectory.y_m
         self._cos, self._sin = np.cos(trajectory.heading_rad), np.sin(trajectory.heading_rad)
         speed_mps = trajectory.speed_mps
-        self._sign = np.sign(speed_mps) * (np.abs(speed_mps) > STANDSTILL_MPS)  # (n,) 0 where the vehicle stands
+        self._sign = np.sign(speed_mps) * (np.abs(speed_mps) > STANDING_MPS)  # (n,) 0 where the vehicle stands
         at = np.arange(len(speed_mps))
         is_moving = self._sign != 0.0
         before = self._sign[np.maximum.accumulate(np.where(is_moving, at, 0))]

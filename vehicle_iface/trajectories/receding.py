@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
+from vehicle_iface.standstill import CREEPING_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectories.route import Route
 from vehicle_iface.trajectory import FloatArray, Trajectory
@@ -20,7 +21,6 @@ _S, _X, _Y, _HEADING, _CURVATURE, _WHEEL, _SQUARED = range(7)
 _MAX_POINTS = 256
 _FLOOR_MPS = 0.3
 """Slowest speed asked for, but on the way into a stop: a first point at 0 m/s would have no direction."""
-_STANDING_MPS = 0.1
 _ARRIVED_M = 0.02
 _STOPPED_SHORT_M = 2.5
 """From here a controller that looks 2 m ahead sees only the stop's 0 m/s: who stands here stays."""
@@ -151,7 +151,7 @@ class RecedingRoute:
     def _waits(self, now_ns: int, state: VehicleState) -> bool:
         """Whether the vehicle has come to its leg's end and has to stay; when not, the next leg may be on."""
         leg = self._legs[self._leg_index]
-        standing = abs(state.speed_mps) < _STANDING_MPS
+        standing = abs(state.speed_mps) < CREEPING_MPS
         left_m = leg.end_m - self._s_m
         self._arrived |= left_m < _ARRIVED_M or (standing and left_m < leg.short_m)
         if not self._arrived:
