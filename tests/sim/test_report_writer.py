@@ -104,7 +104,7 @@ def row_of(database: VehicleDatabase, writer: ReportWriter, sent: VehicleReport,
 
 
 def writer_of(database: VehicleDatabase) -> ReportWriter:
-    return ReportWriter(database, override_torque_nm=3.0)
+    return ReportWriter(database, {}, override_torque_nm=3.0)
 
 
 @cache

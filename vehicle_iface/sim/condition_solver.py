@@ -74,6 +74,16 @@ def candidates(view: SignalView, conditions: Iterable[Condition], find: FindPlac
     return tuple(sorted((one for one in found if one is not None), key=lambda one: (abs(one), -one)))
 
 
+def zero_and_more(view: SignalView) -> tuple[float, float]:
+    """In the DBC's unit 0, or the number next to it, and the smallest number that is not 0."""
+    found = candidates(view, (), _find_nothing)
+    return view.to_wire(found[0]), view.to_wire(next((one for one in found if one), found[0]))
+
+
+def _find_nothing(dotted: str) -> Place:
+    raise KeyError(dotted)
+
+
 def solve(goals: Sequence[Goal], domains: Domains, find: FindPlace) -> Domains | None:
     """The values that each signal may have when all goals are met; None where there are none."""
     return next(_narrow(list(goals), [], dict(domains), find), None)

@@ -5,17 +5,19 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from vehicle_iface.frame import CanFrame
+from vehicle_iface.sim.demands import Demands
 from vehicle_iface.status import Gear, VehicleMode
 
 
 @dataclass(frozen=True, slots=True)
-class ReceivedCommand:
-    """One intact command message."""
+class ReceivedMessage:
+    """One intact message to the vehicle."""
 
-    kind: str
-    """The message's name."""
+    name: str
     values: Mapping[str, float | int]
-    """By the field's name: `enable`, `accel_mps2`, `gear_request`, …"""
+    """Of a command, by the field's name: `enable`, `accel_mps2`, `gear_request`, …"""
+    signals: Mapping[str, float]
+    """What no field fills and changes, by the signal's name and in the DBC's unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,16 +57,18 @@ class Wire(Protocol):
     """Frames of reference that it can express, and their numbers."""
     requests_gear: bool
     """Whether the commands can say which gear is wanted."""
+    demands: Demands
+    """What the vehicle demands besides commands."""
 
-    def is_command(self, frame: CanFrame) -> bool:
-        """Whether the frame claims to be one of `commands`."""
+    def find_name(self, frame: CanFrame) -> str | None:
+        """The message that the frame claims to be; None where it is none that the vehicle reads."""
         ...
 
     def is_known(self, frame: CanFrame) -> bool:
         """Whether the frame has an identifier of this vehicle's profile."""
         ...
 
-    def read(self, frame: CanFrame) -> ReceivedCommand | None:
+    def read(self, frame: CanFrame) -> ReceivedMessage | None:
         """The frame's content; None when it is damaged, out of order or impossible."""
         ...
 

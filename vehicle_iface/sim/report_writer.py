@@ -17,8 +17,9 @@ from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.pose import Pose, PoseInputs, build_pose_sensor
 from vehicle_iface.profile.forms import FieldForm, FieldSource
 from vehicle_iface.profile.state_pose import POSE_SIGNALS, Mount
-from vehicle_iface.sim.condition_solver import candidates, holds
+from vehicle_iface.sim.condition_solver import holds, zero_and_more
 from vehicle_iface.sim.condition_values import NEXT_BEST, ConditionValues, RowSignal, Wanted
+from vehicle_iface.sim.demands import Handshake
 from vehicle_iface.sim.report import VehicleReport
 from vehicle_iface.status import Gear, VehicleMode
 
@@ -47,8 +48,11 @@ Getter = Callable[[_Instant], float]
 class ReportWriter:
     """Computes the values of all received messages of a profile."""
 
-    def __init__(self, database: VehicleDatabase, *, override_torque_nm: float) -> None:
-        """Raises `ConfigError` for conditions that no values fulfil."""
+    def __init__(
+        self, database: VehicleDatabase, handshakes: Mapping[str, Handshake], *, override_torque_nm: float
+    ) -> None:
+        """`handshakes` are by their MESSAGE.SIGNAL. Raises `ConfigError` for conditions that no values fulfil."""
+        self._handshakes = handshakes
         self._profile = database.profile
         self._override_torque_nm = override_torque_nm
         self._signals = {
@@ -126,6 +130,8 @@ class ReportWriter:
 
     def _terms(self) -> Iterator[tuple[str, Term]]:
         """MESSAGE.SIGNAL and its term, of fields and conditions; the last one of several is right."""
+        for dotted, handshake in self._handshakes.items():
+            yield dotted, _handshake_term(handshake)
         for dotted in self._conditions.free:
             yield dotted, self._condition_term(dotted)
         for field, source in self._sources.items():
@@ -196,13 +202,13 @@ class ReportWriter:
 
     def _flag_term(self, dotted: str, is_set: Callable[[VehicleReport], bool]) -> Term:
         """0, or the smallest number that is none."""
-        off, on = self._zero_and_more(dotted)
+        off, on = zero_and_more(self._view(dotted))
         return lambda instant: on if is_set(instant.report) else off
 
     def _fault_code_term(self, dotted: str) -> Term:
         """The code, at least 1 for a fault that the mode does not express."""
         view, modes = self._view(dotted), self._status.get("mode")
-        _, least = self._zero_and_more(dotted)
+        _, least = zero_and_more(view)
         expressed = self._numbers(modes) if modes is not None else {}
         is_told = any(mode in expressed if modes else self._conditions.can_express(mode) for mode in _FAULTS)
 
@@ -216,11 +222,6 @@ class ReportWriter:
             return find(report.fault_code or int(not is_told and report.mode in _FAULTS))
 
         return write
-
-    def _zero_and_more(self, dotted: str) -> tuple[float, float]:
-        view = self._view(dotted)
-        found = candidates(view, (), self._conditions.find)
-        return view.to_wire(found[0]), view.to_wire(next((one for one in found if one), found[0]))
 
     def _numbers(self, dotted: str) -> dict[int, int]:
         """The program's number → the DBC's, of an enumeration."""
@@ -240,6 +241,10 @@ def _value_signals(source: FieldSource) -> tuple[str, ...]:
 
 def _getter(field: str) -> Getter:
     return attrgetter(f"pose.{field}" if field in POSE_SIGNALS else f"report.{field}")
+
+
+def _handshake_term(handshake: Handshake) -> Term:
+    return lambda _: handshake.value
 
 
 def _nothing(_: _Instant) -> Value:

@@ -11,7 +11,7 @@ Choices that the contract leaves open:
 - It does not become AUTONOMOUS while the driver brakes, accelerates or steers.
 - Only the driver's reset leads out of FAULT and EMERGENCY_STOP, to MANUAL; only the driver's ready leads from there to
   READY, with feet and hands off.
-- Only command pairs received in READY count.
+- Only command pairs received in READY count. What else it demands is in `demands`.
 - In MANUAL and READY the driver's pedals and torque move it; without a pedal it rolls on.
 - EMERGENCY_STOP brakes harder than FAULT; both straighten the wheels and hold at standstill.
 - Commands age by their frame's stamp where there is one, so a vehicle that ran late itself loses none.
@@ -30,7 +30,7 @@ from vehicle_iface.sim.engagement import PAIRS_TO_ENGAGE, TRANSITIONS, CommandWa
 from vehicle_iface.sim.frame_faults import FrameFaults
 from vehicle_iface.sim.model import Bicycle, BicycleParameters, BicycleState
 from vehicle_iface.sim.parameters import TORQUE_LIMIT_NM, Driver, SimulationParameters
-from vehicle_iface.sim.report import ReceivedCommand, VehicleReport, Wire
+from vehicle_iface.sim.report import ReceivedMessage, VehicleReport, Wire
 from vehicle_iface.sim.schedule import SendSchedule
 from vehicle_iface.sim.signal_faults import SignalFault, apply_faults
 from vehicle_iface.status import Gear, VehicleMode
@@ -112,25 +112,32 @@ class SimulatedVehicle:
     @property
     def next_due_ns(self) -> int:
         """When `advance` has something to do: the next message, or the watchdog before it."""
-        due_ns, expires_ns = self._schedule.next_due_ns, self._watch.expires_ns
+        due_ns, expires_ns = self._schedule.next_due_ns, self._expires_ns
         if self.mode is VehicleMode.AUTONOMOUS and expires_ns is not None:
             return min(due_ns, expires_ns)
         return due_ns
 
     def receive(self, frame: CanFrame, now_ns: int) -> None:
         """Handle one frame from the bus; never raises for any frame."""
-        if not self._wire.is_command(frame):
+        name = self._wire.find_name(frame)
+        if name is None:
             self.counters["other"] += not self._wire.is_known(frame)
             return
+        is_command = name in self._wire.command_periods_ns
         seen_ns = min(frame.stamp_ns, now_ns) if frame.stamp_ns else now_ns
         self._check_watchdog(seen_ns)
-        command = self._wire.read(frame)
-        if command is None:
-            self.counters["commands_dropped"] += 1
-            self._watch.reset_streak()
+        received = self._wire.read(frame)
+        if received is None:
+            self.counters["commands_dropped" if is_command else "messages_dropped"] += 1
+            if is_command:
+                self._watch.reset_streak()
             return
-        self.counters["commands_intact"] += 1
-        self._follow_command(command, seen_ns)
+        if self._wire.demands.note(name, received.signals, seen_ns):
+            self._watch.reset_streak()
+            self._apply(Event.RELEASED)
+        if is_command:
+            self.counters["commands_intact"] += 1
+            self._follow_command(received, seen_ns)
 
     def advance(self, now_ns: int) -> list[CanFrame]:
         """Move on to `now_ns`; the frames that are due, at most one of each message.
@@ -150,6 +157,7 @@ class SimulatedVehicle:
     def extend_watchdog(self, pause_ns: int) -> None:
         """Give the commands `pause_ns` more: the simulation itself was paused for this long."""
         self._watch.extend_watchdog(pause_ns)
+        self._wire.demands.extend(pause_ns)
         self.counters["pauses"] += 1
 
     def set_driver(self, driver: Driver) -> None:
@@ -216,22 +224,28 @@ class SimulatedVehicle:
         for _ in range(steps):
             self._wire.write(message, report)
 
+    @property
+    def _expires_ns(self) -> int | None:
+        """When the commander is lost, by its commands or by a handshake."""
+        deadlines_ns = (self._watch.expires_ns, self._wire.demands.expires_ns)
+        return min([one for one in deadlines_ns if one is not None], default=None)
+
     def _check_watchdog(self, now_ns: int) -> None:
-        expires_ns = self._watch.expires_ns
+        expires_ns = self._expires_ns
         if expires_ns is not None and now_ns >= expires_ns and self._apply(Event.COMMANDS_LOST):
             self.fault_code = self.parameters.fault_code_commands_lost
             self.counters["commands_lost"] += 1
 
-    def _follow_command(self, command: ReceivedCommand, seen_ns: int) -> None:
+    def _follow_command(self, command: ReceivedMessage, seen_ns: int) -> None:
         """Handle an intact command: it may engage, release, or be followed."""
         enabled = bool(command.values.get("enable", True))
-        self._watch.note(command.kind, enabled=enabled, seen_ns=seen_ns)
+        self._watch.note(command.name, enabled=enabled, seen_ns=seen_ns)
         self._requested.update(command.values)
         if not enabled:
             self._apply(Event.RELEASED)
         elif self.is_driver_active:
             self._watch.reset_streak()
-        elif self._watch.pairs >= PAIRS_TO_ENGAGE:
+        elif self._watch.pairs >= PAIRS_TO_ENGAGE and self._wire.demands.are_met(seen_ns):
             self._apply(Event.PAIRS_RECEIVED)
         if self.mode is VehicleMode.AUTONOMOUS:
             if "gear_request" in command.values:
@@ -246,6 +260,7 @@ class SimulatedVehicle:
             return False
         self.mode = mode
         self._watch.reset_streak()
+        self._wire.demands.forget()
         self.counters[f"to_{mode.name.lower()}"] += 1
         return True
 

@@ -13,9 +13,10 @@ from vehicle_iface.errors import InvalidValueError, SignalError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import Profile
 from vehicle_iface.sim.command_forms import build_interpreter
+from vehicle_iface.sim.demands import Demands
 from vehicle_iface.sim.model import BicycleParameters, BicycleState
 from vehicle_iface.sim.parameters import SimulationParameters
-from vehicle_iface.sim.report import ReceivedCommand, VehicleReport
+from vehicle_iface.sim.report import ReceivedMessage, VehicleReport
 from vehicle_iface.sim.report_writer import ReportWriter
 from vehicle_iface.sim.vehicle import SimulatedVehicle
 from vehicle_iface.status import Gear, VehicleMode
@@ -36,29 +37,45 @@ class ProfileWire:
         names = {name: number for number, name in database.frames.items()}
         self.frame_ids: Mapping[str, int] = names or {database.profile.state.frame_id: 0}
         self.requests_gear = any("gear_request" in message.fields for message in database.commands)
-        self._fields = {message.name: message.fields for message in database.commands}
-        self._command_ids = {_key(message) for message in database.commands}
+        self.demands = Demands(database)
+        read = (*database.commands, *database.sends)
+        self._read = {message.name: message for message in read}
+        self._names = {_key(message): message.name for message in read}
         self._ids = {_key(message) for message in (*database.received, *database.sent)}
-        self._decoder = Decoder(database.commands)
+        self._decoder = Decoder(read)
         self._encoder = Encoder(database.received)
-        self._writer = ReportWriter(database, override_torque_nm=database.profile.limits.driver_steer_torque_nm)
+        self._writer = ReportWriter(
+            database,
+            self.demands.handshakes,
+            override_torque_nm=database.profile.limits.driver_steer_torque_nm,
+        )
         self._expressible: dict[str, tuple[Value, ...]] = {}
 
-    def is_command(self, frame: CanFrame) -> bool:
-        """Whether the frame has a command's identifier."""
-        return (frame.can_id, frame.is_extended) in self._command_ids
+    def find_name(self, frame: CanFrame) -> str | None:
+        """The message whose identifier the frame has; None where it is no command and nothing sent besides."""
+        return self._names.get((frame.can_id, frame.is_extended))
 
     def is_known(self, frame: CanFrame) -> bool:
         """Whether the frame has an identifier of the profile."""
         return (frame.can_id, frame.is_extended) in self._ids
 
-    def read(self, frame: CanFrame) -> ReceivedCommand | None:
-        """The command in the frame; None when it is damaged, out of sequence or impossible."""
+    def read(self, frame: CanFrame) -> ReceivedMessage | None:
+        """The message in the frame; None when it is damaged, out of sequence or impossible."""
         received = self._decoder.decode(frame)
         if received is None:
             return None
-        pairs = zip(self._fields[received.name], received.values, strict=True)
-        return ReceivedCommand(received.name, {field: value for field, value in pairs if field and value is not None})
+        message, values = self._read[received.name], received.values
+        return ReceivedMessage(
+            received.name,
+            {field: value for field, value in zip(message.fields, values, strict=True) if field and value is not None},
+            {
+                name: view.to_wire(value)
+                for name, view, field, value in zip(
+                    message.codec.names, message.signals, message.fields, values, strict=True
+                )
+                if not field and value is not None
+            },
+        )
 
     def write(self, message: str, report: VehicleReport) -> CanFrame:
         """The next frame of `message`.
