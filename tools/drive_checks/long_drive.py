@@ -125,7 +125,7 @@ class Programs:
 
 def main() -> int:
     options = _options()
-    if options.channel == VCAN and not _interface(VCAN).exists():
+    if options.channel == VCAN and not interface(VCAN).exists():
         command = [sys.executable, str(TOOLS / "vcan"), sys.executable, "-P", "-m", MODULE, *sys.argv[1:]]
         os.execv(sys.executable, command)
     over = threading.Event()
@@ -133,7 +133,7 @@ def main() -> int:
         signal.signal(number, lambda *_: over.set())
     memory = Path("/dev/shm")
     try:
-        _check_channel(options.channel, is_fd=PROFILES[options.profile].is_fd)
+        check_channel(options.channel, is_fd=PROFILES[options.profile].is_fd)
         if shutil.which("candump") is None:
             raise CannotError("there is no candump; run: sudo apt-get install can-utils")
         out = _out(options)
@@ -296,18 +296,18 @@ def wrong_with_run(summary: dict[str, Any], status: int | None) -> list[str]:
     return [*wrong, *(f"{name} {count}" for name, count in counted.items() if count)]
 
 
-def _interface(channel: str) -> Path:
+def interface(channel: str) -> Path:
     return Path("/sys/class/net") / channel
 
 
-def _check_channel(channel: str, *, is_fd: bool) -> None:
+def check_channel(channel: str, *, is_fd: bool) -> None:
     """A virtual interface with room for the profile's frames; made if need be."""
-    if not _interface(channel).exists():
+    if not interface(channel).exists():
         raise CannotError(f"there is no {channel}; run: sudo ip link add dev {channel} type vcan up")
-    is_virtual = "/virtual/" in str(_interface(channel).resolve())
-    if not is_virtual or (_interface(channel) / "type").read_text().strip() != ARPHRD_CAN:
+    is_virtual = "/virtual/" in str(interface(channel).resolve())
+    if not is_virtual or (interface(channel) / "type").read_text().strip() != ARPHRD_CAN:
         raise CannotError(f"{channel} is no virtual CAN interface: a simulated vehicle has no place on a real bus")
-    if not is_fd or int((_interface(channel) / "mtu").read_text()) >= FD_MTU:
+    if not is_fd or int((interface(channel) / "mtu").read_text()) >= FD_MTU:
         return
     ip = shutil.which("ip", path=os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin", "/sbin"])) or "ip"
     lines = [f"link set {channel} down", f"link set {channel} mtu {FD_MTU}", f"link set {channel} up"]
