@@ -1,4 +1,4 @@
-"""The house's rules, read off the source: who may import whom, who reads a clock, who builds a permission."""
+"""Rules of the source: which package may import which, where a clock is read, where a permitted command is built."""
 
 import ast
 import subprocess
@@ -12,14 +12,14 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("vehicle_iface", "viewer")
 
-WORDS = {"errors", "units", "clock", "checks", "command_line", "standstill"}
+BASE = {"errors", "units", "clock", "checks", "command_line", "standstill"}
 DATA = {"frame", "reason", "status", "state", "trajectory", "command", "decoded", "profile", "motion_sources", "pose"}
 DATA |= {"row", "command_forms"}
-ROOMS = {"bus", "codec", "control", "safety", "telemetry", "state_assembler", "trajectories"}
+CORE = {"bus", "codec", "control", "safety", "telemetry", "state_assembler", "trajectories"}
 UPPER = {"drafting", "logs", "sim", "runtime"}
 TOP = {"arming", "compose", "drivable", "process", "recorder", "review", "cli", "__main__"}
-FLOORS = (WORDS, DATA, ROOMS, UPPER, TOP)
-FLOOR_OF = {room: number for number, floor in enumerate(FLOORS) for room in floor}
+LAYERS = (BASE, DATA, CORE, UPPER, TOP)
+LAYER_OF = {package: number for number, layer in enumerate(LAYERS) for package in layer}
 AMONG_DATA = {
     "command_forms": {"command", "profile", "status"},
     "command": {"reason", "status"},
@@ -83,7 +83,7 @@ def _imports(tree: ast.Module, place: str) -> Iterator[tuple[int, str]]:
             yield from ((node.lineno, f"{module}.{alias.name}") for alias in node.names)
 
 
-def _room(place: str) -> str:
+def _package(place: str) -> str:
     """`vehicle_iface/bus/base.py` → bus, `vehicle_iface/state_assembler.py` → state_assembler."""
     return place.split("/")[1].removesuffix(".py")
 
@@ -92,7 +92,7 @@ def _import_faults(place: str, module: str) -> Iterator[str]:
     top, *rest = module.split(".")
     homes = HOMES.get(top)
     if homes is not None and not place.startswith(homes):
-        yield f"imports {top}, which lives in {' and '.join(homes)}"
+        yield f"imports {top}, which belongs in {' and '.join(homes)}"
     if top == "time" and place != "vehicle_iface/clock.py":
         yield "imports time: clocks are read in clock.py"
     if top == "vehicle_iface_viewer" and place.startswith("vehicle_iface/"):
@@ -100,25 +100,25 @@ def _import_faults(place: str, module: str) -> Iterator[str]:
     if top != "vehicle_iface" or not rest:
         return
     if place.startswith("viewer/"):
-        if rest[0] not in WORDS | DATA and not any(rest[: len(read)] == read for read in VIEWER_READS):
-            yield f"viewer imports {module}: only words, data, telemetry and recorder.files"
+        if rest[0] not in BASE | DATA and not any(rest[: len(read)] == read for read in VIEWER_READS):
+            yield f"viewer imports {module}: only base, data, telemetry and recorder.files"
     elif place != "vehicle_iface/__init__.py":
-        yield from _floor_faults(_room(place), rest[0])
+        yield from _layer_faults(_package(place), rest[0])
 
 
-def _floor_faults(here: str, there: str) -> Iterator[str]:
-    if here not in FLOOR_OF:
-        yield f"{here} is on no floor: give it one in this test"
-    elif there not in FLOOR_OF:
-        yield f"imports {there}, which is on no floor"
-    elif FLOOR_OF[there] > FLOOR_OF[here]:
-        yield f"{here} imports {there} from a floor above"
-    elif here != there and FLOOR_OF[there] == FLOOR_OF[here]:
-        may = here in WORDS | TOP or there in AMONG_DATA.get(here, ())
+def _layer_faults(here: str, there: str) -> Iterator[str]:
+    if here not in LAYER_OF:
+        yield f"{here} is on no layer: give it one in this test"
+    elif there not in LAYER_OF:
+        yield f"imports {there}, which is on no layer"
+    elif LAYER_OF[there] > LAYER_OF[here]:
+        yield f"{here} imports {there} from a layer above"
+    elif here != there and LAYER_OF[there] == LAYER_OF[here]:
+        may = here in BASE | TOP or there in AMONG_DATA.get(here, ())
         if not may:
-            yield f"{here} imports {there} of its own floor"
-    elif here in ("drafting", "logs", "sim") and there in ROOMS - {"codec"}:
-        yield f"{here} imports {there}: of the rooms only codec"
+            yield f"{here} imports {there} of its own layer"
+    elif here in ("drafting", "logs", "sim") and there in CORE - {"codec"}:
+        yield f"{here} imports {there}: of the core only codec"
 
 
 def _call_faults(place: str, call: ast.Call) -> Iterator[str]:
@@ -133,13 +133,13 @@ def _call_faults(place: str, call: ast.Call) -> Iterator[str]:
             yield f"reads {owner_name}.{function.attr}(): clocks are read in clock.py"
 
 
-def test_the_house_keeps_its_rules() -> None:
+def test_the_source_keeps_the_rules() -> None:
     assert violations(ROOT) == []
 
 
-def test_every_module_of_the_house_is_looked_at() -> None:
-    rooms = {_room(path.relative_to(ROOT).as_posix()) for path in (ROOT / "vehicle_iface").rglob("*.py")}
-    assert rooms - {"__init__"} == set(FLOOR_OF)
+def test_every_package_is_on_a_layer() -> None:
+    packages = {_package(path.relative_to(ROOT).as_posix()) for path in (ROOT / "vehicle_iface").rglob("*.py")}
+    assert packages - {"__init__"} == set(LAYER_OF)
 
 
 def test_tools_that_judge_the_product_share_no_code_with_it() -> None:
@@ -153,41 +153,41 @@ def test_tools_that_judge_the_product_share_no_code_with_it() -> None:
 
 
 PLANTED = [
-    ("vehicle_iface/units.py", "import vehicle_iface.frame", "from a floor above"),
-    ("vehicle_iface/frame.py", "from vehicle_iface.bus import base", "from a floor above"),
-    ("vehicle_iface/frame.py", "from vehicle_iface import state", "of its own floor"),
-    ("vehicle_iface/state.py", "from . import trajectory", "of its own floor"),
-    ("vehicle_iface/bus/receive.py", "from vehicle_iface.codec.decoder import Decoder", "of its own floor"),
-    ("vehicle_iface/state_assembler.py", "from vehicle_iface.control import base", "of its own floor"),
-    ("vehicle_iface/control/base.py", "from ..safety import gate", "of its own floor"),
-    ("vehicle_iface/safety/gate.py", "def f():\n    from vehicle_iface.runtime import loop", "from a floor above"),
-    ("vehicle_iface/sim/model.py", "from vehicle_iface.bus.base import Bus", "of the rooms only codec"),
-    ("vehicle_iface/sim/model.py", "from vehicle_iface.runtime.loop import Loop", "of its own floor"),
-    ("vehicle_iface/logs/columns.py", "from vehicle_iface.bus.base import Bus", "of the rooms only codec"),
-    ("vehicle_iface/drafting/survey.py", "from vehicle_iface.bus.base import Bus", "of the rooms only codec"),
+    ("vehicle_iface/units.py", "import vehicle_iface.frame", "from a layer above"),
+    ("vehicle_iface/frame.py", "from vehicle_iface.bus import base", "from a layer above"),
+    ("vehicle_iface/frame.py", "from vehicle_iface import state", "of its own layer"),
+    ("vehicle_iface/state.py", "from . import trajectory", "of its own layer"),
+    ("vehicle_iface/bus/receive.py", "from vehicle_iface.codec.decoder import Decoder", "of its own layer"),
+    ("vehicle_iface/state_assembler.py", "from vehicle_iface.control import base", "of its own layer"),
+    ("vehicle_iface/control/base.py", "from ..safety import gate", "of its own layer"),
+    ("vehicle_iface/safety/gate.py", "def f():\n    from vehicle_iface.runtime import loop", "from a layer above"),
+    ("vehicle_iface/sim/model.py", "from vehicle_iface.bus.base import Bus", "of the core only codec"),
+    ("vehicle_iface/sim/model.py", "from vehicle_iface.runtime.loop import Loop", "of its own layer"),
+    ("vehicle_iface/logs/columns.py", "from vehicle_iface.bus.base import Bus", "of the core only codec"),
+    ("vehicle_iface/drafting/survey.py", "from vehicle_iface.bus.base import Bus", "of the core only codec"),
     ("vehicle_iface/drafting/survey.py", "from cantools.database import Message", "imports cantools"),
-    ("vehicle_iface/codec/decoder.py", "from vehicle_iface.logs import columns", "from a floor above"),
-    ("vehicle_iface/runtime/loop.py", "from vehicle_iface.logs import columns", "of its own floor"),
-    ("vehicle_iface/runtime/loop.py", "from vehicle_iface import compose", "from a floor above"),
-    ("vehicle_iface/runtime/loop.py", "from vehicle_iface.sim import model", "of its own floor"),
-    ("vehicle_iface/attic.py", "from vehicle_iface import units", "is on no floor"),
+    ("vehicle_iface/codec/decoder.py", "from vehicle_iface.logs import columns", "from a layer above"),
+    ("vehicle_iface/runtime/loop.py", "from vehicle_iface.logs import columns", "of its own layer"),
+    ("vehicle_iface/runtime/loop.py", "from vehicle_iface import compose", "from a layer above"),
+    ("vehicle_iface/runtime/loop.py", "from vehicle_iface.sim import model", "of its own layer"),
+    ("vehicle_iface/attic.py", "from vehicle_iface import units", "is on no layer"),
     ("vehicle_iface/cli/run.py", "import vehicle_iface_viewer.app", "vehicle_iface imports the viewer"),
     (
         "viewer/vehicle_iface_viewer/app.py",
         "from vehicle_iface.runtime.loop import Loop",
-        "only words, data, telemetry and recorder.files",
+        "only base, data, telemetry and recorder.files",
     ),
     (
         "viewer/vehicle_iface_viewer/app.py",
         "from vehicle_iface.safety import gate",
-        "only words, data, telemetry and recorder.files",
+        "only base, data, telemetry and recorder.files",
     ),
     (
         "viewer/vehicle_iface_viewer/playback.py",
         "from vehicle_iface.recorder import recorder",
-        "only words, data, telemetry and",
+        "only base, data, telemetry and",
     ),
-    ("vehicle_iface/runtime/loop.py", "from vehicle_iface.recorder import child", "from a floor above"),
+    ("vehicle_iface/runtime/loop.py", "from vehicle_iface.recorder import child", "from a layer above"),
     ("vehicle_iface/runtime/loop.py", "import can", "imports can"),
     ("vehicle_iface/state_assembler.py", "from cantools.database import Message", "imports cantools"),
     ("vehicle_iface/telemetry/writer.py", "import viser", "imports viser"),

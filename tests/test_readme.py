@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.harness import Drive
-from tests.test_architecture import FLOORS
+from tests.test_architecture import LAYERS
 from vehicle_iface import ControllerBase, Reason
 from vehicle_iface.cli.parser import build_parser, command_names
 from vehicle_iface.compose import build_controller
@@ -69,10 +69,10 @@ def test_every_command_line_of_a_page_is_accepted() -> None:
         assert build_parser().parse_args(words).command == words[0]
 
 
-def test_the_floors_of_the_architectures_page_are_those_that_are_enforced() -> None:
+def test_the_layers_of_the_architecture_page_are_those_that_are_enforced() -> None:
     page = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
-    cells = re.findall(r"^\| (?:top|upper|rooms|data|words) \| ([^|]+) \|", page, re.M)
-    assert [set(re.findall(r"`(\w+)`", cell)) for cell in cells] == [floor - {"__main__"} for floor in FLOORS[::-1]]
+    cells = re.findall(r"^\| (?:top|upper|core|data|base) \| ([^|]+) \|", page, re.M)
+    assert [set(re.findall(r"`(\w+)`", cell)) for cell in cells] == [layer - {"__main__"} for layer in LAYERS[::-1]]
 
 
 def test_the_controller_of_the_page_runs_without_a_loop() -> None:

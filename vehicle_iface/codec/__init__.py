@@ -1,4 +1,4 @@
-"""Bytes to numbers with units and back: the one room where the layout of a message is known."""
+"""Bytes to numbers with units and back: the one package that knows the layout of a message."""
 
 from vehicle_iface.codec import cantools_parser  # before whatever imports cantools
 
