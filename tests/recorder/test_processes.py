@@ -1,4 +1,4 @@
-"""Loop and recorder as their user starts them, and what is left when one of them is killed."""
+"""The child process of the recorder, started by the loop: what it writes, and what is left when either is killed."""
 
 import json
 import os

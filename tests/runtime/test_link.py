@@ -1,4 +1,4 @@
-"""The loop's hold on the bus: lost once, told once, tried again on a grid."""
+"""Loss of the bus and its return: counted once, reported once, reopened on a timer."""
 
 import pytest
 

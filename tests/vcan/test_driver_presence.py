@@ -1,4 +1,4 @@
-"""Who may command, and who takes over."""
+"""Driver override, and a second commander on the bus."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""State that does not come, or comes damaged: what is dropped, what stops the vehicle, when the loop falls silent."""
+"""State that does not arrive, or arrives damaged: what is dropped, when the vehicle is stopped, when it is silent."""
 
 import signal
 from collections.abc import Callable

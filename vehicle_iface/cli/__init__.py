@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 from vehicle_iface.cli.exit_status import BAD_USAGE, NO_BUS
 from vehicle_iface.cli.logging import log_to_terminal
-from vehicle_iface.cli.old_words import replace_old_words
 from vehicle_iface.cli.parser import build_parser
+from vehicle_iface.cli.renamed_options import replace_renamed
 from vehicle_iface.command_line import make_output_safe
 from vehicle_iface.errors import BusError, ConfigError, TrajectoryFileError, VehicleIfaceError
 from vehicle_iface.process import module_command
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         command_line, environment = module_command("vehicle_iface_viewer")
         os.execve(sys.executable, [*command_line, *given[1:]], environment)
     make_output_safe()
-    options = build_parser().parse_args(replace_old_words(given))
+    options = build_parser().parse_args(replace_renamed(given))
     try:
         with log_to_terminal(options.verbose):
             return _run_command(options)

@@ -1,4 +1,4 @@
-"""Words of the last version's command line are accepted with a warning, and shown nowhere."""
+"""Options and commands of the last version are accepted with a warning, and shown nowhere."""
 
 import re
 
@@ -16,7 +16,7 @@ from vehicle_iface import cli
         ("sim --interface embedded --pedals=x", "sim --interface embedded --driver-socket=x"),
     ],
 )
-def test_an_old_word_is_accepted_with_a_warning(capsys: pytest.CaptureFixture[str], old: str, new: str) -> None:
+def test_a_renamed_option_is_accepted_with_a_warning(capsys: pytest.CaptureFixture[str], old: str, new: str) -> None:
     assert cli.main(new.split()) == 2
     expected = capsys.readouterr()
     assert cli.main(old.split()) == 2
@@ -28,7 +28,7 @@ def test_an_old_word_is_accepted_with_a_warning(capsys: pytest.CaptureFixture[st
     assert all(word in warning for word in changed)
 
 
-def test_old_words_are_neither_shown_nor_suggested(capsys: pytest.CaptureFixture[str]) -> None:
+def test_renamed_options_are_neither_shown_nor_suggested(capsys: pytest.CaptureFixture[str]) -> None:
     for arguments in (["--help"], ["run", "--help"], ["sim", "--help"], ["pedal"]):
         with pytest.raises(SystemExit):
             cli.main(arguments)

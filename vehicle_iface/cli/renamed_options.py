@@ -1,4 +1,4 @@
-"""Words of version 0.1's command line: accepted in this version with a warning, not in the next one."""
+"""Options and commands of version 0.1 that have other names now: accepted in this version with a warning."""
 
 import sys
 from collections.abc import Sequence
@@ -7,8 +7,8 @@ _COMMANDS = {"pedals": "driver"}
 _OPTIONS = {("run", "--trajectory-post"): "--trajectory-mailbox", ("sim", "--pedals"): "--driver-socket"}
 
 
-def replace_old_words(arguments: Sequence[str]) -> list[str]:
-    """The arguments with today's words; each old one is reported on standard error."""
+def replace_renamed(arguments: Sequence[str]) -> list[str]:
+    """The arguments with the new names; each old one is reported on standard error."""
     command, *rest = arguments or [""]
     words = [_replace(command, _COMMANDS.get(command))] if arguments else []
     for word in rest:
