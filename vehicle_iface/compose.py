@@ -13,6 +13,7 @@ from vehicle_iface.command_forms import CommandReader, build_former
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase, StopSteering
 from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
 from vehicle_iface.control.user_controller import load_controller
+from vehicle_iface.errors import ConfigError
 from vehicle_iface.frame import IdFilter
 from vehicle_iface.motion_sources import sources_of
 from vehicle_iface.pose import Locator
@@ -68,7 +69,9 @@ def open_bus(
     `sent` are confirmed where the bus can tell; `receive_timeout_ns` is for an event-driven reader (see
     `SocketCanBus`).
     """
-    kept = list(received)
+    kept, (bus, *others) = list(received), profile.all_buses.values()
+    if others:
+        raise ConfigError(f"profile {profile.name} has several buses, and only one can be opened")
     can_ids = [message.can_id for message in kept if message.id_mask == EXACT_ID]
     masked = [IdFilter(message.can_id, message.id_mask) for message in kept if message.id_mask != EXACT_ID]
     if interface == "socketcan":
@@ -78,13 +81,13 @@ def open_bus(
             can_ids,
             own_ids=own_ids,
             masked=masked,
-            bitrate=profile.bus.bitrate,
-            data_bitrate=profile.bus.data_bitrate or profile.bus.bitrate,
+            bitrate=bus.bitrate,
+            data_bitrate=bus.data_bitrate or bus.bitrate,
             receive_timeout_ns=receive_timeout_ns,
         )
     from vehicle_iface.bus.python_can import PythonCanBus  # 0.2 s to import, and SocketCAN does not need it
 
-    return PythonCanBus(interface, channel, can_ids, masked=masked, bitrate=profile.bus.bitrate, is_fd=profile.bus.fd)
+    return PythonCanBus(interface, channel, can_ids, masked=masked, bitrate=bus.bitrate, is_fd=bus.fd)
 
 
 def build_controller(name: str, profile: Profile) -> ControllerBase:
@@ -169,7 +172,7 @@ def build_loop(
     handover = Handover(ns_from_s(profile.handover.warning_s), hold_until_warned=profile.handover.hold_until_warned)
     publisher = TelemetryPublisher(telemetry, controller, counters)
     shadow = None if armed or not database.commands else _shadow(database)
-    names = {(m.can_id, m.is_extended): m.name for m in (*database.received, *database.sent)}
+    names = {m.key: m.name for m in (*database.received, *database.sent)}
     return Loop(
         LoopComponents(
             link=link,
@@ -215,7 +218,7 @@ def build_loop(
             timer=timer,
             stale_ns=ns_from_s(timing.state_stale_s),
             max_command_age_ns=ns_from_s(timing.max_command_age_s),
-            command_ids=frozenset((message.can_id, message.is_extended) for message in database.sent),
+            command_ids=frozenset(message.key for message in database.sent),
             now_ns=now_ns,
             feed_watchdog=feed_watchdog,
         )

@@ -19,6 +19,16 @@ class _Fields(NamedTuple):
     is_remote: bool = False
     is_fd: bool = False
     is_error: bool = False
+    bus: int = 0
+    """Which of the profile's buses it is on, in their order there."""
+
+
+class FrameKey(NamedTuple):
+    """What a frame is recognised by."""
+
+    can_id: int
+    is_extended: bool = False
+    bus: int = 0
 
 
 class IdFilter(NamedTuple):
@@ -49,13 +59,14 @@ class CanFrame(_Fields):
         is_remote: bool = False,
         is_fd: bool = False,
         is_error: bool = False,
+        bus: int = 0,
     ) -> Self:
         """Raises `InvalidValueError` for an identifier or a payload that does not fit."""
         if not 0 <= can_id <= (0x1FFFFFFF if is_extended else 0x7FF):
             raise InvalidValueError(f"can_id = {can_id:#x}: must fit {29 if is_extended else 11} bits")
         if len(data) > (64 if is_fd else 8):
             raise InvalidValueError(f"data of {len(data)} bytes: at most {64 if is_fd else 8}")
-        return super().__new__(cls, can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error)
+        return super().__new__(cls, can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error, bus)
 
 
 unchecked_frame = partial(tuple.__new__, CanFrame)

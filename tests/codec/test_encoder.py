@@ -16,7 +16,7 @@ from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.command import SafeCommand
 from vehicle_iface.errors import ConfigError, SignalError
-from vehicle_iface.frame import CanFrame
+from vehicle_iface.frame import CanFrame, FrameKey
 from vehicle_iface.profile import load_profile
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import BodyRequest, ControllerReport, ControllerState, Gear, VehicleMode
@@ -223,7 +223,7 @@ def test_a_frame_that_was_not_sent_steps_nothing(database: VehicleDatabase) -> N
     drive, steer = encoder.encode_command(COMMAND)
     assert set(encoder.sent.values()) == {0}
     encoder.commit([drive])
-    assert encoder.sent[0x80, False] == 1
-    assert encoder.sent[0x81, False] == 0
+    assert encoder.sent[FrameKey(0x80)] == 1
+    assert encoder.sent[FrameKey(0x81)] == 0
     assert [frame.data[1] & 15 for frame in encoder.encode_command(COMMAND)] == [1, 0]
     assert encoder.encode_command(COMMAND)[1] == steer

@@ -3,11 +3,12 @@
 import pytest
 
 from vehicle_iface.bus.traffic_monitor import TrafficSample
+from vehicle_iface.frame import FrameKey
 from vehicle_iface.runtime.bus_load import BusLoad
 from vehicle_iface.telemetry.details import LinkDetails, LinkSummary
 from vehicle_iface.units import NS_PER_S
 
-NAMES = {(0x110, False): "POSE"}
+NAMES = {FrameKey(0x110): "POSE"}
 
 
 def test_without_a_survey_nothing_is_told() -> None:
@@ -23,8 +24,8 @@ def test_a_stretch_of_no_time_changes_nothing() -> None:
 
 def test_load_is_the_share_of_time_in_which_the_bus_was_held() -> None:
     load = BusLoad()
-    load.add(TrafficSample(NS_PER_S, 600, NS_PER_S // 4, {(0x110, False): 100.0, (0x3A0, False): 500.0}))
-    load.add(TrafficSample(NS_PER_S, 200, NS_PER_S // 20, {(0x110, False): 100.0, (0x12D687, True): 100.0}))
+    load.add(TrafficSample(NS_PER_S, 600, NS_PER_S // 4, {FrameKey(0x110): 100.0, FrameKey(0x3A0): 500.0}))
+    load.add(TrafficSample(NS_PER_S, 200, NS_PER_S // 20, {FrameKey(0x110): 100.0, FrameKey(0x12D687, True): 100.0}))
     now, whole = load.now("UP", NAMES, {}), load.whole("UP", [], NAMES, {})
     assert now == LinkDetails(
         state="UP", load_percent=5.0, frames_per_s=200.0, rates_hz={"0x110 POSE": 100.0, "0x0012D687x": 100.0}
@@ -43,7 +44,7 @@ def test_a_bus_that_is_held_all_the_time_has_a_load_of_one_hundred_percent() -> 
 
 def test_what_was_counted_takes_the_place_of_estimates() -> None:
     load = BusLoad()
-    pose, stranger = (0x110, False), (0x3A0, False)
+    pose, stranger = FrameKey(0x110), FrameKey(0x3A0)
     load.add(TrafficSample(NS_PER_S, 200, 0, {pose: 80.0, stranger: 120.0}))
     assert load.now("UP", NAMES, {pose: 100}).rates_hz == {"0x110 POSE": 100.0, "0x3A0": 120.0}
     load.add(TrafficSample(NS_PER_S // 2, 200, 0, {pose: 90.0, stranger: 110.0}))

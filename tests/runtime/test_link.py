@@ -66,7 +66,7 @@ class TrafficSocket(Socket):
     def poll_traffic(self, now_ns: int) -> TrafficSample:
         self.cable.looked_ns.append(now_ns)
         self._check()
-        return TrafficSample(span_ns=ms(500), frames=50, busy_ns=ms(100), frames_by_id={})
+        return TrafficSample(span_ns=ms(500), frames=50, busy_ns=ms(100), frames_by_key={})
 
 
 class Cable:

@@ -29,7 +29,7 @@ _GONE = (errno.ENODEV, errno.ENXIO)
 
 def pack_frame(frame: CanFrame) -> bytes:
     """`frame` as the kernel's struct can_frame or canfd_frame."""
-    can_id, data, _, is_extended, is_remote, is_fd, _ = frame
+    can_id, data, _, is_extended, is_remote, is_fd, _, _ = frame
     if is_extended or is_remote:
         can_id |= (EFF_FLAG if is_extended else 0) | (RTR_FLAG if is_remote else 0)
     if is_fd:
@@ -37,14 +37,15 @@ def pack_frame(frame: CanFrame) -> bytes:
     return _FRAME.pack(can_id, len(data), 0, data)
 
 
-def unpack_frame(packet: Packet, stamp_ns: int) -> CanFrame:
-    """A received packet as a frame."""
+def unpack_frame(packet: Packet, stamp_ns: int, bus: int = 0) -> CanFrame:
+    """A received packet as a frame on that bus of the profile."""
     word, data, is_fd, _, _, _ = packet
     if word <= SFF_MASK:  # the usual case: a standard data frame
-        return unchecked_frame((word, data, stamp_ns, False, False, is_fd, False))
+        return unchecked_frame((word, data, stamp_ns, False, False, is_fd, False, bus))
     is_extended = bool(word & EFF_FLAG)
     can_id = word & (EFF_MASK if is_extended else SFF_MASK)
-    return unchecked_frame((can_id, data, stamp_ns, is_extended, bool(word & RTR_FLAG), is_fd, bool(word & ERR_FLAG)))
+    is_remote, is_error = bool(word & RTR_FLAG), bool(word & ERR_FLAG)
+    return unchecked_frame((can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error, bus))
 
 
 def open_socket(

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from vehicle_iface.bus.frame_bits import wire_bits
 from vehicle_iface.bus.raw_socket import dropped_frames, open_socket, unpack_frame
 from vehicle_iface.bus.receive import BatchReceiver
+from vehicle_iface.frame import FrameKey
 from vehicle_iface.units import NS_PER_S
 
 SAMPLED_BYTES = 12288
@@ -24,15 +25,19 @@ class TrafficSample(NamedTuple):
     """All of them, our own included; exact."""
     busy_ns: int
     """For how long they held the bus: the length of the sampled frames, scaled to all."""
-    frames_by_id: dict[tuple[int, bool], float]
-    """By identifier and whether it is extended; scaled in the same way."""
+    frames_by_key: dict[FrameKey, float]
+    """Scaled in the same way."""
 
 
 class TrafficMonitor:
     """Samples the traffic of one SocketCAN interface."""
 
-    def __init__(self, channel: str, *, bitrate: int, data_bitrate: int, now_ns: int) -> None:
-        """Bit rates in bits per second, of the arbitration phase and of an FD frame's data phase."""
+    def __init__(self, channel: str, *, bus: int = 0, bitrate: int, data_bitrate: int, now_ns: int) -> None:
+        """`bus` is its number in the profile.
+
+        Bit rates in bits per second, of the arbitration phase and of an FD frame's data phase.
+        """
+        self._bus = bus
         self._socket = open_socket(channel, None, receive_bytes=SAMPLED_BYTES)
         self._receiver = BatchReceiver(self._socket.fileno())
         self._ns_per_bit, self._ns_per_fast_bit = NS_PER_S / bitrate, NS_PER_S / data_bitrate
@@ -42,11 +47,11 @@ class TrafficMonitor:
 
     def poll(self, now_ns: int) -> TrafficSample:
         """The traffic since the last poll; `OSError` when the interface is gone."""
-        counts: Counter[tuple[int, bool]] = Counter()
+        counts: Counter[FrameKey] = Counter()
         busy_ns = 0.0
         for packet in self._receiver.receive(wait=False):
             frame = unpack_frame(packet, 0)
-            counts[frame.can_id, frame.is_extended] += 1
+            counts[FrameKey(frame.can_id, frame.is_extended, self._bus)] += 1
             bits = wire_bits(frame)
             busy_ns += bits.nominal * self._ns_per_bit + bits.fast * self._ns_per_fast_bit
         sampled = counts.total()
@@ -55,8 +60,8 @@ class TrafficMonitor:
         frames, self._seen = seen - self._seen, seen
         span_ns, self._polled_ns = now_ns - self._polled_ns, now_ns
         scale = frames / sampled if sampled else 0.0
-        by_id = {can_id: count * scale for can_id, count in counts.items()}
-        return TrafficSample(span_ns, frames, round(busy_ns * scale), by_id)
+        by_key = {key: count * scale for key, count in counts.items()}
+        return TrafficSample(span_ns, frames, round(busy_ns * scale), by_key)
 
     def close(self) -> None:
         """Give the socket back."""

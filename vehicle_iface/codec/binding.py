@@ -12,6 +12,7 @@ from typing import NamedTuple
 import msgspec
 from cantools.database import Message, Signal
 
+from vehicle_iface.codec.bus_files import ResolvedNames, resolve_names
 from vehicle_iface.codec.dbc_file import DbcFile
 from vehicle_iface.codec.protection_rules import find_rule
 from vehicle_iface.codec.signal_view import SignalView
@@ -69,7 +70,10 @@ class Binding:
     """One profile's names, looked up in one DBC."""
 
     def __init__(self, profile: Profile, file: DbcFile) -> None:
-        self.profile = profile
+        names = resolve_names(profile, file.parts) if file.parts else ResolvedNames(profile, [])
+        self.profile = profile = names.profile
+        self.name_faults = names.faults
+        """Names that do not say on which bus, each `place: text`."""
         self.file = file
         self.profile_name = Path(profile.file).name or profile.name
         """For error messages."""
@@ -118,6 +122,11 @@ class Binding:
         status = self.profile.status
         modes = (status.signals.mode, status.when and tuple(msgspec.structs.astuple(status.when)))
         return frozenset(dotted.partition(".")[0] for dotted in signals_of(modes))
+
+    def find_bus(self, message_name: str) -> int:
+        """The number of the bus that a message is on."""
+        parts = self.file.parts.values()
+        return next((number for number, part in enumerate(parts) if message_name in part.lines), 0)
 
     def find_signal(self, dotted: str) -> Signal | None:
         """The signal of a MESSAGE.SIGNAL."""
@@ -193,7 +202,8 @@ class Binding:
 
     def missing_message(self, name: str, place: str) -> ConfigError:
         """An error about a message that the DBC does not have, or why it was left out."""
-        text = f"no message {name!r} in {self.file.name}{suggest(name, self.messages)}"
+        file = self.file.parts.get(name.partition(":")[0], self.file)
+        text = f"no message {name!r} in {file.name}{suggest(name, self.messages)}"
         return self.file.find_error(name) or self.fault(place, text)
 
     def missing_signal(self, dotted: str, place: str) -> ConfigError:

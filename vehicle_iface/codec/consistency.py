@@ -1,7 +1,7 @@
 """What a profile and its DBC disagree about: each check is a generator of errors with file, place and remedy."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from cantools.database import Signal
 
@@ -17,6 +17,7 @@ from vehicle_iface.codec.send_faults import send_faults
 from vehicle_iface.codec.signal_view import unit_faults
 from vehicle_iface.codec.usage import used_dbc_faults
 from vehicle_iface.errors import ConfigError, InvalidValueError
+from vehicle_iface.profile.check import check_profile
 from vehicle_iface.profile.forms import FieldForm, signals_of
 from vehicle_iface.profile.signals import ModeConditions, StatusSignals
 
@@ -33,6 +34,12 @@ def find_faults(binding: Binding) -> list[ConfigError]:
 
 
 # --- names
+
+
+def _bus_faults(binding: Binding) -> Iterator[ConfigError]:
+    """Each name says on which bus; in the names of the buses the profile still is sound by itself."""
+    faults = binding.name_faults or (check_profile(binding.profile) if binding.file.parts else ())
+    yield from (binding.fault(*fault.split(": ", 1)) for fault in faults)
 
 
 def _signal_faults(binding: Binding) -> Iterator[ConfigError]:
@@ -184,8 +191,14 @@ def _sender_faults(binding: Binding) -> Iterator[ConfigError]:
             if notes.sender != sender:
                 text = f"{notes.sender!r}, but the profile uses {name} as one that the {sender} sends"
                 yield binding.fault(f"$.messages.{name}.sender", text)
-    unstated = [name for name in binding.roles if binding.message_notes(name).sender is None]
-    if len({tuple(binding.messages[name].senders) for name in binding.roles}) == 1:
+    for bus in range(len(binding.profile.all_buses)):
+        yield from _sender_faults_of([name for name in binding.roles if binding.find_bus(name) == bus], binding)
+
+
+def _sender_faults_of(names: Sequence[str], binding: Binding) -> Iterator[ConfigError]:
+    """The same of the messages of one bus."""
+    unstated = [name for name in names if binding.message_notes(name).sender is None]
+    if len({tuple(binding.messages[name].senders) for name in names}) == 1:
         return
     senders = {
         node for name in unstated if binding.roles[name] in SENT_ROLES for node in binding.messages[name].senders
@@ -225,18 +238,19 @@ def _period_faults(binding: Binding) -> Iterator[ConfigError]:
             if role is Role.COMMAND and name in binding.profile.command.periods:
                 place, period_s = f"$.command.periods.{name}", binding.profile.command.periods[name]
             if not math.isclose(period_s, cycle_ms / 1000, rel_tol=1e-9):
-                where = (
-                    f"below [messages.{name}]" if binding.message_notes(name).cycle_ms else f"in {binding.file.name}"
-                )
+                file = binding.file.part_of(name)
+                where = f"below [messages.{name}]" if binding.message_notes(name).cycle_ms else f"in {file.name}"
                 text = f"{period_s} s, but {name} has a cycle of {cycle_ms:g} ms {where}"
                 yield binding.fault(place, text)
 
 
 def _fd_faults(binding: Binding) -> Iterator[ConfigError]:
     """FD frames need an FD bus."""
-    for name in binding.roles:
-        if binding.messages[name].is_fd and not binding.profile.bus.fd:
-            yield binding.fault("$.bus.fd", f"false, but {name} is an FD frame in {binding.file.name}")
+    for number, (bus_name, bus) in enumerate(binding.profile.all_buses.items()):
+        place = f"$.buses.{bus_name}.fd" if bus_name else "$.bus.fd"
+        for name in binding.roles:
+            if binding.messages[name].is_fd and not bus.fd and binding.find_bus(name) == number:
+                yield binding.fault(place, f"false, but {name} is an FD frame in {binding.file.part_of(name).name}")
 
 
 # --- messages
@@ -271,6 +285,7 @@ def _value_faults(binding: Binding, layout: Layout) -> Iterator[ConfigError]:
 
 
 _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
+    _bus_faults,
     used_dbc_faults,
     _signal_faults,
     _condition_faults,

@@ -6,15 +6,14 @@ that does not fit is reported before the first frame.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 from vehicle_iface.codec.binding import SENT_ROLES, Binding, Role
+from vehicle_iface.codec.bus_files import read_dbcs
 from vehicle_iface.codec.command_faults import command_range
 from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.consistency import find_faults
 from vehicle_iface.codec.constants import constant_payload
-from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.codec.enumerations import frames_of_reference, translate_from_wire, translate_to_wire
 from vehicle_iface.codec.protection import Protection
 from vehicle_iface.codec.protection_rules import build_protection
@@ -23,6 +22,7 @@ from vehicle_iface.codec.sent_values import NO_VALUES, FindColumn, SentValues, b
 from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.command_forms import WireRange
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.frame import FrameKey
 from vehicle_iface.profile import Profile
 from vehicle_iface.row import RowReader
 
@@ -46,6 +46,8 @@ class BoundMessage:
     role: Role
     can_id: int
     is_extended: bool
+    bus: int
+    """The number of its bus, in the order of the profile."""
     id_mask: int
     """The bits of a received frame's identifier that must be those of `can_id`."""
     is_fd: bool
@@ -68,6 +70,11 @@ class BoundMessage:
     to_wire: tuple[Mapping[int, int] | None, ...]
     """The program's number → number on the wire of each value; None where they are the same."""
     protection: Protection | None
+
+    @property
+    def key(self) -> FrameKey:
+        """What its frames are recognised by."""
+        return FrameKey(self.can_id, self.is_extended, self.bus)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +119,7 @@ class VehicleDatabase:
 
 def load_database(profile: Profile) -> VehicleDatabase:
     """The profile's DBC, bound and checked; `ConfigError` with a line for each thing that does not fit."""
-    binding = Binding(profile, read_dbc(Path(profile.dbc)))
+    binding = Binding(profile, read_dbcs(profile))
     faults = find_faults(binding)
     if faults:
         raise ConfigError("\n".join(map(str, faults)))
@@ -178,6 +185,7 @@ def _bind_message(binding: Binding, name: str, find_column: FindColumn | None = 
         role=binding.roles[name],
         can_id=_can_id(binding, name),
         is_extended=message.is_extended_frame,
+        bus=binding.find_bus(name),
         id_mask=_id_mask(binding, name),
         is_fd=message.is_fd,
         length=message.length,

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cantools.database import Message, load_string
@@ -40,14 +40,21 @@ class DbcFile:
     """Of each MESSAGE and MESSAGE.SIGNAL."""
     findings: Sequence[DbcFinding] = ()
     """In the order of lines. Their errors only matter for what is used."""
+    parts: Mapping[str, "DbcFile"] = field(default_factory=dict)
+    """By the name of the bus, the files that this one is made of; none where it is one file."""
+
+    def part_of(self, dotted: str) -> "DbcFile":
+        """The file that a message or signal is in."""
+        return next((part for part in self.parts.values() if dotted in part.lines), self)
 
     def fault(self, dotted: str, text: str) -> ConfigError:
         """An error about a message or signal, with its line."""
-        return _fault(self.name, self.lines.get(dotted, 0), f"{dotted}: {text}")
+        return _fault(self.part_of(dotted).name, self.lines.get(dotted, 0), f"{dotted}: {text}")
 
     def error_of(self, finding: DbcFinding) -> ConfigError:
         """The error that a finding is where the program uses what it is about."""
-        return _fault(self.name, finding.line, finding.text)
+        file = next((part for part in self.parts.values() if finding in part.findings), self)
+        return _fault(file.name, finding.line, finding.text)
 
     @property
     def errors(self) -> list[ConfigError]:

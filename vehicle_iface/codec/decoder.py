@@ -12,7 +12,7 @@ from vehicle_iface.codec.e2e import CounterCheck, DamageCheck, Sequence
 from vehicle_iface.codec.protection import NO_COUNTER
 from vehicle_iface.decoded import DecodedMessage
 from vehicle_iface.errors import SignalError
-from vehicle_iface.frame import CanFrame
+from vehicle_iface.frame import CanFrame, FrameKey
 
 
 class DropCause(Enum):
@@ -36,6 +36,8 @@ class DropCause(Enum):
 
 _EXTENDED = 1 << 31
 """Set in the keys of extended identifiers, which may have the same numbers as standard ones."""
+_BUS = 32
+"""From this bit on a key has the number of its bus: the identifiers of another bus mean other messages."""
 _SEQUENCE_DROPS = {
     Sequence.REPEATED: DropCause.REPEATED,
     Sequence.WRONG: DropCause.WRONG_SEQUENCE,
@@ -87,7 +89,7 @@ class Decoder:
 
     def __init__(self, messages: Iterable[BoundMessage]) -> None:
         kept = tuple(messages)
-        self._inputs = {message.can_id | (_EXTENDED if message.is_extended else 0): _Input(message) for message in kept}
+        self._inputs = {_key(message): _Input(message) for message in kept}
         self._by_mask = [message for message in kept if message.id_mask != EXACT_ID]
         self.accepted = 0
         """Frames that became messages."""
@@ -95,9 +97,12 @@ class Decoder:
         """Frames dropped, by cause and message name ("" for unknown ones)."""
 
     @property
-    def seen(self) -> dict[tuple[int, bool], int]:
-        """Frames that came with each identifier of ours, good or not; with whether it is extended."""
-        return {(can_id & ~_EXTENDED, can_id >= _EXTENDED): entry.seen for can_id, entry in self._inputs.items()}
+    def seen(self) -> dict[FrameKey, int]:
+        """Frames that came with each identifier of ours, good or not."""
+        return {
+            FrameKey(key & EXACT_ID, bool(key & _EXTENDED), key >> _BUS): entry.seen
+            for key, entry in self._inputs.items()
+        }
 
     @property
     def lost(self) -> dict[str, int]:
@@ -107,10 +112,13 @@ class Decoder:
 
     def decode(self, frame: CanFrame) -> DecodedMessage | None:
         """The message in `frame`, or None when the frame is not ours or was dropped."""
-        can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error = frame
-        entry = self._inputs.get(can_id | _EXTENDED if is_extended else can_id)
+        can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error, bus = frame
+        key = can_id | _EXTENDED if is_extended else can_id
+        if bus:
+            key |= bus << _BUS
+        entry = self._inputs.get(key)
         if entry is None and self._by_mask and is_extended:
-            entry = self._find_by_mask(can_id)
+            entry = self._find_by_mask(can_id, bus)
         if entry is None:
             self._drop_unknown(frame)
             return None
@@ -149,16 +157,16 @@ class Decoder:
             if entry.counters is not None:
                 entry.counters.reset()
 
-    def _find_by_mask(self, can_id: int) -> _Input | None:
+    def _find_by_mask(self, can_id: int, bus: int) -> _Input | None:
         """The message that is recognised by a part of its identifier."""
         for message in self._by_mask:
-            if (can_id ^ message.can_id) & message.id_mask == 0:
-                return self._inputs[message.can_id | _EXTENDED]
+            if message.bus == bus and (can_id ^ message.can_id) & message.id_mask == 0:
+                return self._inputs[_key(message)]
         return None
 
     def _drop_unknown(self, frame: CanFrame) -> None:
         """A frame whose identifier is none of ours, or ours in the other format."""
-        other = self._inputs.get(frame.can_id if frame.is_extended else frame.can_id | _EXTENDED)
+        other = self._inputs.get((frame.can_id if frame.is_extended else frame.can_id | _EXTENDED) | frame.bus << _BUS)
         if frame.is_error:
             self._drop(DropCause.WRONG_TYPE, "")
         elif other is not None:
@@ -169,6 +177,10 @@ class Decoder:
     def _drop(self, cause: DropCause, name: str) -> None:
         key = (cause, name)
         self.drops[key] = self.drops.get(key, 0) + 1
+
+
+def _key(message: BoundMessage) -> int:
+    return message.can_id | (_EXTENDED if message.is_extended else 0) | message.bus << _BUS
 
 
 def _compile_conversion(message: BoundMessage) -> Callable[[tuple[Value, ...]], tuple[Value, ...]] | None:

@@ -12,13 +12,14 @@ from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.codec.sent_values import SendContext
 from vehicle_iface.command import SafeCommand, WireCommand
 from vehicle_iface.errors import ConfigError, SignalError
-from vehicle_iface.frame import CanFrame, unchecked_frame
+from vehicle_iface.frame import CanFrame, FrameKey, unchecked_frame
 
 
 class _Output:
     """The encoder's state for one message."""
 
     __slots__ = (
+        "bus",
         "can_id",
         "complements",
         "counter",
@@ -35,7 +36,7 @@ class _Output:
 
     def __init__(self, message: BoundMessage) -> None:
         self.name = message.name
-        self.can_id = message.can_id
+        self.can_id, self.bus = message.can_id, message.bus
         self.is_extended = message.is_extended
         self.is_fd = message.is_fd
         self.encode = message.codec.encode
@@ -64,7 +65,7 @@ class _Output:
             if self.protection is not None:
                 self.protection.protect(data, self.counter)
             payload = bytes(data)
-        return unchecked_frame((self.can_id, payload, 0, self.is_extended, False, self.is_fd, False))
+        return unchecked_frame((self.can_id, payload, 0, self.is_extended, False, self.is_fd, False, self.bus))
 
 
 class Encoder:
@@ -78,13 +79,13 @@ class Encoder:
         """What the values besides the fields depend on, when the next frame is encoded."""
         self.depends_on_context = any(message.values.expressions for message in kept)
         self._outputs = {message.name: _Output(message) for message in kept}
-        self._by_id = {(output.can_id, output.is_extended): output for output in self._outputs.values()}
+        self._by_id = {(output.can_id, output.is_extended, output.bus): output for output in self._outputs.values()}
         self._commands = tuple(self._outputs[message.name] for message in kept if message.role is Role.COMMAND)
 
     @property
-    def sent(self) -> dict[tuple[int, bool], int]:
-        """Frames of each identifier that were committed; with whether it is extended."""
-        return {can_id: output.sent for can_id, output in self._by_id.items()}
+    def sent(self) -> dict[FrameKey, int]:
+        """Frames of each identifier that were committed."""
+        return {FrameKey(*key): output.sent for key, output in self._by_id.items()}
 
     def encode(self, message_name: str, source: object) -> CanFrame:
         """The next frame of a message, its values taken from the attributes of `source` that bear
@@ -124,14 +125,16 @@ class Encoder:
         """These frames were sent, at most one of each message: the next ones have the counters after theirs."""
         outputs = self._by_id
         for frame in frames:
-            output = outputs[frame.can_id, frame.is_extended]
+            can_id, _, _, is_extended, _, _, _, bus = frame
+            output = outputs[can_id, is_extended, bus]
             output.sent += 1
             if output.protection is not None:
                 output.counter = output.protection.next_counter(output.counter)
 
     def fields_of(self, frames: Iterable[CanFrame]) -> set[str]:
         """The fields whose values these frames carry."""
-        return {field for frame in frames for field in self._by_id[frame.can_id, frame.is_extended].fields if field}
+        outputs = [self._by_id[frame.can_id, frame.is_extended, frame.bus] for frame in frames]
+        return {field for output in outputs for field in output.fields if field}
 
 
 def _collector(message: BoundMessage) -> Callable[[object, SendContext, int], tuple[Value, ...]]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vehicle_iface.codec.binding import PERIODS, Binding, Role
+from vehicle_iface.codec.bus_files import read_dbcs
 from vehicle_iface.codec.consistency import find_faults
 from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.codec.dbc_findings import ERROR, WARNING, DbcFinding
@@ -76,29 +77,37 @@ def _of_profile(path: Path) -> list[LintFinding]:
     found = [lines.finding(fault, ERROR) for fault in faults]
     found += (lines.finding(warning, WARNING) for warning in warnings)
     if profile is None:
-        dbc = lines.dbc()
-        return found if dbc is None else [*found, *_of_dbc(dbc)]
+        return [*found, *(finding for dbc in lines.dbcs() for finding in _of_dbc(dbc))]
     return [*found, *_of_pair(path, profile, lines)]
 
 
 def _of_pair(path: Path, profile: Profile, lines: "_TomlLines") -> list[LintFinding]:
-    """Of the DBC, and of the two together."""
-    dbc = (
-        path.parent / Path(profile.dbc).name if path.parent.resolve() == Path(profile.dbc).parent else Path(profile.dbc)
-    )
+    """Of the DBC, or of those of several buses, and of all together."""
+    dbcs = {name: _shorten(Path(bus.dbc), path.parent) for name, bus in profile.all_buses.items()}
+    paths = {dbc.name: dbc for dbc in dbcs.values()}
     try:
-        file = read_dbc(dbc)
+        file = read_dbcs(profile)
     except ConfigError as error:
-        return [_located(line, {dbc.name: dbc}) for line in str(error).splitlines()]
+        return [_located(line, paths) for line in str(error).splitlines()]
     binding = Binding(profile, file)
-    doubts = [*file.findings, *find_range_doubts(file), *_control_doubts(binding)]
-    found = list(_present(dbc, doubts, Usage(binding)))
+    usage, control = Usage(binding), list(_control_doubts(binding))
+    found: list[LintFinding] = []
+    for name, dbc in dbcs.items():
+        part = file.parts.get(name, file)
+        doubts = [*part.findings, *find_range_doubts(part)]
+        doubts += [doubt for doubt in control if file.part_of(doubt.message) is part]
+        found += _present(dbc, doubts, usage)
     for text in map(str, find_faults(binding)):
         if text.startswith(f"{path.name}: "):
             found.append(lines.finding(text.removeprefix(f"{path.name}: "), ERROR))
         else:
-            found.append(_located(text, {dbc.name: dbc}))
-    return [*found, *(lines.finding(text, WARNING) for text in describe_missing(profile))]
+            found.append(_located(text, paths))
+    return [*found, *(lines.finding(text, WARNING) for text in describe_missing(binding.profile))]
+
+
+def _shorten(dbc: Path, folder: Path) -> Path:
+    """A DBC beside its profile as the profile's path is written."""
+    return folder / dbc.name if folder.resolve() == dbc.parent else dbc
 
 
 def _present(path: Path, findings: Iterable[DbcFinding], usage: Usage | None) -> Iterator[LintFinding]:
@@ -159,21 +168,27 @@ class _TomlLines:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._lines: dict[str, int] = {"$": 0}
-        self._dbc = ""
+        self._dbcs: list[str] = []
         table, rows = "$", dict[str, int]()
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
             if header := self._HEADER.match(line):
-                table = f"$.{header[2].strip()}"
+                table = f"$.{header[2].strip().replace(chr(34), '')}"
                 first = table.split(".")[1]
                 if header[1]:
                     rows[first] = rows.get(first, -1) + 1
                 if first in rows:
                     table = table.replace(first, f"{first}[{rows[first]}]", 1)
-                self._lines.setdefault(table, number)
+                self._add(table, number)
             elif key := self._KEY.match(line):
-                self._lines.setdefault(f"{table}.{key[1].strip(chr(34))}", number)
-                if table == "$" and key[1] == "dbc" and (value := re.search(r"=\s*[\"']([^\"']+)[\"']", line)):
-                    self._dbc = value[1]
+                self._add(f"{table}.{key[1].strip(chr(34))}", number)
+                is_bus = table == "$" or table.startswith("$.buses.")
+                if is_bus and key[1] == "dbc" and (value := re.search(r"=\s*[\"']([^\"']+)[\"']", line)):
+                    self._dbcs.append(value[1])
+
+    def _add(self, place: str, number: int) -> None:
+        """The line of a place, also without names of buses that its names do not need."""
+        for known in (place, re.sub(r"\b\w+:(?=\w)", "", place)):
+            self._lines.setdefault(known, number)
 
     def finding(self, fault: str, severity: str) -> LintFinding:
         """`$.place: text` with the line of the place, or of the nearest table around it."""
@@ -183,6 +198,6 @@ class _TomlLines:
             known = known[: max(known.rfind("."), known.rfind("["))]
         return LintFinding(str(self._path), self._lines.get(known, 0), severity, fault)
 
-    def dbc(self) -> Path | None:
-        """The DBC that the profile names, where it can be read from a profile that is not whole."""
-        return self._path.parent / self._dbc if self._dbc.lower().endswith(".dbc") else None
+    def dbcs(self) -> list[Path]:
+        """The DBCs that the profile names, where they can be read from a profile that is not whole."""
+        return [self._path.parent / name for name in self._dbcs if name.lower().endswith(".dbc")]

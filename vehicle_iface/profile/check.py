@@ -9,11 +9,12 @@ from types import MappingProxyType
 
 import msgspec
 
+from vehicle_iface.profile.check_buses import check_bus_names, check_bus_tables
 from vehicle_iface.profile.check_command import check_command
 from vehicle_iface.profile.check_pose import check_pose
 from vehicle_iface.profile.check_sends import check_sends
 from vehicle_iface.profile.command_forms import needed_command_signals
-from vehicle_iface.profile.forms import check_form, signals_of
+from vehicle_iface.profile.forms import SIGNAL_NAME, check_form, signals_of
 from vehicle_iface.profile.schema import Profile
 from vehicle_iface.profile.signals import Command, State
 from vehicle_iface.profile.state_pose import needed_pose_signals
@@ -25,7 +26,6 @@ _NEEDED_KEYS: Mapping[tuple[type, str], Callable[[Mapping[str, object]], Mapping
     (Profile, "command"): lambda _: {"signals": "; a vehicle that is only watched has no [command]"},
 }
 """What a table needs beyond what its type says, by the type around it and its key there."""
-_SIGNAL_NAME = re.compile(r"\w+\.\w+")
 
 
 def check_document(document: dict[str, object]) -> Iterator[str]:
@@ -35,9 +35,13 @@ def check_document(document: dict[str, object]) -> Iterator[str]:
             yield f"{place}: {number}: must be finite"
     if "file" in document:
         yield "$.file: unknown key"
-    dbc = document.get("dbc")
-    if isinstance(dbc, str) and "\0" in dbc:
-        yield f"$.dbc: {dbc!r}: must be a file's name"
+    buses = document.get("buses")
+    tables = {f"$.buses.{name}": bus for name, bus in buses.items()} if isinstance(buses, dict) else {}
+    for place, table in ({"$": document} | tables).items():
+        dbc = table.get("dbc") if isinstance(table, dict) else None
+        if isinstance(dbc, str) and "\0" in dbc:
+            yield f"{place}.dbc: {dbc!r}: must be a file's name"
+    yield from check_bus_tables(document)
 
 
 def check_tables(
@@ -108,6 +112,7 @@ def _check_value(
 def check_profile(profile: Profile) -> Iterator[str]:
     """Names of signals, and numbers that depend on one another."""
     yield from _check_names(profile)
+    yield from check_bus_names(profile)
     yield from _check_status(profile)
     yield from _check_notes(profile)
     yield from check_pose(profile)
@@ -168,7 +173,7 @@ def _check_names(profile: Profile) -> Iterator[str]:
             yield f"{place}: must name at least one signal"
         yield from check_form(names, place)
         for name in signals_of(names):
-            if not _SIGNAL_NAME.fullmatch(name):
+            if not SIGNAL_NAME.fullmatch(name):
                 yield f"{place}: {name!r}: must be MESSAGE.SIGNAL"
 
 

@@ -1,12 +1,11 @@
 """What the types cannot express of periods, `[command.values]` and `[[send]]`, each fault as `place: text`."""
 
-import re
 from collections.abc import Iterator, Mapping
 
+from vehicle_iface.profile.forms import SIGNAL_NAME
 from vehicle_iface.profile.schema import Profile
 from vehicle_iface.profile.sends import COUNT, ENABLING, WHEN, SentValue, ValueTable
 
-_SIGNAL_NAME = re.compile(r"\w+\.\w+")
 _TOLERANCE = 1e-6
 """Of a sample: what a ratio of decimal periods may be off a whole number."""
 
@@ -17,7 +16,7 @@ def check_sends(profile: Profile) -> Iterator[str]:
     yield from _check_enable(profile)
     yield from _check_values("$.command.values", profile.command.values)
     for dotted in profile.command.values:
-        if not _SIGNAL_NAME.fullmatch(dotted):
+        if not SIGNAL_NAME.fullmatch(dotted):
             yield f"$.command.values: {dotted!r}: must be MESSAGE.SIGNAL"
         if dotted in profile.constants:
             yield f"$.constants.{dotted}: $.command.values has it as well; remove one of them"
@@ -85,5 +84,5 @@ def _check_values(place: str, values: Mapping[str, SentValue]) -> Iterator[str]:
             yield f"{there}: value and when must stand together; a value that never changes is a plain number"
         if source.when is not None and source.when not in WHEN:
             yield f"{there}.when: {source.when!r}: must be one of: {', '.join(WHEN)}"
-        if source.echo is not None and not _SIGNAL_NAME.fullmatch(source.echo):
+        if source.echo is not None and not SIGNAL_NAME.fullmatch(source.echo):
             yield f"{there}.echo: {source.echo!r}: must be MESSAGE.SIGNAL"

@@ -1,5 +1,6 @@
 """Fields that come from several signals, and conditions on signals: closed lists of forms, not languages."""
 
+import re
 from collections.abc import Iterator
 from typing import Annotated
 
@@ -7,6 +8,8 @@ import msgspec
 
 SignalName = str
 """MESSAGE.SIGNAL. Checked in `check`: msgspec 0.22 corrupts memory over a pattern inside a union."""
+SIGNAL_NAME = re.compile(r"(?:\w+:)?\w+\.\w+")
+"""The name of a bus may stand before that of the message."""
 SignalNames = SignalName | tuple[SignalName, ...]
 """One signal, or several that carry the same value."""
 

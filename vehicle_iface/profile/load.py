@@ -10,6 +10,7 @@ import msgspec
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile.check import check_document, check_profile, check_tables
+from vehicle_iface.profile.check_buses import needed_keys
 from vehicle_iface.profile.protection_table import gather_rules, place_rule_in_file
 from vehicle_iface.profile.renamed import rename_old_keys
 from vehicle_iface.profile.schema import Profile
@@ -51,7 +52,7 @@ def inspect_profile(path: Path) -> Inspection:
     renamed = rename_old_keys(document)
     faults = [*renamed.faults, *check_document(document)]
     gather_rules(document)
-    sound, more = check_tables(document, Profile)
+    sound, more = check_tables(document, Profile, needed=needed_keys(document))
     known = {fault.partition(": ")[0] for fault in faults}
     faults += (fault for fault in more if fault.partition(": ")[0] not in known)
     name_odometry_frame(sound)
@@ -63,10 +64,16 @@ def inspect_profile(path: Path) -> Inspection:
 def _convert(sound: dict[str, object], path: Path) -> Profile | None:
     try:
         profile = msgspec.convert(sound, Profile)
-        dbc = (path.parent / profile.dbc).resolve()
+        if not profile.all_buses:
+            return None
+        dbc = str((path.parent / profile.dbc).resolve()) if profile.bus is not None else ""
+        buses = {
+            name: msgspec.structs.replace(bus, dbc=str((path.parent / bus.dbc).resolve()))
+            for name, bus in profile.buses.items()
+        }
     except (msgspec.ValidationError, ValueError):  # a key is missing; a NUL in the path
         return None
-    return msgspec.structs.replace(profile, dbc=str(dbc), file=str(path.resolve()))
+    return msgspec.structs.replace(profile, dbc=dbc, buses=buses, file=str(path.resolve()))
 
 
 def profile_names() -> tuple[str, ...]:

@@ -176,7 +176,7 @@ class Handover(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class Bus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The bus that the vehicle is on."""
+    """A bus that the vehicle is on."""
 
     bitrate: Annotated[int, msgspec.Meta(gt=0)]
     """Bits per second; of the arbitration phase on CAN FD."""
@@ -185,13 +185,20 @@ class Bus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """Bits per second of the data phase on CAN FD; left out, that of the arbitration phase."""
 
 
+class NamedBus(Bus, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A bus and what is on it."""
+
+    dbc: str
+    """As `Profile.dbc`."""
+
+
 class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One vehicle: its DBC, what the signals mean, and its limits."""
 
     name: str
     description: str = ""
-    dbc: str
-    """The DBC file: relative to the profile in its file, absolute here."""
+    dbc: str = ""
+    """The DBC file: relative to the profile in its file, absolute here. Empty where `buses` has the DBCs."""
     file: str = ""
     """The file that this profile was read from; not a key in it."""
     reviewed: bool = False
@@ -210,7 +217,10 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     handover: Handover = Handover(warning_s=0.0)
     deviation: Deviation
     plausibility: Plausibility
-    bus: Bus
+    bus: Bus | None = None
+    """Of the vehicle that is on one bus; left out where `buses` has several."""
+    buses: dict[str, NamedBus] = {}
+    """By name, instead of `dbc` and `bus`. A frame's `bus` is the place in this order."""
     e2e: EndToEnd | None = None
     protection: MessageProtection | None = None
     state: State
@@ -221,6 +231,14 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """What is sent besides."""
     body: Body | None = None
     report: Report | None = None
+
+    @property
+    def all_buses(self) -> dict[str, NamedBus]:
+        """All buses in their order; by the name "" the one of `dbc` and `bus`."""
+        if self.bus is None:
+            return self.buses
+        only = NamedBus(dbc=self.dbc, **msgspec.structs.asdict(self.bus))
+        return {"": only}
 
     @property
     def only_watches(self) -> bool:

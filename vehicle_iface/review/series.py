@@ -11,10 +11,10 @@ import msgspec
 import numpy as np
 
 from vehicle_iface.codec.binding import SENT_ROLES, Binding
+from vehicle_iface.codec.bus_files import read_dbcs
 from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.consistency import find_faults
 from vehicle_iface.codec.database import BoundMessage, VehicleDatabase, build_database
-from vehicle_iface.codec.dbc_file import read_dbc
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.expressions import Place, condition_expression, field_expression
 from vehicle_iface.errors import ConfigError, SignalError
@@ -93,7 +93,7 @@ class RecordedDrive:
 
 def read_drive(path: Path, profile: Profile, *, channel: str | None, progress: Progress | None = None) -> RecordedDrive:
     """The drive in a log. `ConfigError` when profile, DBC or log cannot be used, or none of its messages is there."""
-    binding = Binding(profile, read_dbc(Path(profile.dbc)))
+    binding = Binding(profile, read_dbcs(profile))
     faults = find_faults(binding)
     if faults:
         raise ConfigError("\n".join(map(str, faults)))
@@ -135,10 +135,11 @@ class _DriveReader:
         time_s = (frame.stamp_ns - self._first_ns) / NS_PER_S
         self._last_s = max(self._last_s, time_s)
         frames = self.frames[frame.name]
-        can = (message.can_id, frame.data, frame.stamp_ns, message.is_extended, False, message.is_fd, False)
-        received = self._decoder.decode(unchecked_frame(can))
+        can_id, is_extended, bus = message.key
+        can = unchecked_frame((can_id, frame.data, frame.stamp_ns, is_extended, False, message.is_fd, False, bus))
+        received = self._decoder.decode(can)
         if received is None:
-            received = self._lenient.decode(unchecked_frame(can))
+            received = self._lenient.decode(can)
             if received is None:
                 frames.wrong_lengths += 1
                 return

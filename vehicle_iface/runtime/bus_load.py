@@ -3,11 +3,9 @@
 from collections.abc import Mapping
 
 from vehicle_iface.bus.traffic_monitor import TrafficSample
+from vehicle_iface.frame import FrameKey
 from vehicle_iface.telemetry.details import LinkChange, LinkDetails, LinkSummary
 from vehicle_iface.units import NS_PER_S
-
-Identifier = tuple[int, bool]
-"""Of a frame, and whether it is extended."""
 
 
 class BusLoad:
@@ -15,10 +13,10 @@ class BusLoad:
 
     def __init__(self) -> None:
         self._span_ns = self._busy_ns = self._frames = 0
-        self._by_id: dict[Identifier, float] = {}
-        self._counted: dict[Identifier, int] = {}
+        self._by_id: dict[FrameKey, float] = {}
+        self._counted: dict[FrameKey, int] = {}
         self._counted_ns = 0
-        self._exact: dict[Identifier, float] = {}
+        self._exact: dict[FrameKey, float] = {}
         self._now: TrafficSample | None = None
         self.highest_load_percent = 0.0
 
@@ -30,11 +28,11 @@ class BusLoad:
         self._span_ns += sample.span_ns
         self._busy_ns += sample.busy_ns
         self._frames += sample.frames
-        for can_id, count in sample.frames_by_id.items():
+        for can_id, count in sample.frames_by_key.items():
             self._by_id[can_id] = self._by_id.get(can_id, 0.0) + count
         self.highest_load_percent = max(self.highest_load_percent, _percent(sample.busy_ns, sample.span_ns))
 
-    def now(self, state: str, names: Mapping[Identifier, str], counted: Mapping[Identifier, int]) -> LinkDetails:
+    def now(self, state: str, names: Mapping[FrameKey, str], counted: Mapping[FrameKey, int]) -> LinkDetails:
         """The newest stretch, with the frames that were counted since the last call in the place of estimates.
 
         `state` is the link's alone where the bus cannot be surveyed. `names` are those of known identifiers; `counted`
@@ -54,8 +52,8 @@ class BusLoad:
         self,
         state: str,
         transitions: list[LinkChange],
-        names: Mapping[Identifier, str],
-        counted: Mapping[Identifier, int],
+        names: Mapping[FrameKey, str],
+        counted: Mapping[FrameKey, int],
     ) -> LinkSummary:
         """The same for the whole run."""
         if self._now is None:
@@ -74,11 +72,11 @@ class BusLoad:
 
 
 def _rates(
-    stretch: TrafficSample, exact: Mapping[Identifier, float], names: Mapping[Identifier, str]
+    stretch: TrafficSample, exact: Mapping[FrameKey, float], names: Mapping[FrameKey, str]
 ) -> tuple[float, float, dict[str, float]]:
     """The load in percent, frames per second, and those of each identifier."""
     seconds = stretch.span_ns / NS_PER_S
-    rates = {can_id: count / seconds for can_id, count in stretch.frames_by_id.items()} | dict(exact)
+    rates = {can_id: count / seconds for can_id, count in stretch.frames_by_key.items()} | dict(exact)
     return (
         round(_percent(stretch.busy_ns, stretch.span_ns), 1),
         round(stretch.frames / seconds, 1),
@@ -90,8 +88,7 @@ def _percent(busy_ns: int, span_ns: int) -> float:
     return 100.0 * busy_ns / span_ns
 
 
-def _label(identifier: Identifier, names: Mapping[Identifier, str]) -> str:
+def _label(key: FrameKey, names: Mapping[FrameKey, str]) -> str:
     """`0x110 POSE`; `0x3A0` for a stranger, `0x0012D687x` for an extended one."""
-    can_id, is_extended = identifier
-    number = f"0x{can_id:08X}x" if is_extended else f"0x{can_id:03X}"
-    return f"{number} {names.get(identifier, '')}".rstrip()
+    number = f"0x{key.can_id:08X}x" if key.is_extended else f"0x{key.can_id:03X}"
+    return f"{number} {names.get(key, '')}".rstrip()

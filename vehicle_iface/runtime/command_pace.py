@@ -86,6 +86,8 @@ class CommandPace:
             return True
         is_urgent = command.enable is not group.was_enabled or (command.safe_stop and not group.was_stop)
         return is_urgent and all(
-            self._transmit_filter.has_room(message.can_id, message.is_extended, message.is_fd, message.length, now_ns)
+            self._transmit_filter.has_room(
+                message.can_id, message.is_extended, message.is_fd, message.length, now_ns, message.bus
+            )
             for message in group.messages
         )

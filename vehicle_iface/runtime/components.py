@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from vehicle_iface.codec.decoder import Decoder
+from vehicle_iface.frame import FrameKey
 from vehicle_iface.runtime.arrival import ArrivalFilter
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import ControlCycle
@@ -53,8 +54,8 @@ class LoopComponents:
     """An enabled vehicle is stopped when its newest sample is older."""
     max_command_age_ns: int
     """No command is computed from an older sample."""
-    command_ids: frozenset[tuple[int, bool]]
-    """Identifiers that only we may send, each with whether it is extended."""
+    command_ids: frozenset[FrameKey]
+    """What only we may send."""
     now_ns: Callable[[], int]
     feed_watchdog: Callable[[], None]
     """Called with each tick."""

@@ -195,7 +195,7 @@ class Loop:
 
     def _check_foreign_command(self, frame: CanFrame) -> None:
         """Our own frames are not received, so a command frame is another node's."""
-        if (frame.can_id, frame.is_extended) in self._command_ids and not frame.is_error:
+        if (frame.can_id, frame.is_extended, frame.bus) in self._command_ids and not frame.is_error:
             self._counters.foreign_commands += 1
             self._engagement.apply(Event.DUPLICATE_COMMANDER, self._now_ns())
             if self._shadow is not None:

@@ -76,7 +76,7 @@ class Shadow:
         the acceleration of a speed command. A command later than `longest_ns` after a sample does not belong to it.
         """
         self._fields = {message.name: message.fields for message in commands}
-        self._ids = {(message.can_id, message.is_extended) for message in commands}
+        self._keys = {message.key for message in commands}
         self._decoder, self._reader = Decoder(commands), reader
         self._together_ns, self._longest_ns = together_ns, longest_ns
         self._ours: deque[OwnCommand] = deque(maxlen=HISTORY)
@@ -96,7 +96,7 @@ class Shadow:
 
     def on_foreign_frame(self, frame: CanFrame) -> None:
         """A frame with an identifier of ours that another node has sent; what is not intact is dropped and counted."""
-        is_command = (frame.can_id, frame.is_extended) in self._ids
+        is_command = (frame.can_id, frame.is_extended, frame.bus) in self._keys
         received = self._decoder.decode(frame) if is_command else None
         if received is None:
             return

@@ -8,6 +8,7 @@ from msgspec import UNSET, UnsetType
 
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.frame import FrameKey
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import ControlCycle
 from vehicle_iface.runtime.link import Link
@@ -48,10 +49,10 @@ class RunStatistics:
         link: Link,
         timer: PeriodicTimer,
         shadow: Shadow | None,
-        names: Mapping[tuple[int, bool], str],
+        names: Mapping[FrameKey, str],
         started_ns: int,
     ) -> None:
-        """`names` are those of the identifiers that the profile knows, each with whether it is extended."""
+        """`names` are those of the frames that the profile knows."""
         self._decoder, self._encoder, self._assembler = decoder, encoder, assembler
         self._cycle, self._engagement, self._transmit_filter = cycle, engagement, transmit_filter
         self._plausibility, self._motion, self._counters = plausibility, motion, counters
@@ -123,7 +124,7 @@ class RunStatistics:
         ]
         return self._link.load.whole(self._link.state.name, changes, self._names, self._counted())
 
-    def _counted(self) -> dict[tuple[int, bool], int]:
+    def _counted(self) -> dict[FrameKey, int]:
         return self._decoder.seen | self._encoder.sent
 
     def _causes(self) -> dict[str, Any]:

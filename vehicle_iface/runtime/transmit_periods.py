@@ -26,7 +26,12 @@ def allowed_messages(database: VehicleDatabase) -> Iterator[AllowedMessage]:
     """All that may ever leave, and how often."""
     for message in database.sent:
         yield AllowedMessage(
-            message.can_id, message.is_extended, message.is_fd, message.length, period_ns(database, message)
+            can_id=message.can_id,
+            is_extended=message.is_extended,
+            is_fd=message.is_fd,
+            length=message.length,
+            period_ns=period_ns(database, message),
+            bus=message.bus,
         )
 
 

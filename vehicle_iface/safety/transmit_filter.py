@@ -21,23 +21,25 @@ class AllowedMessage(NamedTuple):
     length: int
     """Bytes of payload."""
     period_ns: int
+    bus: int = 0
 
 
 class TransmitFilter:
     """An allow-list with a limit of rate for each entry. A frame that is refused is counted by cause."""
 
     def __init__(self, messages: Iterable[AllowedMessage]) -> None:
-        self._sent_ns = {message[:4]: _empty_window(message.period_ns) for message in messages}
+        self._sent_ns = {(*message[:4], message.bus): _empty_window(message.period_ns) for message in messages}
         self.refused = {"not on the list": 0, "too often": 0}
 
-    def has_room(self, can_id: int, is_extended: bool, is_fd: bool, length: int, now_ns: int) -> bool:
+    def has_room(self, can_id: int, is_extended: bool, is_fd: bool, length: int, now_ns: int, bus: int = 0) -> bool:
         """Whether a frame of this entry would be in time now; nothing is counted."""
-        return now_ns - self._sent_ns[can_id, is_extended, is_fd, length][0] >= WINDOW_NS
+        return now_ns - self._sent_ns[can_id, is_extended, is_fd, length, bus][0] >= WINDOW_NS
 
     def allows(self, frame: CanFrame, now_ns: int) -> bool:
         """Whether this frame may be sent now; one that may is counted as sent."""
-        sent_ns = self._sent_ns.get((frame.can_id, frame.is_extended, frame.is_fd, len(frame.data)))
-        if sent_ns is None or frame.is_remote or frame.is_error:
+        can_id, data, _, is_extended, is_remote, is_fd, is_error, bus = frame
+        sent_ns = self._sent_ns.get((can_id, is_extended, is_fd, len(data), bus))
+        if sent_ns is None or is_remote or is_error:
             self.refused["not on the list"] += 1
             return False
         if now_ns - sent_ns[0] < WINDOW_NS:  # that many frames ago

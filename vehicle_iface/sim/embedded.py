@@ -60,5 +60,4 @@ class EmbeddedBus:
     def _advance(self) -> None:
         now_ns = self._now_ns()
         for frame in self.vehicle.advance(now_ns):
-            stamped = CanFrame(frame.can_id, frame.data, now_ns, frame.is_extended, frame.is_remote, frame.is_fd)
-            self._inbox.append(stamped)
+            self._inbox.append(frame._replace(stamp_ns=now_ns))

@@ -6,7 +6,7 @@ What the program receives is sent here, and what the program sends is received.
 from collections.abc import Iterator, Mapping
 
 from vehicle_iface.codec.compiled import Value
-from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
+from vehicle_iface.codec.database import VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.errors import InvalidValueError, SignalError
@@ -40,8 +40,8 @@ class ProfileWire:
         self.demands = Demands(database)
         read = (*database.commands, *database.sends)
         self._read = {message.name: message for message in read}
-        self._names = {_key(message): message.name for message in read}
-        self._ids = {_key(message) for message in (*database.received, *database.sent)}
+        self._names: Mapping[tuple[int, bool, int], str] = {message.key: message.name for message in read}
+        self._ids = {message.key for message in (*database.received, *database.sent)}
         self._decoder = Decoder(read)
         self._encoder = Encoder(database.received)
         self._writer = ReportWriter(
@@ -53,11 +53,11 @@ class ProfileWire:
 
     def find_name(self, frame: CanFrame) -> str | None:
         """The message whose identifier the frame has; None where it is no command and nothing sent besides."""
-        return self._names.get((frame.can_id, frame.is_extended))
+        return self._names.get((frame.can_id, frame.is_extended, frame.bus))
 
     def is_known(self, frame: CanFrame) -> bool:
         """Whether the frame has an identifier of the profile."""
-        return (frame.can_id, frame.is_extended) in self._ids
+        return (frame.can_id, frame.is_extended, frame.bus) in self._ids
 
     def read(self, frame: CanFrame) -> ReceivedMessage | None:
         """The message in the frame; None when it is damaged, out of sequence or impossible."""
@@ -149,7 +149,3 @@ def _periods_ns(database: VehicleDatabase) -> Iterator[tuple[str, int]]:
     for message in sample:
         is_free = not database.is_counted and message.name != trigger
         yield message.name, ns_from_s((message.cycle_s if is_free else None) or timing.sample_period_s)
-
-
-def _key(message: BoundMessage) -> tuple[int, bool]:
-    return message.can_id, message.is_extended

@@ -27,7 +27,8 @@ from vehicle_iface.telemetry import telemetry_path
 
 def examine_machine(options: argparse.Namespace) -> int:
     """Print all diagnostics; 2 when something needed is missing."""
-    diagnostics = examine(options.channel, load_profile(options.profile).bus)
+    bus, *_ = load_profile(options.profile).all_buses.values()
+    diagnostics = examine(options.channel, bus)
     print_safely(as_json(diagnostics) if options.json else as_text(diagnostics))
     return DONE if is_ready(diagnostics) else BAD_USAGE
 

@@ -1,0 +1,99 @@
+"""The DBCs of a profile's buses as one: a message that several of them have is called `BUS:MESSAGE`."""
+
+import dataclasses
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from cantools.database.can import Database
+
+from vehicle_iface.codec.dbc_file import DbcFile, read_dbc
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.profile import Profile
+from vehicle_iface.profile.bus_names import rename_messages
+
+
+class ResolvedNames(NamedTuple):
+    """A profile in the names of its joined DBCs."""
+
+    profile: Profile
+    faults: list[str]
+    """Each `place: text`."""
+
+
+def read_dbcs(profile: Profile) -> DbcFile:
+    """All DBCs of a profile. `ConfigError` with the faults of each that cannot be used."""
+    if profile.bus is not None:
+        return read_dbc(Path(profile.dbc))
+    files: dict[str, DbcFile] = {}
+    errors: list[str] = []
+    for name, bus in profile.buses.items():
+        try:
+            files[name] = read_dbc(Path(bus.dbc))
+        except ConfigError as error:
+            errors.append(str(error))
+    if errors:
+        raise ConfigError("\n".join(dict.fromkeys(errors)))
+    return _join(files)
+
+
+def resolve_names(profile: Profile, parts: Mapping[str, DbcFile]) -> ResolvedNames:
+    """The profile in the names of the joined files; a name that several buses have needs that of one before it."""
+    owners: dict[str, list[str]] = {}
+    for bus, part in parts.items():
+        for name in _message_names(part):
+            owners.setdefault(name.rpartition(":")[2], []).append(bus)
+    faults: list[str] = []
+
+    def resolve(place: str, message: str) -> str:
+        bus, _, name = message.rpartition(":")
+        found = owners.get(name, [])
+        if not found or (bus and bus not in parts):
+            return message  # reported as a message that is missing
+        if not bus and len(found) > 1:
+            ways = " or ".join(f"{one}:{name}" for one in found)
+            faults.append(f"{place}: {name} is on the buses {' and '.join(found)}; write {ways}")
+        elif bus and bus not in found:
+            faults.append(f"{place}: {name} is not on the bus {bus}, but on {' and '.join(found)}")
+        return name if len(found) == 1 else f"{bus if bus in found else found[0]}:{name}"
+
+    renamed = rename_messages(profile, resolve)
+    return ResolvedNames(renamed.profile, [*dict.fromkeys(faults), *renamed.faults])
+
+
+def _join(files: Mapping[str, DbcFile]) -> DbcFile:
+    counts = Counter(name for file in files.values() for name in _message_names(file))
+    parts = {bus: _qualify(file, bus, counts) for bus, file in files.items()}
+    database = Database(strict=False)
+    for part in parts.values():
+        database.messages.extend(part.database.messages)
+    return DbcFile(
+        name=" or ".join(dict.fromkeys(part.name for part in parts.values())),
+        database=database,
+        lines={dotted: line for part in parts.values() for dotted, line in part.lines.items()},
+        findings=tuple(finding for part in parts.values() for finding in part.findings),
+        parts=parts,
+    )
+
+
+def _message_names(file: DbcFile) -> list[str]:
+    """Those that cannot be used, too."""
+    return [dotted for dotted in file.lines if "." not in dotted]
+
+
+def _qualify(file: DbcFile, bus: str, counts: Mapping[str, int]) -> DbcFile:
+    """The file in which messages that others have as well bear the name of the bus."""
+
+    def rename(dotted: str) -> str:
+        return f"{bus}:{dotted}" if counts[dotted.partition(".")[0]] > 1 else dotted
+
+    for message in file.database.messages:
+        message.name = rename(message.name)
+    return dataclasses.replace(
+        file,
+        lines={rename(dotted): line for dotted, line in file.lines.items()},
+        findings=tuple(
+            dataclasses.replace(finding, about=tuple(map(rename, finding.about))) for finding in file.findings
+        ),
+    )
