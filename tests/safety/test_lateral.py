@@ -122,6 +122,14 @@ def test_rear_wheels_that_turn_begin_the_time_anew() -> None:
     assert front == pytest.approx([0.0, 0.0, 0.0, 0.0, 1e-4])
 
 
+def test_rear_wheels_that_were_sent_alone_begin_the_time_of_the_lateral_jerk_anew() -> None:
+    gate = new_gate({"rear_wheel_angle_rad": 2e-5}, rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.1)
+    gate.start_from(state(0.0, 20.0), 0)
+    gate.propose(wish(rear_wheel_angle_rad=2e-5), state(0.0, 20.0), now_ns=40 * NS_PER_MS, reversing=False)
+    gate.commit_fields({"rear_wheel_angle_rad"})
+    assert [turned(gate, 0.6, 20.0, at_ms) for at_ms in (42, 50)] == pytest.approx([0.0, 2e-4])
+
+
 @pytest.mark.parametrize("left", [(), ("front_wheel_angle_rad",), ("accel_mps2",)])
 def test_a_turn_that_was_not_sent_is_made_with_the_next_command(left: tuple[str, ...]) -> None:
     gate = new_gate()
