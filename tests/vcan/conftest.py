@@ -190,6 +190,7 @@ def _link_is_up() -> bool:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--all-defects", action="store_true", help="try every defect of the bench, not one of a kind")
     parser.addoption("--part", default="1/1", metavar="N/M", help="only every M-th test on vcan, from the N-th")
     parser.addoption(
         "--defer-to", type=Path, metavar="FILE", help="where tests go that failed on a machine standing still"

@@ -24,8 +24,8 @@ from .observer import CHANNEL, PATIENCE_S
 
 FD_MTU = 72
 LATERAL_LIMIT_M = 0.3
-DRIVE_SAMPLES = 2000
-"""20 s."""
+DRIVE_SAMPLES = 600
+"""6 s; `tools/long_drive` drives whole laps."""
 TIMELY_NS = 40_000_000
 """A sample later than this after the one before may rightly be answered by a stop."""
 
@@ -147,7 +147,7 @@ def test_two_processes_drive_the_figure_of_eight_on_can_fd(fd_programs: Programs
         if told.name == "STATE"
     ]
     assert max(lateral_errors_m(samples, route.x_m.tolist(), route.y_m.tolist())) < LATERAL_LIMIT_M
-    assert sum(sample.speed_mps for sample in samples) * 0.01 > 30.0
+    assert sum(sample.speed_mps for sample in samples) * 0.01 > 10.0
     assert record.wrong == []
     assert {told.name for told in record.decoded} == set(LAYOUT)
     for name in LAYOUT:

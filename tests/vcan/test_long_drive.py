@@ -21,7 +21,7 @@ from .observer import Observer
 
 TOOLS = ROOT / "tools"
 LONG_DRIVE = ("-P", "-m", "drive_checks.long_drive")
-DRIVE_S = 15
+DRIVE_S = 10
 PLACE = -400
 """A command well before the stop at the end: of the stalls of a slow machine few come after it."""
 Frames = list[Frame]
