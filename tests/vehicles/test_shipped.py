@@ -1,5 +1,6 @@
 """The profiles of other makers' vehicles in `dbc/`: driven on an embedded bus, and stopped as FAILURES.md says."""
 
+import struct
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,10 +16,11 @@ from vehicle_iface.profile import load_profile
 from vehicle_iface.safety.engagement import Mode
 from vehicle_iface.trajectories.receding import RecedingRoute
 
-VEHICLES = {"agilex_hunter": 0.15, "fs_ai_ads_dv": 0.2}
+VEHICLES = {"agilex_hunter": 0.15, "fs_ai_ads_dv": 0.2, "pacmod3": 0.2}
 """How far each may be from a route, in m."""
 MOTION_COMMAND, CONTROL_MODE_SETTING = 0x111, 0x421
 AI2VCU_STATUS, AI2VCU_DRIVE_F, AI2VCU_STEER, AI2VCU_BRAKE = 0x510, 0x511, 0x513, 0x514
+GLOBAL_CMD, BRAKE_CMD, STEERING_CMD = 0x80, 0x104, 0x12C
 
 
 @pytest.fixture(autouse=True)
@@ -51,7 +53,7 @@ def test_a_shipped_vehicle_drives_a_route(name: str, route: str) -> None:
     drive.engage()
     path, aside_m = source.route, 0.0
     while source.progress_m < path.length_m - 2.0:
-        drive.run_s(0.5)
+        drive.run_s(0.2)
         state = drive.vehicle.state
         aside_m = max(aside_m, float(np.min(np.hypot(path.x_m - state.x_m, path.y_m - state.y_m))))
         assert drive.mode() is Mode.ENGAGED
@@ -137,3 +139,30 @@ def test_the_ads_dv_stops_itself_when_its_handshake_is_not_echoed(monkeypatch: p
     drive.run_s(0.3)
     assert (drive.vehicle.mode.name, drive.vehicle.counters["commands_lost"]) == ("FAULT", 1)
     assert drive.mode() is Mode.FAULT
+
+
+def test_pacmod_is_sent_a_count_and_its_complement_and_the_angle_of_the_steering_wheel() -> None:
+    drive, _ = drive_of("pacmod3", "figure8")
+    drive.engage(1.0)
+    drive.run_s(1.0)
+    counts = [data[1] for data in frames_of(drive, GLOBAL_CMD)]
+    assert counts == [number % 16 | (15 - number % 16) << 4 for number in range(len(counts))]
+    assert len(counts) > 50
+    data = list(frames_of(drive, STEERING_CMD))[-1]
+    assert data[0] == 1  # ENABLE alone
+    angle_rad, rate_radps = struct.unpack(">hH", data[1:])
+    assert angle_rad / 1000 / 15 == pytest.approx(drive.vehicle.state.front_wheel_angle_rad, abs=0.05)
+    assert rate_radps == 6000
+
+
+def test_an_override_of_pacmod_is_cleared_only_after_it_was_released() -> None:
+    drive, _ = drive_of("pacmod3", "line")
+    drive.engage(1.0)
+    assert {data[0] for data in frames_of(drive, BRAKE_CMD)} == {0, 1}
+    begin = len(drive.sent)
+    drive.say("steer 5")
+    drive.run_s(0.3)
+    assert drive.mode() is Mode.OVERRIDDEN
+    flags = [sent.frame.data[0] for sent in drive.sent[begin:] if sent.frame.can_id == BRAKE_CMD]
+    assert set(flags) <= {1, 4}  # never with ENABLE
+    assert flags[-1] == 4

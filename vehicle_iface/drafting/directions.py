@@ -8,7 +8,21 @@ from vehicle_iface.drafting.words import split_words, word_set
 _PLACEHOLDERS = frozenset({"", "XXX", "Vector__XXX", "VECTOR__XXX", "Vector_XXX"})
 """Names that editors and people write where they do not know the sender."""
 _CONTROLLER_WORDS = frozenset(
-    {"computer", "controller", "autonomous", "av", "client", "user", "agent", "ad", "ai", "acu", "das", "dsu"}
+    {
+        "computer",
+        "controller",
+        "autonomous",
+        "av",
+        "client",
+        "user",
+        "agent",
+        "ad",
+        "ai",
+        "acu",
+        "das",
+        "dsu",
+        "customer",
+    }
 )
 _VEHICLE_WORDS = word_set(
     "vehicle inertial vcu ecu eps esp abs bcm gateway sensor chassis platform dbw robot brake steering engine "

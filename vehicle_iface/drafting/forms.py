@@ -161,6 +161,8 @@ def _flags_named(word: str, messages: Sequence[MessageFacts]) -> Iterator[Signal
             words = set(signal.words)
             is_known = words - signal.context <= _SUBSYSTEMS | _FLAG_WORDS
             is_subsystem = bool((words | signal.context) & _SUBSYSTEMS)
+            if word == "enable" and words & {"override", "fault"}:
+                continue  # an override that is active
             if word in words and is_known and is_subsystem and signal.is_flag and len(signal.names) <= 2:
                 yield signal
 

@@ -132,6 +132,8 @@ class ConditionValues:
         yield from ([[goal]] for goal in driver if not goal.wanted)
         yield from ([[Goal(condition, wanted.valid)]] for condition in (self._valid,) if condition is not None)
         yield from ([[Goal(sign, is_wanted)]] for sign, is_wanted in zip(self.signs, wanted.signs, strict=True))
+        if wanted.mode is VehicleMode.AUTONOMOUS and self._when.ready is not None:
+            yield [[Goal(self._when.ready, True)]]  # it stays ready: its messages change one after the other
 
     def _mode_goals(self, mode: VehicleMode) -> Iterator[list[Goal]]:
         """Its condition holds and none before it does; MANUAL is also where none holds at all."""
