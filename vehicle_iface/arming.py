@@ -4,12 +4,14 @@ import ctypes
 import fcntl
 import socket
 import struct
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
+from vehicle_iface.profile.review_record import find_changes
 
 VIRTUAL_KINDS = ("vcan", "vxcan")
 VIRTUAL_INTERFACES = ("embedded", "virtual", "udp_multicast")
@@ -38,6 +40,27 @@ def require_reviewed_profile(profile: Profile, *, interface: str, channel: str, 
         return profile
     limits = msgspec.structs.replace(profile.limits, speed_max_mps=speed_cap_mps)
     return msgspec.structs.replace(profile, limits=limits)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReviewReport:
+    """What is known about the review of a profile that may command a real bus."""
+
+    text: str
+    changes: tuple[str, ...]
+    """Files that have changed since."""
+
+
+def report_review(profile: Profile) -> ReviewReport:
+    """The record of a profile's review, and what has changed since; `ConfigError` when a file cannot be read."""
+    record = profile.review
+    if record is None:
+        return ReviewReport(text="reviewed = true, without a record of a walk", changes=())
+    changes = tuple(find_changes(record, profile=Path(profile.file), dbc=Path(profile.dbc)))
+    since = f"; changed since: {' and '.join(changes)}" if changes else ""
+    checks = f"{len(record.checks)} checks" if len(record.checks) > 1 else "1 check"
+    log = f"{record.log}, SHA-256 {record.log_sha256[:12]}…"
+    return ReviewReport(text=f"{record.date.isoformat()}, {checks} ({log}){since}", changes=changes)
 
 
 def is_virtual(interface: str, channel: str) -> bool:

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from vehicle_iface import clock, compose, drivable
-from vehicle_iface.arming import require_reviewed_profile
+from vehicle_iface.arming import is_virtual, report_review, require_reviewed_profile
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.cli.exit_status import BAD_USAGE, DONE, LATCHED_FAULT
 from vehicle_iface.cli.frames import check_frame
@@ -24,7 +25,7 @@ from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.motion_sources import cap_unconfirmed_speed
-from vehicle_iface.profile import load_profile
+from vehicle_iface.profile import Profile, load_profile
 from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.open_wait import wait_until_open
@@ -59,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
         profile = require_reviewed_profile(
             profile, interface=options.interface, channel=options.channel, speed_cap_mps=options.speed_cap
         )
+    review = _log_review(options, profile)
     database = load_database(cap_unconfirmed_speed(profile))
     source = _build_source(options, database)
     controller = compose.build_controller(options.controller, database.profile)
@@ -91,13 +93,28 @@ def run(options: argparse.Namespace) -> int:
             loop.link.close()
             realtime.release_priority()
         on_end_signals(None)  # the vehicle is released: a terminal or disk that hangs must not keep the program
-        summary = loop.summary()
+        summary = msgspec.structs.replace(loop.summary(), review=review)
         if recording is not None:
             summary = msgspec.structs.replace(summary, recorder=recording.end())
             recording.save_summary(as_json(summary))
     is_saved = not options.summary or _try_to_save(options.summary, summary)
     print_safely(table(summary))
     return LATCHED_FAULT if loop.shutdown.ended_in_fault else DONE if is_saved else BAD_USAGE
+
+
+def _log_review(options: argparse.Namespace, profile: Profile) -> str | UnsetType:
+    """The record of the profile's review, for an armed run on a real bus; a profile that has changed is warned of."""
+    if not options.arm or is_virtual(options.interface, options.channel):
+        return UNSET
+    review = report_review(profile)
+    log.info("review of %s: %s", profile.name, review.text)
+    if review.changes:
+        log.warning(
+            "%s: not as it was when it was reviewed; review it again with vehicle-iface commission --profile %s",
+            " and ".join(review.changes),
+            shlex.quote(options.profile),
+        )
+    return review.text
 
 
 class _EarlyEnd(Flag):

@@ -81,6 +81,11 @@ def profile_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for folder in _folders() for path in folder.glob("*.toml")))
 
 
+def is_packaged(path: Path) -> bool:
+    """Whether the file is one of the profiles that are loaded by name."""
+    return any(path.resolve().parent == folder.resolve() for folder in _folders())
+
+
 def _folders() -> Iterator[Path]:
     """Where profiles are: inside the installed package, or beside it in a source checkout."""
     package = Path(__file__).resolve().parents[1]

@@ -8,6 +8,7 @@ from vehicle_iface.profile.forms import SignalName
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
 from vehicle_iface.profile.numbers import Negative, NonNegative, Positive
 from vehicle_iface.profile.protection import EndToEnd, MessageProtection
+from vehicle_iface.profile.review_record import ReviewRecord
 from vehicle_iface.profile.sends import SentMessage
 from vehicle_iface.profile.signals import Body, Command, CommandSignals, Report, State, Status
 
@@ -203,6 +204,8 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """The file that this profile was read from; not a key in it."""
     reviewed: bool = False
     """Whether somebody has checked limits and signs against the real vehicle."""
+    review: ReviewRecord | None = None
+    """Of the walk that set `reviewed`; None where somebody set it by hand."""
     ignored: tuple[SignalName, ...] = ()
     """Signals of bound messages that the program does not use."""
     signals: dict[SignalName, SignalNotes] = {}

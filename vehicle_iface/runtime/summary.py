@@ -50,6 +50,7 @@ def table(summary: RunSummary) -> str:
         ("bus", summary.bus),
         ("link", _link(summary.link)),
         ("ended", f"{summary.controller_state}, {summary.reason}"),
+        *([("review", summary.review)] if summary.review is not UNSET else []),
         *([("latched fault", summary.latched_fault)] if summary.latched_fault else []),
         ("duration", f"{summary.duration_s:.1f} s"),
         ("samples", f"{summary.samples} complete, {summary.incomplete_samples} incomplete"),

@@ -156,3 +156,5 @@ class RunSummary(Causes, frozen=True, kw_only=True):
     """The way of dead reckoning, which grows wrong with it."""
     shadow: ShadowSummary | UnsetType = UNSET
     recorder: RecorderSummary | UnsetType = UNSET
+    review: str | UnsetType = UNSET
+    """Of an armed run on a real bus: the record of the profile's review."""

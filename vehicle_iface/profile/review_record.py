@@ -1,0 +1,55 @@
+"""The record of a review in a profile, `[review]`: what was checked, when, and what profile and DBC were then."""
+
+import hashlib
+import json
+import tomllib
+from datetime import date
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from vehicle_iface.errors import ConfigError
+
+Sha256 = Annotated[str, msgspec.Meta(min_length=64, max_length=64)]
+"""In hexadecimal digits."""
+RECORD_KEYS = ("reviewed", "review")
+"""The keys of a profile that a review writes."""
+
+
+class ReviewRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What `vehicle-iface commission` writes after a walk in which everything was seen."""
+
+    date: date
+    checks: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+    """What the person in the vehicle was asked to do, and was seen."""
+    log: str
+    """Name of the log of the walk."""
+    log_sha256: Sha256
+    profile_sha256: Sha256
+    """Of the profile's values without `reviewed` and `[review]`; comments and layout do not count."""
+    dbc_sha256: Sha256
+
+
+def hash_file(path: Path) -> str:
+    """The SHA-256 of a file's bytes; `ConfigError` when it cannot be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def hash_values(text: str) -> str:
+    """The SHA-256 of a profile's values without its record; comments and layout do not count."""
+    document = {key: value for key, value in tomllib.loads(text).items() if key not in RECORD_KEYS}
+    return hashlib.sha256(json.dumps(document, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def find_changes(record: ReviewRecord, *, profile: Path, dbc: Path) -> list[str]:
+    """The files that are not those that were reviewed any more."""
+    try:
+        is_same = hash_values(profile.read_text(encoding="utf-8")) == record.profile_sha256
+    except OSError as error:
+        raise ConfigError(f"{profile}: cannot be read: {error.strerror}") from None
+    changed = [] if is_same else [profile.name]
+    return changed if hash_file(dbc) == record.dbc_sha256 else [*changed, dbc.name]
