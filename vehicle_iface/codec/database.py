@@ -118,12 +118,17 @@ class VehicleDatabase:
 
 
 def load_database(profile: Profile) -> VehicleDatabase:
-    """The profile's DBC, bound and checked; `ConfigError` with a line for each thing that does not fit."""
+    """The database of a profile; raises what `load_binding` raises."""
+    return build_database(load_binding(profile))
+
+
+def load_binding(profile: Profile) -> Binding:
+    """The profile and its DBC, checked; `ConfigError` with a line for each thing that does not fit."""
     binding = Binding(profile, read_dbcs(profile))
     faults = find_faults(binding)
     if faults:
         raise ConfigError("\n".join(map(str, faults)))
-    return build_database(binding)
+    return binding
 
 
 def build_database(binding: Binding) -> VehicleDatabase:

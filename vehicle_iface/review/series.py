@@ -3,21 +3,20 @@
 Values out of range and frames with wrong checksums are kept: a profile that is wrong about them is under review.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from vehicle_iface.codec.binding import SENT_ROLES, Binding
-from vehicle_iface.codec.bus_files import read_dbcs
 from vehicle_iface.codec.compiled import MessageCodec
-from vehicle_iface.codec.consistency import find_faults
-from vehicle_iface.codec.database import BoundMessage, VehicleDatabase, build_database
+from vehicle_iface.codec.database import BoundMessage, VehicleDatabase, build_database, load_binding
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.expressions import Place, condition_expression, field_expression
-from vehicle_iface.errors import ConfigError, SignalError
+from vehicle_iface.errors import SignalError
 from vehicle_iface.frame import unchecked_frame
 from vehicle_iface.logs.frames import Bytes
 from vehicle_iface.pose import PoseInputs
@@ -55,10 +54,24 @@ class Series:
     @property
     def label(self) -> str:
         """Its signals, for a person."""
-        messages = {dotted.partition(".")[0] for dotted in self.signals}
-        if len(self.signals) > 1 and len(messages) == 1:
-            return f"{self.message}.{'/'.join(dotted.partition('.')[2] for dotted in self.signals)}"
-        return " and ".join(self.signals)
+        return join_signals(self.signals)
+
+
+def join_signals(signals: Sequence[str]) -> str:
+    """Names of signals, MESSAGE.SIGNAL each, for a person."""
+    messages = [dotted.partition(".")[0] for dotted in signals]
+    if len(signals) > 1 and len(set(messages)) == 1:
+        return f"{messages[0]}.{'/'.join(dotted.partition('.')[2] for dotted in signals)}"
+    return " and ".join(signals)
+
+
+class Reading(NamedTuple):
+    """The newest value of a field."""
+
+    time_s: float
+    """Since the first frame."""
+    value: object
+    """A number; of the position x and y in m."""
 
 
 @dataclass(slots=True)
@@ -93,18 +106,15 @@ class RecordedDrive:
 
 def read_drive(path: Path, profile: Profile, *, channel: str | None, progress: Progress | None = None) -> RecordedDrive:
     """The drive in a log. `ConfigError` when profile, DBC or log cannot be used, or none of its messages is there."""
-    binding = Binding(profile, read_dbcs(profile))
-    faults = find_faults(binding)
-    if faults:
-        raise ConfigError("\n".join(map(str, faults)))
+    binding = load_binding(profile)
     database = build_database(binding)
-    reader = _DriveReader(binding, database)
+    reader = DriveReader(binding, database)
     for frame in read_frames(path, (*database.received, *database.sent), channel=channel, progress=progress):
         reader.take(frame)
     return reader.result()
 
 
-class _DriveReader:
+class DriveReader:
     """Decodes frames in the order of the log."""
 
     def __init__(self, binding: Binding, database: VehicleDatabase) -> None:
@@ -155,6 +165,20 @@ class _DriveReader:
         for output in self._outputs[frame.name]:
             if is_whole or values[output.column - first] is not None:
                 output.take(time_s, frame.stamp_ns, row)
+
+    @property
+    def labels(self) -> Mapping[str, str]:
+        """The signals of each bound field of the state, for a person."""
+        return {output.name: join_signals(output.signals) for output in self._state}
+
+    @property
+    def first_ns(self) -> int | None:
+        """The stamp of the first frame."""
+        return self._first_ns
+
+    def read_newest(self) -> dict[str, Reading]:
+        """The newest value of each field of the state that has come."""
+        return {one.name: Reading(one.times_s[-1], one.values[-1]) for one in self._state if one.times_s}
 
     def result(self) -> RecordedDrive:
         return RecordedDrive(
