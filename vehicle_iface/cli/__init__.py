@@ -18,10 +18,7 @@ from vehicle_iface.process import module_command
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0 done, 2 bad usage, configuration or file, 3 no bus, 4 ended in a latched fault.
-
-    `review` ends with 1 where a drive contradicts the profile.
-    """
+    """Run one command; its exit status is one of `exit_status`."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given[:1] == ["view"]:  # the viewer is another process and knows its own options
         command_line, environment = module_command("vehicle_iface_viewer")
@@ -75,6 +72,10 @@ def _run_command(options: argparse.Namespace) -> int:
         from vehicle_iface.cli.review import review
 
         return review(options)
+    if options.command == "commission":
+        from vehicle_iface.cli.commission import commission
+
+        return commission(options)
     from vehicle_iface.cli.decode import decode
 
     return decode(options)

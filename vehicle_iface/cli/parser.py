@@ -38,6 +38,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     _add_decode(_command(commands, "decode", "decode a log of a bus into one NumPy array for each signal"))
     _add_review(_command(commands, "review", "what a recorded drive says about a profile: signs, units, delays"))
+    _add_commission(_command(commands, "commission", "check a profile on the live bus: a guided walk that never sends"))
     commands.add_parser("view", add_help=False, help="the browser viewer (vehicle-iface view --help)")
     return parser
 
@@ -211,6 +212,33 @@ def _add_review(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--html", metavar="FILE", help="write one page with plots to this file")
     parser.add_argument("--json", metavar="FILE", help="write all numbers and verdicts to this file")
     parser.epilog = "Exit status: 0 when nothing contradicts the profile, 1 when something does, 2 bad usage or file."
+
+
+def _add_commission(parser: argparse.ArgumentParser) -> None:
+    _add_bus(parser)
+    parser.add_argument("--out", metavar="REPORT.html", help="write one page with the walk and the review of its log")
+    parser.add_argument("--json", metavar="FILE", help="write all verdicts and numbers to this file")
+    parser.add_argument(
+        "--record", metavar="LOG", help="record the frames to this new file (default: PROFILE-walk-DATE-TIME.log)"
+    )
+    parser.add_argument(
+        "--step-timeout",
+        type=_above_0("seconds"),
+        default=60.0,
+        metavar="S",
+        help="give a step up after S seconds; Enter on a terminal skips it at once",
+    )
+    parser.add_argument(
+        "--write",
+        action="store_true",
+        help="when everything was seen and is right, write reviewed = true and the record into the profile unasked",
+    )
+    parser.add_argument("--verbose", action="store_true", help="log more")
+    parser.epilog = (
+        "No frame is ever sent. Exit status: 0 when everything was seen and nothing contradicts the profile, 1 when "
+        "something contradicts it, 2 bad usage, profile or file, 3 the bus cannot be used, 5 when something was not "
+        "seen. SIGINT ends the walk with its report."
+    )
 
 
 def _add_bus(parser: argparse.ArgumentParser) -> None:

@@ -3,18 +3,15 @@
 import argparse
 from pathlib import Path
 
-from vehicle_iface.cli.exit_status import DONE
+from vehicle_iface.cli.exit_status import CONTRADICTED, DONE
+from vehicle_iface.cli.files import write_text
 from vehicle_iface.cli.progress import show_progress
 from vehicle_iface.cli.terminal import print_safely
-from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import load_profile
 from vehicle_iface.review.page import render_page
 from vehicle_iface.review.report import summarize, to_json
 from vehicle_iface.review.review import review_drive
 from vehicle_iface.review.series import read_drive
-
-CONTRADICTED = 1
-"""The drive contradicts the profile."""
 
 
 def review(options: argparse.Namespace) -> int:
@@ -23,16 +20,9 @@ def review(options: argparse.Namespace) -> int:
     drive = read_drive(log, load_profile(options.profile), channel=options.channel, progress=show_progress)
     found = review_drive(drive)
     if options.html:
-        _write(Path(options.html), render_page(found, log.name), "--html")
+        write_text(options.html, render_page(found, log.name), "--html")
     if options.json:
-        _write(Path(options.json), to_json(found), "--json")
+        write_text(options.json, to_json(found), "--json")
     for line in summarize(found):
         print_safely(line)
     return CONTRADICTED if found.contradictions else DONE
-
-
-def _write(path: Path, text: str, option: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{option} {path}: cannot be written: {error.strerror}") from None

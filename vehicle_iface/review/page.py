@@ -1,6 +1,6 @@
 """A review as one HTML page that needs nothing from anywhere else."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from html import escape
 from pathlib import Path
 
@@ -21,46 +21,55 @@ _CLASSES = {
     Judgement.UNKNOWN: "doubt",
     Judgement.AGREES: "good",
 }
+TABLE_END = "</tbody></table></div>"
 
 
 def render_page(review: Review, log_name: str) -> str:
-    """The page."""
+    """The page of a review."""
     profile = review.drive.database.profile
+    subject = f"Profile <b>{escape(profile.name)}</b> against <b>{escape(log_name)}</b>"
+    head = draw_header(
+        not review.contradictions, describe_result(review), f"{subject}, {review.drive.duration_s:.1f} s"
+    )
+    return wrap_page(f"Review of {profile.name}", [head, *draw_review(review)])
+
+
+def wrap_page(title: str, parts: Iterable[str]) -> str:
+    """A page of these parts, which are HTML."""
     style = Path(__file__).with_name("page.css").read_text(encoding="utf-8")
-    body = "".join(_body(review, log_name))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>Review of {escape(profile.name)}</title><style>\n{style}</style></head><body>{body}</body></html>\n"
+        f"<title>{escape(title)}</title><style>\n{style}</style></head><body>{''.join(parts)}</body></html>\n"
     )
 
 
-def _body(review: Review, log_name: str) -> Iterator[str]:
-    profile = review.drive.database.profile
-    verdict = "bad" if review.contradictions else "good"
-    yield (
-        f'<header class="{verdict}"><h1>{escape(_capitalized(describe_result(review)))}</h1>'
-        f"<p>Profile <b>{escape(profile.name)}</b> against <b>{escape(log_name)}</b>, "
-        f"{review.drive.duration_s:.1f} s</p></header>"
-    )
+def draw_header(is_good: bool, result: str, subject: str) -> str:
+    """The result, and what it is about; `subject` is HTML."""
+    kind = "good" if is_good else "bad"
+    return f'<header class="{kind}"><h1>{escape(_capitalized(result))}</h1><p>{subject}</p></header>'
+
+
+def draw_review(review: Review) -> Iterator[str]:
+    """The sections of a review."""
     yield "<h2>Findings</h2>"
     yield from _findings(review)
-    yield "<h2>Bindings</h2>" + _table_head("Field", "Signal", "Verdict", "Why")
+    yield "<h2>Bindings</h2>" + draw_table_head("Field", "Signal", "Verdict", "Why")
     for one in review.bindings:
         yield (
             f"<tr><td><code>{escape(one.field)}</code><td><code>{escape(one.signal)}</code>"
-            f"<td>{_chip(one.judgement)}<td>{escape(one.text)}"
+            f"<td>{draw_chip(one.judgement)}<td>{escape(one.text)}"
         )
-    yield "</tbody></table></div>"
+    yield TABLE_END
     yield "<h2>Relations</h2>"
     yield (
         '<p class="quiet">Each law is y = x by kinematics alone, both as means over '
         f"{review.motion.window_s:g} s. Dashed: expected; solid: fitted.</p>"
     )
-    yield _table_head("Law", "#Slope", "#Correlation", "#Lag", "#Used", "Outcome")
+    yield draw_table_head("Law", "#Slope", "#Correlation", "#Lag", "#Used", "Outcome")
     for relation in review.relations:
         yield _relation_row(relation)
-    yield "</tbody></table></div>"
+    yield TABLE_END
     yield '<div class="plots">'
     yield from _path_plot(review)
     for relation in review.relations:
@@ -76,12 +85,12 @@ def _findings(review: Review) -> Iterator[str]:
     yield '<ul class="findings">'
     for finding in review.findings:
         text = escape(_capitalized(finding.text))
-        yield f'<li class="{_CLASSES[finding.level]}">{_chip(finding.level)} {text}{_fix(finding)}'
+        yield f'<li class="{_CLASSES[finding.level]}">{draw_chip(finding.level)} {text}{_fix(finding)}'
     yield "</ul>"
 
 
-def _table_head(*columns: str) -> str:
-    """Those that begin with # are of numbers."""
+def draw_table_head(*columns: str) -> str:
+    """The beginning of a table; columns that begin with # are of numbers."""
     cells = (f'<th class="n">{name[1:]}' if name.startswith("#") else f"<th>{name}" for name in columns)
     return f'<div class="scroll"><table><thead><tr>{"".join(cells)}</thead><tbody>'
 
@@ -90,8 +99,9 @@ def _fix(finding: Finding) -> str:
     return f"<pre>{escape(finding.fix)}</pre>" if finding.fix else ""
 
 
-def _chip(word: Level | Judgement) -> str:
-    return f'<span class="chip {_CLASSES[word]}">{escape(word.value)}</span>'
+def draw_chip(verdict: Level | Judgement, word: str = "") -> str:
+    """A verdict in one word, its own where none is given."""
+    return f'<span class="chip {_CLASSES[verdict]}">{escape(word or verdict.value)}</span>'
 
 
 def _relation_row(relation: Relation) -> str:
@@ -158,7 +168,7 @@ def _path_plot(review: Review) -> Iterator[str]:
 
 def _messages(review: Review) -> Iterator[str]:
     numbers = ("#Frames", "#Stated", "#Period", "#Jitter", "#Longest pause", "#Out of range")
-    yield "<h2>Messages</h2>" + _table_head("Message", "Role", *numbers, "Protection")
+    yield "<h2>Messages</h2>" + draw_table_head("Message", "Role", *numbers, "Protection")
     for one in review.messages:
         cells = "".join(
             f'<td class="n">{f"{value:.3g} ms" if value is not None else "–"}'
@@ -168,7 +178,7 @@ def _messages(review: Review) -> Iterator[str]:
             f'<tr><td><code>{escape(one.name)}</code><td>{escape(one.role)}<td class="n">{one.count}{cells}'
             f'<td class="n">{one.out_of_range}<td>{escape(one.protection)}'
         )
-    yield "</tbody></table></div>"
+    yield TABLE_END
 
 
 def _capitalized(text: str) -> str:

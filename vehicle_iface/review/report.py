@@ -1,7 +1,7 @@
 """A review as text for the terminal and as JSON for programs."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from vehicle_iface.review.findings import Judgement
 from vehicle_iface.review.relations import Relation
@@ -38,7 +38,17 @@ def describe_result(review: Review) -> str:
 
 def to_json(review: Review) -> str:
     """All numbers and verdicts; lengths in m, times in s, angles in rad."""
-    document = {
+    return dump_json(list_numbers(review))
+
+
+def dump_json(document: Mapping[str, object]) -> str:
+    """A document for programs."""
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def list_numbers(review: Review) -> dict[str, object]:
+    """All numbers and verdicts by name, for JSON."""
+    return {
         "profile": review.drive.database.profile.name,
         "duration_s": round(review.drive.duration_s, 3),
         "contradictions": len(review.contradictions),
@@ -73,7 +83,6 @@ def to_json(review: Review) -> str:
             for one in review.messages
         ],
     }
-    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _relation_to_json(relation: Relation) -> dict[str, object]:
