@@ -10,7 +10,7 @@ import pytest
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import inspect_profile, load_profile
 from vehicle_iface.profile.review_edit import insert_review, require_editable, write_review
-from vehicle_iface.profile.review_record import ReviewRecord, find_changes, hash_file, hash_values
+from vehicle_iface.profile.review_record import ReviewRecord, find_changes, hash_dbcs, hash_file, hash_values
 
 DBC = Path(__file__).resolve().parents[2] / "dbc"
 REFERENCE = (DBC / "reference.toml").read_text(encoding="utf-8")
@@ -112,11 +112,11 @@ def test_values_count_and_comments_do_not(profile: Path) -> None:
     write_review(profile, record())
     text = profile.read_text(encoding="utf-8")
     profile.write_text(text.replace("# SI units", "# in SI units"), encoding="utf-8")
-    assert find_changes(record(), profile=profile, dbc=dbc) == []
+    assert find_changes(record(), profile=profile, dbcs=[dbc]) == []
     profile.write_text(text.replace('yaw_rate_radps = "MOTION', '# "MOTION'), encoding="utf-8")
-    assert find_changes(record(), profile=profile, dbc=dbc) == ["reference.toml"]
+    assert find_changes(record(), profile=profile, dbcs=[dbc]) == ["reference.toml"]
     dbc.write_bytes(dbc.read_bytes() + b"\n")
-    assert find_changes(record(), profile=profile, dbc=dbc) == ["reference.toml", "reference.dbc"]
+    assert find_changes(record(), profile=profile, dbcs=[dbc]) == ["reference.toml", "reference.dbc"]
 
 
 @pytest.mark.parametrize(
@@ -131,3 +131,15 @@ def test_values_count_and_comments_do_not(profile: Path) -> None:
 def test_a_record_that_is_none_is_a_fault_with_its_place(profile: Path, lines: str, fault: str) -> None:
     profile.write_text(f"{REFERENCE}\n[review]\n{lines}\n", encoding="utf-8")
     assert any(one.startswith(fault) for one in inspect_profile(profile).faults), inspect_profile(profile).faults
+
+
+def test_each_of_several_dbcs_counts_and_their_order_does(tmp_path: Path) -> None:
+    for name in ("car.dbc", "ins.dbc"):
+        (tmp_path / name).write_text(name)
+    car, ins = tmp_path / "car.dbc", tmp_path / "ins.dbc"
+    (tmp_path / "v.toml").write_text(REFERENCE, encoding="utf-8")
+    reviewed = record(dbc_sha256=hash_dbcs([car, ins]))
+    assert find_changes(reviewed, profile=tmp_path / "v.toml", dbcs=[car, ins]) == []
+    assert find_changes(reviewed, profile=tmp_path / "v.toml", dbcs=[ins, car]) == ["ins.dbc/car.dbc"]
+    ins.write_text("another")
+    assert find_changes(reviewed, profile=tmp_path / "v.toml", dbcs=[car, ins]) == ["car.dbc/ins.dbc"]

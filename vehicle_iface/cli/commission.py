@@ -27,7 +27,7 @@ from vehicle_iface.commission.walk import Listener, Presenter, StepResult, Walk
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile, load_profile
 from vehicle_iface.profile.review_edit import require_editable, write_review
-from vehicle_iface.profile.review_record import ReviewRecord, find_changes, hash_file, hash_values
+from vehicle_iface.profile.review_record import ReviewRecord, find_changes, hash_dbcs, hash_file, hash_values
 from vehicle_iface.review.review import review_drive
 from vehicle_iface.review.series import read_drive
 from vehicle_iface.units import NS_PER_S
@@ -107,7 +107,7 @@ class _Hashes:
 
     def __init__(self, profile: Profile) -> None:
         self._profile_sha256 = hash_values(Path(profile.file).read_text(encoding="utf-8"))
-        self._dbc_sha256 = hash_file(Path(profile.dbc))
+        self._dbc_sha256 = hash_dbcs(profile.dbc_files)
 
     def make_record(self, found: Commissioning, today: date) -> ReviewRecord:
         return ReviewRecord(
@@ -131,7 +131,7 @@ def _offer_to_write(profile: Profile, record: ReviewRecord, is_told_to: bool) ->
     if not is_told_to and not _confirm(f"Write reviewed = true and the record of this walk into {path}? [y/N] "):
         print_safely("not written: --write, or y, writes reviewed = true and the record of the walk into the profile")
         return False
-    changes = find_changes(record, profile=path, dbc=Path(profile.dbc))
+    changes = find_changes(record, profile=path, dbcs=profile.dbc_files)
     if changes:
         raise ConfigError(f"{' and '.join(changes)}: changed during the walk, nothing was written; walk again")
     write_review(path, record)

@@ -7,7 +7,7 @@ from vehicle_iface import compose
 from vehicle_iface.codec.binding import Binding
 from vehicle_iface.codec.database import EXACT_ID, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
-from vehicle_iface.frame import CanFrame
+from vehicle_iface.frame import CanFrame, FrameKey
 from vehicle_iface.review.log_frames import LoggedFrame
 from vehicle_iface.review.series import POSITION, DriveReader
 from vehicle_iface.status import VehicleStatus
@@ -36,7 +36,7 @@ class Readings:
         self._decoder = Decoder(database.received)
         self._assembler = compose.build_state_assembler(database)
         messages = (*database.received, *database.sent)
-        self._names = {(one.can_id, one.is_extended): one.name for one in messages}
+        self._names = {one.key: one.name for one in messages}
         self._masked = [one for one in messages if one.id_mask != EXACT_ID]
         self.labels = self._motion.labels
         """The signals of each bound field of the state."""
@@ -73,7 +73,8 @@ class Readings:
         )
 
     def _find_name(self, frame: CanFrame) -> str | None:
-        if not frame.is_extended or (frame.can_id, True) in self._names:
-            return self._names.get((frame.can_id, frame.is_extended))
-        masked = (one.name for one in self._masked if (frame.can_id ^ one.can_id) & one.id_mask == 0)
-        return next(masked, None)
+        name = self._names.get(FrameKey(frame.can_id, frame.is_extended, frame.bus))
+        if name is not None or not frame.is_extended:
+            return name
+        on_its_bus = (one for one in self._masked if one.bus == frame.bus)
+        return next((one.name for one in on_its_bus if (frame.can_id ^ one.can_id) & one.id_mask == 0), None)

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import tomllib
+from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 from typing import Annotated
@@ -29,6 +30,7 @@ class ReviewRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     profile_sha256: Sha256
     """Of the profile's values without `reviewed` and `[review]`; comments and layout do not count."""
     dbc_sha256: Sha256
+    """Of the DBC's bytes; of several DBCs, that of their SHA-256 in the order of their buses."""
 
 
 def hash_file(path: Path) -> str:
@@ -45,11 +47,17 @@ def hash_values(text: str) -> str:
     return hashlib.sha256(json.dumps(document, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def find_changes(record: ReviewRecord, *, profile: Path, dbc: Path) -> list[str]:
+def hash_dbcs(paths: Sequence[Path]) -> str:
+    """The SHA-256 of a profile's DBCs; `ConfigError` when one cannot be read."""
+    hashes = [hash_file(path) for path in paths]
+    return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
+
+
+def find_changes(record: ReviewRecord, *, profile: Path, dbcs: Sequence[Path]) -> list[str]:
     """The files that are not those that were reviewed any more."""
     try:
         is_same = hash_values(profile.read_text(encoding="utf-8")) == record.profile_sha256
     except OSError as error:
         raise ConfigError(f"{profile}: cannot be read: {error.strerror}") from None
     changed = [] if is_same else [profile.name]
-    return changed if hash_file(dbc) == record.dbc_sha256 else [*changed, dbc.name]
+    return changed if hash_dbcs(dbcs) == record.dbc_sha256 else [*changed, "/".join(path.name for path in dbcs)]

@@ -1,5 +1,6 @@
 """The keys of a profile: one frozen type for each table, in SI units."""
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
@@ -242,6 +243,11 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             return self.buses
         only = NamedBus(dbc=self.dbc, **msgspec.structs.asdict(self.bus))
         return {"": only}
+
+    @property
+    def dbc_files(self) -> list[Path]:
+        """The DBCs of all buses in their order."""
+        return [Path(bus.dbc) for bus in self.all_buses.values()]
 
     @property
     def only_watches(self) -> bool:
