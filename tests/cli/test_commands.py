@@ -153,6 +153,7 @@ def test_a_controller_that_cannot_be_made_is_refused_by_file_and_line(
                 ("run", "wait", "seconds"),
                 ("sim", "duration", "seconds"),
                 ("demo", "duration", "seconds"),
+                ("commission", "step-timeout", "seconds"),
             )
             for value in ("", "a", "0", "-1", "nan", "inf", "1e300")
         ),
@@ -176,6 +177,7 @@ def test_a_controller_that_cannot_be_made_is_refused_by_file_and_line(
                 "sim": "channel profile start frame driver-socket",
                 "demo": "summary record",
                 "doctor": "channel profile",
+                "commission": "channel profile record out json",
                 "decode": "profile dbc out message channel",
             }.items()
             for option in options.split()
