@@ -12,6 +12,7 @@ MEASURED = {
     "agilex_hunter": (4, 9, 5),  # conditions instead of a mode; a speed that is a heading's rate as well
     "fs_ai_ads_dv": (4, 8, 1),  # four torques and pressures that fit alike; an emergency stop for a safe stop
     "pacmod3": (7, 14, 3),  # one fault and one enable of several; nothing says that an output is an angle or a gear
+    "toyota_rav4": (3, 7, 4),  # one signal of two; feet and hands as flags, not as conditions
 }
 """Flags and modes of one vehicle each, and torques instead of pedals, are what a draft does not know."""
 
