@@ -38,7 +38,7 @@ ODOM = {"ODOM": "odom"}
         (("accel_mps2",), ODOM, False, ["nothing confirms the speed signal"]),
         (("yaw_rate_radps",), None, True, []),
         (("front_wheel_angle_rad",), None, True, []),
-        (("yaw_rate_radps", "front_wheel_angle_rad"), None, True, ["a wrong heading is found by the position alone"]),
+        (("yaw_rate_radps", "front_wheel_angle_rad"), None, True, ["only the position reveals a wrong heading"]),
         (("lateral_speed_mps",), None, True, []),
     ],
 )

@@ -20,9 +20,9 @@ class Command:
     """
 
     stamp_ns: int
-    """Stamp of the state that this was computed from."""
+    """Stamp of the state that this was computed from, nanoseconds of the monotonic clock."""
     accel_mps2: float
-    """Along the body's x axis, also when reversing: positive accelerates forwards or brakes backwards."""
+    """Along the body's x axis, also when reversing: positive drives forwards, or brakes while reversing."""
     front_wheel_angle_rad: float
     """Road-wheel angle, positive to the left."""
     rear_wheel_angle_rad: float = 0.0
@@ -96,7 +96,7 @@ class WireCommand(NamedTuple):
 
 
 class Phases(NamedTuple):
-    """Which words of a profile's `when` hold now; none of them in a run that is not armed."""
+    """Which values of a profile's `when` apply now; none in a run that is not armed."""
 
     armed: bool = False
     """From arming until the driver takes over, a fault, or the end of the run."""

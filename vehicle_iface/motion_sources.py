@@ -59,9 +59,7 @@ def describe_missing(profile: Profile) -> Iterator[str]:
             "(limits.unconfirmed_speed_max_mps)"
         )
     elif not sources.accel:
-        yield f"{place}: accel_mps2 is not bound: a wrong speed is found by the position alone"
+        yield f"{place}: accel_mps2 is not bound: only the position reveals a wrong speed"
     if not sources.yaw_rate and not sources.front_wheels:
-        text = (
-            "neither yaw_rate_radps nor front_wheel_angle_rad is bound: a wrong heading is found by the position alone"
-        )
+        text = "neither yaw_rate_radps nor front_wheel_angle_rad is bound: only the position reveals a wrong heading"
         yield f"{place}: {text}"

@@ -26,17 +26,17 @@ class VehicleState:
     """
 
     stamp_ns: int
-    """Time of the measurement, nanoseconds of the monotonic clock."""
+    """Receive time of the sample's first message, nanoseconds of the monotonic clock."""
     frame_id: str = "map"
     """Frame of reference of `x_m`, `y_m` and `heading_rad`."""
     x_m: float
     y_m: float
     heading_rad: float
-    """Of the body's x axis, counter-clockwise from the frame's x axis."""
+    """Direction of the body's x axis, counter-clockwise from the frame's x axis; wrapped or not."""
     speed_mps: float
     """Along the body's x axis; negative when reversing."""
     accel_mps2: float = 0.0
-    """Along the body's x axis, also when reversing."""
+    """Along the body's x axis, also when reversing: braking is positive then."""
     yaw_rate_radps: float = 0.0
     """Positive to the left."""
     lateral_speed_mps: float = 0.0

@@ -24,10 +24,10 @@ _OPTIONAL = ("accel_mps2", "yaw_rate_radps", "front_wheel_angle_rad")
 class Trajectory:
     """n points in time order; n = 0 means: stop.
 
-    Arrays are copied into immutable memory: the caller may go on changing the ones passed, and copies of a trajectory
-    are immutable, too. Raises `InvalidValueError` naming the field, the index and the value when a number is not
-    finite, lengths differ, an array is not one-dimensional, or times are negative or decrease. Equal times of
-    neighbours are allowed.
+    Arrays are copied into immutable memory, so the caller may change the ones passed; copies of a trajectory are
+    immutable, too. Raises `InvalidValueError` naming the field, the index and the value when a number is not finite,
+    lengths differ, an array is not one-dimensional, or times are negative or decrease. Equal times of neighbours are
+    allowed.
     """
 
     stamp_ns: int
@@ -35,13 +35,13 @@ class Trajectory:
     frame_id: str = "map"
     """Frame of reference of `x_m`, `y_m` and `heading_rad`."""
     time_from_start_ns: IntArray
-    """(n,) never decreasing, at least 0."""
+    """(n,) nanoseconds after `stamp_ns`, never decreasing, at least 0."""
     x_m: FloatArray
-    """(n,)"""
+    """(n,) position of the rear axle's centre."""
     y_m: FloatArray
-    """(n,)"""
+    """(n,) position of the rear axle's centre."""
     heading_rad: FloatArray
-    """(n,) of the body's x axis, also where the vehicle reverses."""
+    """(n,) direction of the body's x axis, also where the vehicle reverses."""
     speed_mps: FloatArray
     """(n,) negative where the vehicle reverses."""
     accel_mps2: FloatArray = None  # type: ignore[assignment]  # zeros when not given
@@ -64,14 +64,14 @@ class Trajectory:
             object.__setattr__(self, name, values)
 
     def __copy__(self) -> Self:
-        """Another one over the same arrays."""
+        """Another trajectory over the same arrays."""
         twin = object.__new__(type(self))
         for field in fields(self):
             object.__setattr__(twin, field.name, getattr(self, field.name))
         return twin
 
     def __deepcopy__(self, _: dict[int, Any]) -> Self:
-        """Itself: nothing in it can change."""
+        """The trajectory itself, because it is immutable."""
         return self
 
     def __reduce__(self) -> tuple[Callable[..., Trajectory], tuple[type[Trajectory], dict[str, Any]]]:

@@ -158,7 +158,7 @@ def test_a_controller_that_cannot_be_made_is_refused_by_file_and_line(
             for value in ("", "a", "0", "-1", "nan", "inf", "1e300")
         ),
         *(
-            (["run", f"--cpu={value}"], f"--cpu: '{value}': must be one of this program's: ")
+            (["run", f"--cpu={value}"], f"--cpu: '{value}': not a CPU for this process: must be one of ")
             for value in ("", "a", "-1", "nan", "inf", "1.0", "4096")
         ),
         *(

@@ -57,7 +57,7 @@ def test_a_controller_that_is_well_set_up_is_all_right() -> None:
     ("data", "subject", "verdict", "text", "fix"),
     [
         ({"bittiming": {}}, "bit rate", MISSING, "not set", "type can bitrate 500000"),
-        ({"bittiming": {"bitrate": 250_000}}, "bit rate", MISSING, "250000, and the profile wants 500000", "500000"),
+        ({"bittiming": {"bitrate": 250_000}}, "bit rate", MISSING, "250000, the profile has 500000", "500000"),
         ({"restart_ms": 0}, "restart-ms", WARN, "stays off", "restart-ms 100"),
         ({"state": "ERROR-WARNING"}, "errors", WARN, "error-warning", "ip -details -statistics link show can0"),
         (

@@ -21,7 +21,7 @@ def test_all_faults_of_a_dbc_are_reported_at_once(variant: Variant) -> None:
         variant(dbc=edits)
     assert str(refused.value).splitlines() == [
         f"reference.dbc:{line_of('BO_ 273')}: MOTION: id 272 is already in line {line_of('BO_ 272')}, of POSE",
-        f"reference.dbc:{line_of('SG_ YAW_RATE')}: MOTION.YAW_RATE: range [6.5|-6.5] is upside down",
+        f"reference.dbc:{line_of('SG_ YAW_RATE')}: MOTION.YAW_RATE: range [6.5|-6.5] has swapped ends",
     ]
 
 

@@ -62,7 +62,7 @@ ODDITIES = {
     "a signal without bits": Oddity(ODD.replace("0|8", "0|0"), "", ERROR, "ODD.S: has no bits"),
     "a factor of 0": Oddity(ODD.replace("(1,0)", "(0,0)"), "", ERROR, "ODD.S: factor 0"),
     "a factor without end": Oddity(ODD.replace("(1,0)", "(1e999,0)"), "", ERROR, "ODD.S: a number that is not finite"),
-    "a range upside down": Oddity(ODD.replace("[0|255]", "[255|0]"), "", ERROR, "ODD.S: range [255|0] is upside down"),
+    "swapped range": Oddity(ODD.replace("[0|255]", "[255|0]"), "", ERROR, "ODD.S: range [255|0] has swapped ends"),
     "overlapping signals": Oddity(f'{ODD} SG_ T : 4|8@1+ (1,0) [0|9] "" GW\n', "", ERROR, "ODD.T: overlapping: shares"),
     "a signal twice": Oddity(f'{ODD} SG_ S : 8|8@1+ (1,0) [0|9] "" GW\n', "", ERROR, "ODD.S: is already in line"),
     "a message twice": Oddity(ODD + ODD.replace("512", "513"), "", ERROR, "ODD: is already in line"),

@@ -74,7 +74,7 @@ IN_THE_DBC = [
         "MOTION.YAW_RATE: factor 0",
         "YAW_RATE : 48",
     ),
-    ("[-6.5536|6.5534]", "[6.5|-6.5]", ERROR, "MOTION.YAW_RATE: range [6.5|-6.5] is upside down", "YAW_RATE : 48"),
+    ("[-6.5536|6.5534]", "[6.5|-6.5]", ERROR, "MOTION.YAW_RATE: range [6.5|-6.5] has swapped ends", "YAW_RATE : 48"),
     ("[-6.5536|6.5534]", "[-7|7]", WARNING, "range [-7|7]: 16 bits express [-6.5536|6.5534]", "YAW_RATE : 48"),
 ]
 BOTH_WAYS = [
@@ -135,7 +135,7 @@ IN_THE_PROFILE = [
     ("POSE = 0x110", "POSE = 0x111", "$.e2e.data_ids.POSE: 0x111, but E2EDataId is 0x110", "POSE = 0x111"),
     ("POSE = 0x110\n", "", "$.e2e.data_ids.POSE: missing", "[e2e.data_ids]"),
     ('ODOM = "odom"', 'ODO = "odom"', "$.state.frames.ODO: not in POSE.POSE_FRAME", "ODO ="),
-    ('sample = ["POSE", "MOTION", "CHASSIS"]', 'sample = ["POSE", "POSE", "CHASSIS"]', "$.state.sample[1]: POSE is there twice", "sample ="),
+    ('sample = ["POSE", "MOTION", "CHASSIS"]', 'sample = ["POSE", "POSE", "CHASSIS"]', "$.state.sample[1]: POSE is listed twice", "sample ="),
     ('dbc = "reference.dbc"', 'dbc = "reference_fd.dbc"', "$.bus.fd: false, but VEHICLE_STATUS is an FD frame", "fd = false"),
 ]  # fmt: skip
 

@@ -97,7 +97,7 @@ def test_between_two_signals_that_fit_alike_a_person_chooses(tmp_path: Path) -> 
         ("BO_ 256", second),
         ('SG_ V : 48|16@1- (0.01,0) [-50|50] "m/s"', 'SG_ V : 48|16@1- (0.01,0) [-50|50] "m/s"'),
     )
-    assert line_of(text, "# speed_mps = …").endswith("TODO 2 signals fit alike; choose one:")
+    assert line_of(text, "# speed_mps = …").endswith("TODO 2 signals fit equally well; choose one:")
     assert '#   or "POSE.V"' in text
     assert '#   or "POSE_B.V"' in text
 
@@ -108,7 +108,7 @@ def test_between_two_enables_in_messages_of_their_own_a_person_chooses(tmp_path:
         for number, name in ((140, "ONE"), (141, "TWO"))
     )
     text = draft_text(tmp_path, (' SG_ EN : 0|1@1+ (1,0) [0|1] "" CAR\n', ""), ("BO_ 128", f"{alone}BO_ 128"))
-    assert line_of(text, "# enable = …").endswith("TODO several signals fit alike; choose one:")
+    assert line_of(text, "# enable = …").endswith("TODO several signals fit equally well; choose one:")
 
 
 def test_no_command_is_drafted_where_nothing_is_received_from_a_controller(tmp_path: Path) -> None:

@@ -193,6 +193,6 @@ def test_a_folder_that_cannot_be_made_is_refused_with_what_helps(
 
 
 def test_without_a_loop_there_is_nothing_to_record(recording: RecordingRequest, said: list[str]) -> None:
-    with pytest.raises(ConfigError, match="nothing to record there"):
+    with pytest.raises(ConfigError, match="cannot be recorded"):
         Recorder(recording, said.append)
     assert not Path(recording.folder).exists()

@@ -58,11 +58,11 @@ def test_what_is_waited_for_is_said_at_once_again_every_five_seconds_and_when_it
     interface = Interface(12.5)
     assert interface.comes()
     assert interface.now_s == pytest.approx(12.5)
-    assert [text.removeprefix("waiting for ") for text in caplog.messages] == [
-        "0 s by now: there is no can0",
-        "5 s by now: there is no can0",
-        "10 s by now: there is no can0",
-        "12 s by now: can0 is down",
+    assert [text.removeprefix("waiting (") for text in caplog.messages] == [
+        "0 s so far): there is no can0",
+        "5 s so far): there is no can0",
+        "10 s so far): there is no can0",
+        "12 s so far): can0 is down",
     ]
 
 

@@ -193,14 +193,14 @@ def test_who_is_not_armed_sends_nothing_whatever_comes() -> None:
 def test_what_cannot_be_armed_says_why_and_what_the_vehicle_lacks() -> None:
     said = {mode: in_mode(mode).refusal_to_arm(None) for mode in Mode if (mode, Event.ARMED) not in TABLE}
     assert "--arm" in said[Mode.SHADOW]
-    assert "somebody else" in said[Mode.OBSERVING]
+    assert "another node" in said[Mode.OBSERVING]
     assert "samples" in said[Mode.STARTING]
     assert said[Mode.STANDBY] == "it is armed, and waits for the vehicle to be READY"
     assert len({said[mode] for mode in (Mode.ENGAGING, Mode.ENGAGED, Mode.HALTING, Mode.ENDING)}) == 4
     assert "does not stand yet" in said[Mode.HALTING]
     standby = in_mode(Mode.STANDBY)
     manual = standby.refusal_to_arm(status(VehicleMode.MANUAL, driver_brake=True))
-    assert manual == f"{said[Mode.STANDBY]}; it is MANUAL, and the driver acts"
+    assert manual == f"{said[Mode.STANDBY]}; the vehicle is MANUAL, and the driver operates it"
     assert standby.refusal_to_arm(status()) == f"{said[Mode.STANDBY]}; it is READY"
     assert in_mode(Mode.ENGAGED).refusal_to_arm(status()) == said[Mode.ENGAGED]
 

@@ -105,7 +105,7 @@ def test_a_stale_socket_is_replaced(path: str) -> None:
 
 
 def test_a_living_vehicles_socket_is_refused(driver: DriverSocket) -> None:
-    with pytest.raises(ConfigError, match="another vehicle listens"):
+    with pytest.raises(ConfigError, match="another simulator uses"):
         DriverSocket(driver.path)
 
 

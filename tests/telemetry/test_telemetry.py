@@ -349,7 +349,7 @@ def test_what_is_no_telemetry_file_is_not_overwritten(tmp_path: Path) -> None:
 
 
 def test_a_file_that_cannot_be_made_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"cannot make .*No such file"):
+    with pytest.raises(ConfigError, match=r"cannot create .*No such file"):
         TelemetryWriter(str(tmp_path / "nowhere" / "loop"), INFO)
 
 
@@ -400,7 +400,7 @@ def test_where_everything_is_full_the_last_place_is_named(monkeypatch: pytest.Mo
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "posix_fallocate", reserve_nothing)
-    with pytest.raises(ConfigError, match=r"cannot make .*temporary/loop: No space left"):
+    with pytest.raises(ConfigError, match=r"cannot create .*temporary/loop: No space left"):
         TelemetryWriter("loop", INFO)
 
 

@@ -98,7 +98,7 @@ def test_a_path_that_cannot_be_looked_at_is_said_once_and_ends_nothing(
     for _ in range(3):
         source._look()
     assert [record.message for record in caplog.records] == [
-        f"posted trajectories: {folder / 't'} cannot be looked at: Not a directory"
+        f"trajectory mailbox {folder / 't'}: cannot be read: Not a directory"
     ]
     folder.unlink()
     folder.mkdir()
@@ -118,11 +118,11 @@ def long_line(points: int) -> Trajectory:
 def test_a_post_has_no_more_points_than_can_be_read_while_the_vehicle_drives(tmp_path: Path) -> None:
     publish_trajectory(tmp_path / "t", long_line(20_000))
     assert len(fetch(tmp_path / "t")) == MAX_POINTS == 20_000
-    with pytest.raises(TrajectoryFileError, match=f"{MAX_POINTS + 1} points: a post must have at most {MAX_POINTS}"):
+    with pytest.raises(TrajectoryFileError, match=f"{MAX_POINTS + 1} points: a mailbox takes at most {MAX_POINTS}"):
         publish_trajectory(tmp_path / "t", long_line(MAX_POINTS + 1))
     with (tmp_path / "t").open("ab") as file:
         file.write(b"\0")
-    with pytest.raises(TrajectoryFileError, match=f"t: a post must have at most {MAX_POINTS} points"):
+    with pytest.raises(TrajectoryFileError, match=f"t: a mailbox takes at most {MAX_POINTS} points"):
         fetch(tmp_path / "t")
 
 
@@ -140,7 +140,7 @@ def test_a_post_that_there_is_no_memory_for_is_refused_and_the_next_one_is_read(
     with monkeypatch.context() as little:
         little.setattr(mailbox, "fetch", no_memory)
         source._look()
-    assert caplog.messages == [f"posted trajectory refused: {tmp_path / 't'}: there is no memory for its {size} bytes"]
+    assert caplog.messages == [f"mailbox trajectory rejected: {tmp_path / 't'}: no memory for its {size} bytes"]
     assert source.refused == 1
     publish_trajectory(tmp_path / "t", line(8))
     source._look()
@@ -168,5 +168,5 @@ def test_a_damaged_post_is_refused_or_whole(tmp_path_factory: pytest.TempPathFac
     if place in PADDING:
         assert fetch(path).x_m.tolist() == [0.0, 1.0, 2.0]
     else:
-        with pytest.raises(TrajectoryFileError, match="t: not a posted trajectory, or a damaged one"):
+        with pytest.raises(TrajectoryFileError, match="t: not a mailbox trajectory, or damaged"):
             fetch(path)

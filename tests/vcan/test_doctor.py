@@ -150,4 +150,4 @@ sys.exit(cli.main(["doctor", "--channel", "{interface}"]))
     )
     assert done.returncode == 0, done.stderr
     assert "ok       vcan0          vcan, up" in done.stdout
-    assert "warn     SCHED_FIFO     no right to it" in done.stdout
+    assert "warn     SCHED_FIFO     no permission for it" in done.stdout

@@ -156,7 +156,7 @@ def test_a_viewer_that_dies_ends_the_drive_in_order_and_the_verdict_names_it(pro
     record = bus.record()
     assert not record.pairs[-1].is_enabled
     wrong = json.loads((folder / "verdict.json").read_text())["wrong"]
-    assert wrong[0].startswith("viewer ended by itself with status -9")
+    assert wrong[0].startswith("viewer exited unexpectedly with status -9")
 
 
 def child(program: Program, module: str) -> int:

@@ -1,4 +1,4 @@
-"""State that does not arrive, or arrives damaged: what is dropped, when the vehicle is stopped, when it is silent."""
+"""State that is missing or damaged: what is dropped, when the vehicle is stopped, when the loop goes silent."""
 
 import signal
 from collections.abc import Callable

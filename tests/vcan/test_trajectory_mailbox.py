@@ -29,12 +29,12 @@ class Picky(PurePursuit):
         return trajectory if len(trajectory) != 8 else 1 / 0
 """
 REFUSED_READING = [
-    r"posted trajectory refused: .*: x_m\[7\] = nan: must be a finite number",
-    r"posted trajectory refused: .*: speed_mps\[7\] = inf: must be a finite number",
-    r"posted trajectory refused: .*: time_from_start_ns\[7\] = 0: must not be below \[6\]",
-    r"posted trajectory refused: .* bytes do not hold 40 points",
-    r"posted trajectory refused: .*: not a posted trajectory, or a damaged one",
-    r"posted trajectory refused: .*: a post must have at most 20000 points",
+    r"mailbox trajectory rejected: .*: x_m\[7\] = nan: must be a finite number",
+    r"mailbox trajectory rejected: .*: speed_mps\[7\] = inf: must be a finite number",
+    r"mailbox trajectory rejected: .*: time_from_start_ns\[7\] = 0: must not be below \[6\]",
+    r"mailbox trajectory rejected: .* bytes do not hold 40 points",
+    r"mailbox trajectory rejected: .*: not a mailbox trajectory, or damaged",
+    r"mailbox trajectory rejected: .*: a mailbox takes at most 20000 points",
 ]
 REFUSED_TAKING = [
     r"trajectory rejected, .*: speed_mps\[7\] = 20.5: must be in \[-20.0, 20.0\]",

@@ -29,4 +29,4 @@ def test_a_vehicle_without_commands_is_watched_and_nothing_is_sent(tmp_path: Pat
 def test_it_cannot_be_armed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     profile = write_vehicle(tmp_path, toml=((COMMAND, ""),))
     assert main(["run", "--interface", "embedded", "--route", "line", "--profile", str(profile), "--arm"]) == 2
-    assert "has no [command], it only watches; run it without --arm" in capsys.readouterr().err
+    assert "has no [command], so it can only be watched; leave out --arm" in capsys.readouterr().err

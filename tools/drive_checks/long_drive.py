@@ -97,7 +97,7 @@ class Programs:
         """Somebody has ended who should not have."""
         status = self._running[name].returncode
         last = self.said(name).strip().splitlines()[-1:]
-        self.wrong.append(f"{name} ended by itself with status {status}: {' '.join(last)}")
+        self.wrong.append(f"{name} exited unexpectedly with status {status}: {' '.join(last)}")
 
     def end(self) -> None:
         """The loop first, for it has to stop the vehicle; the recorder only when nobody sends any more."""

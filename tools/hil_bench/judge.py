@@ -193,7 +193,7 @@ def check_health(case: Case, observed: Observation, rig: Rig, killed: Sequence[s
     if observed.exit_status is not None or case.exit_status:
         wrong = list(killed)
         if observed.exit_status is not None and observed.exit_ns < observed.then_ns and case.then is not Then.ENDED:
-            wrong.append(f"{observed.at_s(observed.exit_ns):.3f} s: it ended by itself")
+            wrong.append(f"{observed.at_s(observed.exit_ns):.3f} s: it exited unexpectedly")
         if observed.exit_status is not None and observed.exit_status not in case.exit_status:
             wrong.append(f"exit status {observed.exit_status}, not {' or '.join(map(str, case.exit_status))}")
         checks.append(check("it ends when requested, and leaves no process", wrong))

@@ -192,7 +192,7 @@ class _Processes:
         """The exit status of the process that ended by itself, else of the loop."""
         status = self._running[self.failed or "loop"].returncode if self._running else 0
         if self.failed is not None:
-            print(f"demo: {self.failed} ended by itself with status {status}", file=sys.stderr)
+            print(f"demo: {self.failed} exited unexpectedly with status {status}", file=sys.stderr)
             return status or 1
         return status
 

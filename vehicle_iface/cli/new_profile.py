@@ -24,6 +24,6 @@ def new_profile(options: argparse.Namespace) -> int:
     except OSError as error:
         raise ConfigError(f"--out {out}: cannot be written: {error.strerror}") from None
     print_safely(
-        f"{out}: {draft.bound_count} fields bound, {draft.open_count} to decide; next: vehicle-iface check-dbc {out}"
+        f"{out}: {draft.bound_count} fields bound, {draft.open_count} to fill in; next: vehicle-iface check-dbc {out}"
     )
     return DONE

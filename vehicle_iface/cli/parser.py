@@ -123,7 +123,9 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", metavar="DIR", help="record frames and telemetry into DIR, which must not exist")
     parser.add_argument("--summary", metavar="FILE.json", help="write counts and latencies of the run to this file")
     parser.add_argument("--cpu", type=_processor, metavar="N", help="run on this CPU only, counted from 0")
-    parser.add_argument("--frame", help="frame of reference of the route; default: the vehicle's, or map of several")
+    parser.add_argument(
+        "--frame", help="frame of reference of the route (default: the vehicle's; map if it has several)"
+    )
     parser.add_argument("--verbose", action="store_true", help="log more")
     parser.epilog = (
         "Exit status: 0 done, 2 bad usage, configuration or file (also a summary that cannot be written after a drive "
@@ -135,7 +137,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 def _add_sim(parser: argparse.ArgumentParser) -> None:
     _add_bus(parser)
     parser.add_argument("--start", default="0,0,0", metavar="X,Y,HEADING", help="start pose in m, m, rad")
-    parser.add_argument("--frame", help="frame of reference of the reported pose; default: the vehicle's, or map")
+    parser.add_argument("--frame", help="frame of reference of the reported pose (default: the vehicle's, else map)")
     parser.add_argument("--duration", type=_above_0("seconds"), metavar="S", help="exit after S seconds")
     parser.add_argument(
         "--driver-socket",
@@ -297,5 +299,7 @@ def _port(text: str) -> int:
 def _processor(text: str) -> int:
     allowed = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)
     if text not in map(str, allowed):
-        raise argparse.ArgumentTypeError(f"{text!r}: must be one of this program's: {', '.join(map(str, allowed))}")
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: not a CPU for this process: must be one of {', '.join(map(str, allowed))}"
+        )
     return int(text)

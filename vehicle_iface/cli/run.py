@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         check_writable(options.summary)
     profile = load_profile(options.profile)
     if options.arm and profile.only_watches:
-        raise ConfigError(f"--arm: profile {profile.name} has no [command], it only watches; run it without --arm")
+        raise ConfigError(f"--arm: profile {profile.name} has no [command], so it can only be watched; leave out --arm")
     if options.arm:
         profile = require_reviewed_profile(
             profile, interface=options.interface, channel=options.channel, speed_cap_mps=options.speed_cap

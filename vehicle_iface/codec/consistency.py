@@ -105,7 +105,7 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
         if name not in binding.messages:
             yield binding.missing_message(name, f"$.state.sample[{index}]")
         elif name in profile.state.sample[:index]:
-            yield binding.fault(f"$.state.sample[{index}]", f"{name} is there twice")
+            yield binding.fault(f"$.state.sample[{index}]", f"{name} is listed twice")
     for name in profile.messages:
         if name not in binding.messages:
             yield binding.missing_message(name, f"$.messages.{name}")
@@ -147,7 +147,7 @@ def _sample_faults(binding: Binding) -> Iterator[ConfigError]:
     if state.assemble == "counter":
         for key in ("trigger", "max_age_s"):
             if getattr(state, key) is not None:
-                yield binding.fault(f"$.state.{key}", 'means something only with assemble = "newest"')
+                yield binding.fault(f"$.state.{key}", 'has an effect only with assemble = "newest"')
         for name in state.sample:
             if name in binding.messages and len(state.sample) > 1 and not binding.has_counter(name):
                 text = 'missing; the parts of a sample need a counter, or assemble = "newest"'

@@ -116,8 +116,8 @@ def _remove_unsound_signals(message: MessageText, notes: DbcNotes, findings: Dbc
             text = f"a float of {signal.length} bits; 16, 32 and 64 are possible"
             _remove(message, signal, text, "floats of odd widths", findings)
         elif not signal.minimum <= signal.maximum:
-            text = f"range [{signal.numbers[2]}|{signal.numbers[3]}] is upside down"
-            findings.add_error(signal.line, dotted, text, "ranges that are upside down")
+            text = f"range [{signal.numbers[2]}|{signal.numbers[3]}] has swapped ends"
+            findings.add_error(signal.line, dotted, text, "ranges with swapped ends")
 
 
 def _remove(message: MessageText, signal: SignalText, text: str, kind: str, findings: DbcFindings) -> None:

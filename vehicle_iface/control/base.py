@@ -31,14 +31,14 @@ class ControlReference(StrEnum):
 
 
 class StopSteering(StrEnum):
-    """Where the wheels go while the vehicle stops."""
+    """The commanded wheel angle while the vehicle stops."""
 
     STRAIGHT = "straight"
-    """To 0."""
+    """0 rad."""
     HOLD = "hold"
-    """They stay at the measured angle."""
+    """The measured angle."""
     TRACK = "track"
-    """Along the path while the controller can steer and the state is good; straight otherwise."""
+    """The angle of `stop_steering_impl` while the state is good; otherwise 0 rad."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,7 @@ class BehaviorConfig:
     safe_deceleration_mps2: float = 3.0
     """Greatest deceleration of a stop command; above 0."""
     time_step_s: float = 0.1
-    """Longest time until the next command; a stop does not bring the vehicle to rest in less; above 0."""
+    """Longest time until the next command: a stop never brings the vehicle to rest in less. Above 0."""
     reference: ControlReference = ControlReference.SPATIAL
     stop_steering: StopSteering = StopSteering.STRAIGHT
 
@@ -66,14 +66,14 @@ class ControllerBase(ABC):
     A subclass implements `compute_command_impl`, and may override the hooks `check_new_trajectory`,
     `handle_new_trajectory` and `stop_steering_impl`. On every `compute_command(state)`, in this order:
 
-    1. No trajectory, or one without points: stop command, before any look at the frame.
-    2. State and trajectory in different frames: `FrameMismatchError`, and the indices stay.
+    1. No trajectory, or one without points: stop command, in any frame.
+    2. State and trajectory in different frames: `FrameMismatchError`; the indices do not change.
     3. Both indices advance to the last point that the state is past or level with (see `tracking`).
     4. Past the end in time, or else in space: stop command.
     5. Otherwise the subclass's command, with the state's stamp.
 
-    A stop command brakes with −sign(v) · min(|v| / time step, safe deceleration): never against a vehicle
-    at rest, and never so hard that it would be moving the other way one time step later.
+    A stop command has the acceleration −sign(v) · min(|v| / time step, safe deceleration): 0 at standstill, and
+    never so much that the vehicle would move the other way one time step later.
     """
 
     def __init__(self, behavior: BehaviorConfig | None = None) -> None:
@@ -86,17 +86,17 @@ class ControllerBase(ABC):
     def set_trajectory(self, trajectory: Trajectory) -> None:
         """Follow `trajectory` from now on; one without points means stop. Resets both indices to 0.
 
-        Calls `check_new_trajectory`, then `handle_new_trajectory`, then takes what that returned. Raises
-        `TrajectoryRejectedError` when the check says no, `InvalidValueError` for what is not a trajectory,
-        and whatever the two raise; then the old trajectory stays in force and the indices stay.
+        Calls `check_new_trajectory`, then `handle_new_trajectory`, and follows the trajectory that this returns. Raises
+        `TrajectoryRejectedError` when the check returns false, `InvalidValueError` when the value or the result is not
+        a `Trajectory`, and any exception of the two hooks. After an exception the old trajectory and the indices stay.
         """
         _require_trajectory("trajectory", trajectory)
         if not self.check_new_trajectory(trajectory):
             raise TrajectoryRejectedError(
-                f"{type(self).__name__} refused a trajectory of {len(trajectory)} points, stamp {trajectory.stamp_ns}"
+                f"{type(self).__name__} rejected a trajectory of {len(trajectory)} points, stamp {trajectory.stamp_ns}"
             )
         handled = self.handle_new_trajectory(trajectory)
-        _require_trajectory("what handle_new_trajectory returned", handled)
+        _require_trajectory("result of handle_new_trajectory", handled)
         self._progress = PathProgress(handled)
 
     @final
@@ -106,10 +106,9 @@ class ControllerBase(ABC):
 
     @final
     def compute_command(self, state: VehicleState) -> Command:
-        """The command for `state`; see the class for what decides it.
+        """The command for `state`, by the steps that the class lists.
 
-        Raises `FrameMismatchError`, and whatever `compute_command_impl` raises (the indices have advanced
-        then).
+        Raises `FrameMismatchError`, and any exception of `compute_command_impl` (after the indices have advanced).
         """
         progress = self._progress
         if progress is None:
@@ -131,12 +130,11 @@ class ControllerBase(ABC):
     def compute_stop_command(
         self, state: VehicleState, reason: Reason | None = None, *, may_track: bool = True
     ) -> Command:
-        """The command that stops the vehicle, wheels by `BehaviorConfig.stop_steering`. Never raises.
+        """The command that stops the vehicle, with wheel angles by `BehaviorConfig.stop_steering`. Never raises.
 
-        Needs no trajectory and stops in any frame. `reason` says why; without one (or with `NOMINAL`, which
-        no stop can have) it is `NO_TRAJECTORY` or `EMPTY_TRAJECTORY` where that is so, and `SHUTDOWN`
-        otherwise, because it was requested. `may_track` is false where state or controller is not good enough to
-        steer: then a tracking stop is a straight one.
+        Works without a trajectory and in any frame. `reason` is sent on the bus; without one (or with `NOMINAL`, which
+        no stop can have) it is `NO_TRAJECTORY`, `EMPTY_TRAJECTORY` or else `SHUTDOWN`. `may_track` false replaces
+        `StopSteering.TRACK` by straight wheels: the state is not good enough to steer.
         """
         if reason is None or reason is Reason.NOMINAL:
             reason = self._reason_to_stop()
@@ -154,23 +152,22 @@ class ControllerBase(ABC):
     @final
     @property
     def trajectory(self) -> Trajectory | None:
-        """The one in force, as `handle_new_trajectory` returned it; None without one."""
+        """The trajectory in force, as `handle_new_trajectory` returned it; None if there is none."""
         return None if self._progress is None else self._progress.trajectory
 
     @final
     @property
     def spatial_index(self) -> int:
-        """The last point that the vehicle is past or level with; 0 from the start on, and where there are no
-        points.
+        """Index of the last point that the vehicle is past or level with; starts at 0, and is 0 without points.
 
-        Raises `NoTrajectoryError` without a trajectory: before the first one, and after clearing it.
+        Raises `NoTrajectoryError` before the first trajectory, and after `clear_trajectory`.
         """
         return self._progress_in_force().spatial_index
 
     @final
     @property
     def temporal_index(self) -> int:
-        """The last point whose time has come; 0 and raises as `spatial_index` does."""
+        """Index of the last point whose time has come; starts and raises as `spatial_index` does."""
         return self._progress_in_force().temporal_index
 
     @final
@@ -190,8 +187,7 @@ class ControllerBase(ABC):
 
     @final
     def stop_acceleration(self, speed_mps: float) -> float:
-        """The acceleration of a stop at this speed (m/s², along the body): −sign(v) · min(|v| / step,
-        safe)."""
+        """The acceleration of a stop at this speed, in m/s² along the body's x axis: opposite in sign to the speed."""
         if speed_mps == 0.0:
             return 0.0
         deceleration_mps2 = min(abs(speed_mps) / self.behavior.time_step_s, self.behavior.safe_deceleration_mps2)
@@ -199,29 +195,26 @@ class ControllerBase(ABC):
 
     @abstractmethod
     def compute_command_impl(self, state: VehicleState) -> Command:
-        """The command for a state that is on the trajectory: the one method that a controller must implement.
+        """The command for a state that is on the trajectory. A controller must implement this method.
 
-        Called only with a trajectory that has points, in the state's frame, with `spatial_index` and
-        `temporal_index` up to date and neither past the end. The stamp of what it returns is overwritten
-        with the state's. It may return `self.compute_stop_command(state, reason)` when it finds that it has
-        to stop.
+        It is called only with a trajectory that has points, in the state's frame, with `spatial_index` and
+        `temporal_index` up to date and neither past the end. The returned command gets the state's stamp. To stop,
+        return `self.compute_stop_command(state, reason)`. An exception stops the vehicle (`CONTROLLER_ERROR`).
         """
 
     def check_new_trajectory(self, trajectory: Trajectory) -> bool:  # noqa: ARG002  # a hook: the default takes all
-        """Whether this controller can follow `trajectory`. Must change nothing."""
+        """Whether this controller can follow `trajectory`. Must not change the controller."""
         return True
 
     def handle_new_trajectory(self, trajectory: Trajectory) -> Trajectory:
-        """The trajectory to take in place of the given one, after the check has passed; the same by
-        default."""
+        """The trajectory to follow instead of the given one, after the check has passed; the same by default."""
         return trajectory
 
     def stop_steering_impl(self, state: VehicleState) -> tuple[float, float]:  # noqa: ARG002  # a hook
         """Front and rear road-wheel angle (rad, positive to the left) of a stop with `StopSteering.TRACK`.
 
-        Called at any time, also without a trajectory, but not with one in another frame. Straight by default, and
-        straight as well when this raises one of this package's errors or an arithmetic one, or returns what
-        is not finite.
+        Called at any time, also without a trajectory, but not with one in another frame. (0, 0) by default, and also
+        when this method raises or returns a value that is not finite (logged once).
         """
         return 0.0, 0.0
 
@@ -240,7 +233,7 @@ class ControllerBase(ABC):
         except BaseException:  # a subclass's hook may raise anything, and a stop must always have an answer
             if not self._stop_steering_failed:
                 self._stop_steering_failed = True
-                log.exception("stop_steering_impl raised; stops are straight while it does (said once)")
+                log.exception("stop_steering_impl failed; such stops steer straight (logged once)")
             return 0.0, 0.0
 
     def _stamp(self, command: Command, stamp_ns: int) -> Command:

@@ -13,16 +13,15 @@ _SERIES = (1 / 3, -1 / 30, 1 / 840, -1 / 45360, 1 / 3991680, -1 / 518918400)
 
 
 def predict(state: VehicleState, dt_s: float) -> VehicleState:
-    """The state `dt_s` later, if acceleration and turn rate stay as they are.
+    """The state `dt_s` seconds later, if acceleration and yaw rate stay constant.
 
     The closed form of the CATR model (constant acceleration and turn rate), with the lateral speed constant
     in the body frame: speed v + a·t, heading θ + ω·t, and the body's velocity (v + a·t, u) turned by the
-    heading and integrated. Exact at every turn rate, 0 included, without cancellation near it. A negative
-    `dt_s` looks back.
+    heading and integrated. Exact at every yaw rate, 0 included, without cancellation near it. A negative
+    `dt_s` predicts backwards in time.
 
-    The acceleration stays what it is also through standstill: a braking vehicle that is predicted for
-    longer than it needs to stop moves backwards. The heading is not wrapped, so that it continues the
-    state's own.
+    The acceleration stays constant also through standstill: a braking vehicle that is predicted for longer
+    than it needs to stop moves backwards. The heading is not wrapped.
 
     Raises `InvalidValueError` when `dt_s`, or a predicted number, is not finite.
     """
@@ -45,7 +44,7 @@ def predict(state: VehicleState, dt_s: float) -> VehicleState:
 def _body_displacement_m(
     speed_mps: float, accel_mps2: float, lateral_mps: float, turned_rad: float, dt_s: float
 ) -> tuple[float, float]:
-    """The way moved (forward, left), in the body frame at the beginning.
+    """The displacement (forward, left) in m, in the body frame at the beginning.
 
     With φ = ω·t, the mean over the time of cos, sin, and of both weighted with the time passed:
 

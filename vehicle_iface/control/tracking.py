@@ -1,8 +1,8 @@
-"""Where the vehicle stands on its trajectory, and how far off.
+"""Reference index on the trajectory, in space and in time, and the tracking error against a reference point.
 
-Two indices say where: one in space, one in time. Both only increase, one point at a time, and a step costs
-the points that it advances over. Points are read through memory views, which give plain Python floats and
-cost nothing to make; a long jump goes on in NumPy blocks with the very same arithmetic.
+Both indices only increase, one point at a time; the cost of a step grows with the points that it passes. Points are
+read through memory views, which give plain Python floats without a copy; a long jump continues in NumPy blocks with the
+same arithmetic.
 """
 
 import math
@@ -31,11 +31,11 @@ def as_numbers(array: np.typing.NDArray[Any]) -> Sequence[Any]:
 
 
 def advance_in_space(xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float) -> int:
-    """The last point from `index` on that (x_m, y_m) is past or level with.
+    """Index of the last point, from `index` on, that (x_m, y_m) is past or level with.
 
     Past point i+1: (p_{i+1} − p_i) · (s − p_{i+1}) ≥ −`PASSED_TOLERANCE`; the walk ends at the first point
     that is not passed. Neighbours at one place give 0 and are passed together. A product that overflows to
-    NaN (from coordinates beyond 1e150) decides nothing, so that point is not passed.
+    NaN (from coordinates beyond 1e150) does not pass its point.
     """
     last = len(xs_m) - 1
     stop = min(index + _SCALAR_STEPS, last)
@@ -50,8 +50,7 @@ def advance_in_space(xs_m: Sequence[float], ys_m: Sequence[float], index: int, x
 
 
 def advance_in_blocks(xs_m: Sequence[float], ys_m: Sequence[float], index: int, x_m: float, y_m: float) -> int:
-    """The same as `advance_in_space`, for far jumps: growing blocks, so that the cost follows the way
-    jumped."""
+    """As `advance_in_space`, for long jumps: growing blocks, so that the cost follows the number of points passed."""
     last, size = len(xs_m) - 1, _FIRST_BLOCK
     with np.errstate(over="ignore", invalid="ignore"):
         while index < last:
@@ -66,14 +65,13 @@ def advance_in_blocks(xs_m: Sequence[float], ys_m: Sequence[float], index: int, 
 
 
 def advance_in_time(times_ns: Sequence[int], index: int, elapsed_ns: int) -> int:
-    """The last point from `index` on whose time is not after `elapsed_ns`; `index` itself when there is none.
+    """Index of the last point, from `index` on, whose time is not after `elapsed_ns`; `index` when there is none.
 
-    Exact integers. Steps of doubling length, then halving: the cost follows the logarithm of the way
-    advanced.
+    Exact integers. Steps of doubling length, then a bisection: the cost grows with the logarithm of the advance.
     """
     end, step = len(times_ns), 1
     if index + 1 >= end or times_ns[index + 1] > elapsed_ns:
-        return index  # what a call at the loop's rate nearly always finds
+        return index  # the usual case at the loop's rate
     while index + step < end and times_ns[index + step] <= elapsed_ns:
         index += step
         step *= 2
@@ -81,8 +79,7 @@ def advance_in_time(times_ns: Sequence[int], index: int, elapsed_ns: int) -> int
 
 
 class PathProgress:
-    """One trajectory and how far the vehicle has come on it. Made anew for each trajectory, at a constant
-    cost."""
+    """One trajectory and the vehicle's progress on it. Created for each trajectory, at constant cost."""
 
     __slots__ = (
         "end_ns",
@@ -110,7 +107,7 @@ class PathProgress:
         self.temporal_index = 0
 
     def advance(self, stamp_ns: int, x_m: float, y_m: float) -> None:
-        """Moves both indices on to where this instant and place are."""
+        """Advance both indices to this time and this position."""
         elapsed_ns = stamp_ns - self.trajectory.stamp_ns
         self.temporal_index = advance_in_time(self.times_ns, self.temporal_index, elapsed_ns)
         self.spatial_index = advance_in_space(self.xs_m, self.ys_m, self.spatial_index, x_m, y_m)
@@ -120,7 +117,7 @@ class PathProgress:
         return stamp_ns >= self.end_ns
 
     def is_past_end_in_space(self, x_m: float, y_m: float) -> bool:
-        """Whether the last point is reached and the plane through it, along its heading, is passed."""
+        """Whether the last point is reached and the plane through it, across its heading, is passed."""
         last = self.last
         if self.spatial_index != last:
             return False
@@ -131,8 +128,7 @@ class PathProgress:
 
 
 class Reference(Protocol):
-    """What `tracking_error` compares with: a `ReferencePoint`, a `VehicleState`, or anything of that
-    shape."""
+    """The attributes that `tracking_error` reads of a reference: those of `ReferencePoint` and `VehicleState`."""
 
     @property
     def x_m(self) -> float: ...
@@ -153,7 +149,7 @@ class ReferencePoint:
     """One point of a trajectory, in plain floats."""
 
     stamp_ns: int
-    """When the vehicle shall be here, nanoseconds of the monotonic clock."""
+    """Time at which the vehicle should be here, nanoseconds of the monotonic clock."""
     frame_id: str = "map"
     x_m: float
     y_m: float
@@ -167,14 +163,14 @@ class ReferencePoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackingError:
-    """State minus reference, the position in the reference point's own axes."""
+    """State minus reference. The position error is in the reference's axes: x along its heading, y to its left."""
 
     lateral_m: float
     """Positive when the vehicle is left of the reference."""
     longitudinal_m: float
     """Positive when the vehicle is ahead, along the reference's heading, also where it reverses."""
     heading_rad: float
-    """Positive when the vehicle points further left; in [−π, π]."""
+    """Positive when the vehicle's heading is further left; in [−π, π]."""
     speed_mps: float
     """Positive when the vehicle is faster forwards."""
     accel_mps2: float
@@ -182,8 +178,7 @@ class TrackingError:
 
 
 def point_at(trajectory: Trajectory, index: int) -> ReferencePoint:
-    """Point `index` of a trajectory, counted from 0. Raises `InvalidValueError` when there is no such
-    point."""
+    """Point `index` of a trajectory, counted from 0. Raises `InvalidValueError` when there is no such point."""
     if not 0 <= index < len(trajectory):
         raise InvalidValueError(f"index = {index}: must be in 0..{len(trajectory) - 1}")
     return ReferencePoint(
@@ -221,6 +216,6 @@ def tracking_error(state: VehicleState, reference_point: Reference) -> TrackingE
 
 
 def to_body_axes(dx_m: float, dy_m: float, heading_rad: float) -> tuple[float, float]:
-    """A difference in position in the axes of that heading: how far along it, and how far to its left."""
+    """A difference in position (m) in the axes of a heading: the distance along it, and to its left."""
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     return cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m

@@ -40,7 +40,7 @@ def load_controller(name: str, profile: Profile, behavior: BehaviorConfig) -> Co
         file = error.filename if isinstance(error, SyntaxError) else where.filename
         raise ConfigError(f"--controller {name}: {type(error).__name__}: {error} ({file}:{line})") from error
     if not isinstance(controller, ControllerBase):
-        raise ConfigError(f"--controller {name}: {class_name} is no ControllerBase")
+        raise ConfigError(f"--controller {name}: {class_name} is not a subclass of ControllerBase")
     return controller
 
 

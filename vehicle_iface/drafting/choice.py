@@ -85,7 +85,7 @@ def _assign(found: Candidates) -> dict[FieldRule, FieldDraft]:
         others = [other for other in found[rule] if other is not one and other.signal.dotted not in taken]
         equal = [other for other in others if one.score - other.score < TIE]
         if equal and rule.field != "enable":
-            text = f"{len(equal) + 1} signals fit alike; choose one"
+            text = f"{len(equal) + 1} signals fit equally well; choose one"
             several = (one, *others)[: _MOST_OTHERS + 1]
             done[rule] = FieldDraft(rule=rule, value=None, others=several, remark=text, is_question=True)
             continue
@@ -115,7 +115,7 @@ def _collect_enables(
         if one.score >= _FURTHER_ENABLE and one.signal.message in carrying:
             best.setdefault(one.signal.message, one)
     if not best and len(free) > 1 and free[0].score - free[1].score < TIE:
-        text = "several signals fit alike; choose one"
+        text = "several signals fit equally well; choose one"
         return FieldDraft(
             rule=field.rule, value=None, others=tuple(free[: _MOST_OTHERS + 1]), remark=text, is_question=True
         )

@@ -31,7 +31,7 @@ def write_draft(draft: Draft, out: Path | None = None) -> str:
 
 def _write_head(draft: Draft, out: Path | None) -> Iterator[str]:
     survey = draft.survey
-    yield f"# A first draft by `vehicle-iface new-profile {survey.path.name}`. Nobody has checked it."
+    yield f"# A first draft by `vehicle-iface new-profile {survey.path.name}`. It has not been checked."
     yield "#"
     counts = f"{draft.bound_count} fields are bound, each with its line in the DBC and the reason"
     yield f"# {counts}; {draft.open_count} are left to you."

@@ -78,7 +78,7 @@ class GeographicPosition:
         Raises `ConfigError` before there is an origin, and `InvalidValueError` too far from it.
         """
         if self.plane is None:
-            raise ConfigError("no origin yet: the first fix will be it")
+            raise ConfigError("no origin yet: the first fix becomes the origin")
         sensor = self._mount.to_sensor(body)
         fix = self.plane.fix_at(PlanePoint(sensor.x_m, sensor.y_m))
         heading_rad = wrapped_rad(sensor.heading_rad - self.plane.convergence_rad(fix))

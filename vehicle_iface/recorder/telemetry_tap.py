@@ -26,7 +26,7 @@ class TelemetryTap:
         self._reader = TelemetryReader(address)
         self._reader.poll()
         if self._reader.info is None:
-            raise ConfigError(f"telemetry {address!r}: nothing to record there: {self._reader.problem}")
+            raise ConfigError(f"telemetry {address!r}: cannot be recorded: {self._reader.problem}")
         self.info: SessionInfo = self._reader.info
         self._session = self._reader.session
         self._sequence = 0

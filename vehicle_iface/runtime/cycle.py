@@ -30,17 +30,17 @@ class Decision(NamedTuple):
     requested: Command
     permitted: SafeCommand
     state: VehicleState | None = None
-    """What it was decided from; None where nothing is driven."""
+    """The state that the command was computed from; None for a release."""
     speed_mps: float = 0.0
-    """The speed that the limits went by."""
+    """The speed that the limits were computed for."""
     reversing: bool = False
-    """Whether the vehicle drives backwards or, standing, would."""
+    """Whether the vehicle drives backwards or, at standstill, is about to."""
     engaging: bool = False
-    """Whether the vehicle does not obey yet."""
+    """Whether the vehicle has not reported AUTONOMOUS yet."""
 
 
 class ControlCycle:
-    """Decides the command for one sample; the reason that decided goes with it."""
+    """Decides the command for one sample, and its reason code."""
 
     def __init__(
         self,
@@ -59,8 +59,8 @@ class ControlCycle:
         counters: Counters,
         now_ns: Callable[[], int],
     ) -> None:
-        """By the clock `now_ns` the controller may take `budget_ns` for a command, and no longer than until the sample
-        is `max_command_age_ns` old."""
+        """`budget_ns` limits the controller's computing time by the clock `now_ns`; `max_command_age_ns` the age of the
+        sample when it returns."""
         self.controller = controller
         self.gate = gate
         self.deviation = deviation
@@ -79,7 +79,7 @@ class ControlCycle:
 
     @property
     def reason(self) -> Reason:
-        """What decided the last command; where none is enabled, why the mode is as it is."""
+        """The reason of the last command; where commands are not enabled, the reason of the mode."""
         if self.last is not None and self._engagement.mode.computes:
             return self.last.permitted.reason
         return self._engagement.reason
@@ -104,10 +104,10 @@ class ControlCycle:
         link_is_stalled: bool = False,
         other_takes_over: bool = False,
     ) -> Decision:
-        """The decision for a fresh sample; a stop while the link does not take the commands.
+        """The decision for a fresh sample; a stop while the link accepts no commands.
 
         `is_implausible`: too many samples around this one are implausible. With `other_takes_over` a shadow's
-        command is within the limits for engaging, like that of the commander it is compared with.
+        command is limited as while engaging, like that of the commander it is compared with.
         """
         state, mode = sample.state, self._engagement.mode
         fault = Reason.STATE_INVALID if is_implausible else self._fault(sample, status, now_ns)
@@ -137,14 +137,14 @@ class ControlCycle:
         return self._permit(requested, last, status.gear if status is not None else None, Gear.NO_REQUEST)
 
     def begin_drive(self) -> None:
-        """The vehicle is driven from now on: what stopped it before does not count."""
+        """Clear earlier stops and deviations: the vehicle is driven from now on."""
         self.deviation.reset()
         self._stop_hold.reset()
 
     def _hold(self, requested: Command, state: VehicleState, now_ns: int, *, latches: bool) -> Command:
-        """What is requested, or the stop that is not over yet.
+        """The request, or a stop while an earlier one still holds.
 
-        The stop is latched when stops recur; one for an invalid state at once where it `latches`.
+        A stop is latched when stops recur; with `latches`, one for an invalid state is latched at once.
         """
         cause = requested.reason if requested.is_stop else None
         reason = self._stop_hold.update(cause, now_ns, state.speed_mps)
@@ -158,11 +158,11 @@ class ControlCycle:
             log.warning("the stop is latched (%s): the vehicle is held until it is armed again", reason.name)
 
     def _stop(self, state: VehicleState, reason: Reason, *, may_track: bool = False) -> Command:
-        """Steered along the path only where nothing is wrong but what it stops for."""
+        """A stop command. `may_track`: the state is good, so it may steer along the path."""
         return self.controller.compute_stop_command(state, reason, may_track=may_track)
 
     def _fault(self, sample: Sample, status: VehicleStatus | None, now_ns: int) -> Reason | None:
-        """Why the state is not to be driven by; None when it is good."""
+        """Why the state must not be used for driving; None when it is good."""
         if not sample.pose_valid or self._motion.disagreement is not None:
             return Reason.STATE_INVALID
         if not sample.others_fresh:
@@ -213,7 +213,7 @@ class ControlCycle:
         needed_gear: Gear,
         other_takes_over: bool = False,
     ) -> Decision:
-        """What may be sent for a request, in the vehicle's present gear and with the one that it needs."""
+        """The permitted command for a request. `gear` is the reported one, `needed_gear` that of the request."""
         mode, now_ns = self._engagement.mode, self._now_ns()
         driving = mode.enables or mode.computes
         if driving and not self._was_enabled:
@@ -229,7 +229,7 @@ class ControlCycle:
         motion = self._motion
         if needed_gear is not Gear.NO_REQUEST:
             self._driven_gear = needed_gear
-        # What was commanded last is better known than the gear that the vehicle reports.
+        # The last commanded direction is more reliable than the gear that the vehicle reports.
         reversing = motion.is_backwards(state.speed_mps, self._driven_gear if self._driven_gear is not None else gear)
         speed_mps = motion.limit_speed_mps(state.speed_mps)
         permitted = self.gate.permit(
@@ -247,7 +247,7 @@ class ControlCycle:
 
 
 def find_needed_gear(requested: Command, state: VehicleState) -> Gear:
-    """DRIVE or REVERSE by the direction of the command, NO_REQUEST for a stop or where it has none.
+    """DRIVE or REVERSE by the direction of the command; NO_REQUEST for a stop or a command without a direction.
 
     The direction is the sign of the reference speed; at a standing start, where that speed is still 0, it is
     the direction in which the command accelerates.

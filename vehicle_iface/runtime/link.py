@@ -1,4 +1,4 @@
-"""The loop's link to the bus: it is reopened after a loss."""
+"""The loop's link to the bus: it detects a loss, reports it once, and reopens the bus."""
 
 import logging
 from collections import Counter
@@ -18,17 +18,17 @@ from vehicle_iface.units import NS_PER_MS
 log = logging.getLogger(__name__)
 
 REOPEN_NS = 100 * NS_PER_MS
-"""How often a lost link is tried again."""
+"""Period of the attempts to reopen a lost link."""
 REFUSED_NS = 100 * NS_PER_MS
-"""A bus that has refused every frame for so long is lost."""
+"""A bus that has refused every frame for this long is lost."""
 STALLED_AFTER = 3
-"""Commands refused in a row: from then on the vehicle is stopped, until the link is clean again."""
+"""After this many refused commands in a row the vehicle is stopped, until the link is clean again."""
 WATCH_NS = 50 * NS_PER_MS
 """Period of polling the CAN controller."""
 SURVEY_NS = 500 * NS_PER_MS
-"""Period of polling all traffic."""
+"""Period of polling the bus load."""
 CLEAN_NS = 500 * NS_PER_MS
-"""A link without errors for so long, while frames come, counts as UP again."""
+"""A link that has received frames without errors for this long counts as UP again."""
 MAX_TRANSITIONS = 1000
 
 _ERROR_STATES = (ControllerEvent.WARNING, ControllerEvent.PASSIVE)
@@ -47,7 +47,7 @@ class LinkTransition(NamedTuple):
 
 
 class Link:
-    """Receives and sends while there is a bus. Each loss, wherever it was noticed, is returned by `take_loss`."""
+    """Receives and sends while the bus is open. `take_loss` reports each loss once, wherever it was detected."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class Link:
         now_ns: Callable[[], int],
         sleep_until: Callable[[int], None],
     ) -> None:
-        """Opens the bus; `BusError` when that is not possible now."""
+        """Open the bus. Raises `BusError` when that fails."""
         self._open_bus = open_bus
         self._bus: Bus | None = open_bus()
         self.description = self._bus.description
@@ -74,15 +74,15 @@ class Link:
         self._received_since_open = False
         self._was_lost = False
         self._draining: Bus | None = None
-        """A bus that took nothing any more; it is used again when what waits in it has left."""
+        """A bus that accepted no frames any more; it is used again once its transmit queue is empty."""
         self._closed_counters: dict[str, int] = {}
         self.state = LinkState.UP
         self.is_stalled = False
-        """Commands are not taken one after another: whatever leaves next has to be a stop."""
+        """Several commands in a row were refused: the next one must be a stop."""
         self.transitions: list[LinkTransition] = []
-        """Of the state, the first ones of the run."""
+        """The first state changes of the run, at most `MAX_TRANSITIONS`."""
         self.events: Counter[str] = Counter()
-        """What the controller hardware reported, by kind."""
+        """Events that the CAN controller reported, by kind."""
         self.load = BusLoad()
 
     def take_loss(self) -> bool:
@@ -91,7 +91,7 @@ class Link:
         return was_lost
 
     def receive(self, until_ns: int) -> list[CanFrame]:
-        """What has come, after waiting for it until `until_ns` at most."""
+        """Wait for frames until `until_ns` at most, and return all that have arrived."""
         if self._bus is None:
             self._sleep_until(until_ns)
             self._reopen()
@@ -106,7 +106,7 @@ class Link:
         return frames
 
     def has_room(self) -> bool:
-        """Whether a command that is sent now leaves now; false is counted as a command refused."""
+        """Whether the transmit queue accepts a command now; a false is counted as a refused command."""
         if self._bus is None:
             return False
         try:
@@ -120,7 +120,7 @@ class Link:
         return has_room
 
     def send(self, *frames: CanFrame) -> int:
-        """Hand frames over, each at most once; how many the bus took, counted from the first."""
+        """Send each frame at most once; return how many the bus accepted, counted from the first."""
         if self._bus is None:
             return 0
         try:
@@ -140,7 +140,7 @@ class Link:
         """Poll the link: a bus that accepts nothing, or whose CAN controller is bus off, is lost."""
         if self._refused_since_ns is not None and now_ns - self._refused_since_ns > REFUSED_NS:
             self._draining, self._bus = self._bus, None
-            self._on_drop(BusError(f"{self.description}: takes no frames; is anybody else on the bus?"))
+            self._on_drop(BusError(f"{self.description}: accepts no frames; is another node on the bus?"))
         if not self._watch_timer.is_due(now_ns):
             return
         self._poll_controller()
@@ -148,10 +148,10 @@ class Link:
         self._check_overflow()
         if now_ns - self._troubled_ns >= CLEAN_NS and self._received_since_open and not self._has_errors:
             self.is_stalled = False
-            self._apply(LinkEvent.CLEAN, "no trouble for a while")
+            self._apply(LinkEvent.CLEAN, "no errors for 0.5 s")
 
     def counters(self) -> dict[str, int]:
-        """The bus' own counters, over all times that it was open."""
+        """The bus' own counters, summed over every time that it was open."""
         bus = self._bus or self._draining
         now = bus.counters() if bus is not None else {}
         names = self._closed_counters.keys() | now.keys()
@@ -199,7 +199,7 @@ class Link:
             self._drop(error)
 
     def _check_overflow(self) -> None:
-        """Frames that the kernel had no room for were on the bus and are lost here."""
+        """Degrade the link when the kernel's receive queue has dropped frames."""
         overflow = self.counters().get("receive_overflow", 0)
         if overflow > self._overflow:
             self._overflow = overflow
@@ -217,7 +217,7 @@ class Link:
         self._apply(LinkEvent.TROUBLE, why)
 
     def _apply(self, event: LinkEvent, why: str) -> None:
-        """Move by the table."""
+        """Change the state by the table."""
         state = TABLE.get((self.state, event), self.state)
         if state is self.state:
             return
@@ -252,7 +252,7 @@ class Link:
         self._apply(LinkEvent.OPENED, f"{self._bus.description} is open again")
 
     def _is_draining(self) -> bool:
-        """Whether frames still wait in a bus that took nothing any more; a new one beside it could not see them."""
+        """Whether frames still wait in the stuck bus. A new socket beside it could not see them."""
         if self._draining is None:
             return False
         try:

@@ -1,4 +1,7 @@
-"""The loop: frames in, a command computed from each complete sample and sent within the same pass."""
+"""The loop: frames in, a command computed from each complete sample and sent within the same pass.
+
+Stale state and a lost link are handled here: see `_stop_on_stale_state` and `_on_link_lost`.
+"""
 
 import logging
 
@@ -21,11 +24,11 @@ from vehicle_iface.telemetry.details import LiveDetails, RunSummary
 log = logging.getLogger(__name__)
 
 AT_REST_SAMPLES = 3
-"""So many samples in a row at rest: only then is the vehicle released."""
+"""The vehicle is released only after this many samples in a row at rest."""
 
 
 class Loop:
-    """One thread, no locks. `run` ends when it was asked to and the vehicle was released."""
+    """One thread, no locks. `run` returns after a requested end, once the vehicle has been released."""
 
     def __init__(self, components: LoopComponents) -> None:
         parts = components
@@ -49,9 +52,9 @@ class Loop:
         self._logged_reason = Reason.NOT_ENGAGED
 
     def begin(self) -> None:
-        """Discard what came while the program was getting ready; call it once, before the first pass.
+        """Discard the frames received during start-up; call it once, before the first pass.
 
-        Those frames are old, but nothing was late: the loop was not to answer them yet.
+        They are old, but not counted as late: the loop was not running yet.
         """
         begin_ns = self._now_ns()
         while (frames := self.link.receive(begin_ns)) and frames[-1].stamp_ns < begin_ns:
@@ -59,7 +62,7 @@ class Loop:
         self.timer.restart(self._now_ns())
 
     def run(self) -> None:
-        """Pass after pass until the end."""
+        """Repeat `step` until the shutdown is done."""
         while not self.shutdown.is_done:
             self.step()
 
@@ -84,15 +87,15 @@ class Loop:
 
     @property
     def reason(self) -> Reason:
-        """What decided the last command; where none is enabled, why the mode is as it is."""
+        """The reason of the last command; where commands are not enabled, the reason of the mode."""
         return self._cycle.reason
 
     def details(self) -> LiveDetails:
-        """Every counter there is, by part and cause."""
+        """All counters, by part and cause."""
         return self._statistics.details()
 
     def summary(self) -> RunSummary:
-        """What the run came to; counts, and latencies in seconds."""
+        """Summary of the run: counts, and latencies in seconds."""
         return self._statistics.summary(self._now_ns())
 
     def _assemble_samples(self, frames: list[CanFrame]) -> list[Sample]:
@@ -112,7 +115,7 @@ class Loop:
         return samples
 
     def _is_usable(self, sample: Sample) -> bool:
-        """Whether the sample is young and can be true; then it is compared with those before it."""
+        """Whether the sample is fresh and plausible; if so, its motion is compared with that of earlier samples."""
         state = sample.state
         arrival = self._arrival.judge(state.stamp_ns)
         if arrival is not Arrival.YOUNG:
@@ -127,12 +130,12 @@ class Loop:
         return True
 
     def _stop_on_doubtful(self, sample: Sample) -> None:
-        """A stop for a sample that may be old."""
+        """Send a stop in answer to a sample that may be old."""
         self._doubtful = None
         self._send_stop((self._newest or sample).state, Reason.STATE_STALE, self._now_ns())
 
     def _process_samples(self, samples: list[Sample]) -> None:
-        """Each sample, unless they have waited: after a pause only the newest, and not even that when it is old."""
+        """Process each sample; after a pause only the newest, and none that is too old."""
         now_ns = self._now_ns()
         agrees = self._motion.disagreement is None
         for sample in samples:
@@ -181,7 +184,7 @@ class Loop:
         self._update_trajectory(sample)
 
     def _send_stop(self, last: VehicleState, reason: Reason, now_ns: int) -> None:
-        """A stop from the last known state, because no sample came that can be driven by."""
+        """Send a stop computed from the last known state, because no usable sample arrived."""
         decision = self._cycle.decide_stop(last, self._assembler.status, reason, now_ns)
         outcome = self._transmitter.send_command(decision, now_ns)
         if outcome is not Outcome.NOT_SENT:
@@ -209,7 +212,7 @@ class Loop:
             self._update_trajectory(self._newest, restart=True)
 
     def _update_engagement(self) -> None:
-        """A vehicle that is autonomous, or not any more, changes the mode before the next command."""
+        """Apply a new status to the mode before the next command."""
         status = self._assembler.status
         if status is None or status is self._seen_status:
             return
@@ -227,7 +230,7 @@ class Loop:
             self._publisher.publish_trajectory()
 
     def _on_tick(self, now_ns: int) -> None:
-        """What happens on the timer and not on arrival: noticing what did not come, reports, the end."""
+        """Work on the timer instead of on arrival: requests, link, missing frames, reports, shutdown."""
         self._feed_watchdog()
         self._apply_requests(now_ns)
         self.link.watch(now_ns)
@@ -253,7 +256,7 @@ class Loop:
         self.shutdown.finish_if_released(now_ns, self._assembler.status)
 
     def _stop_on_stale_state(self, now_ns: int) -> None:
-        """Without plausible samples an engaged vehicle is stopped from its last state, at the command period.
+        """Stop an engaged vehicle from its last state, at the command period, while no plausible sample arrives.
 
         While samples are implausible, a vehicle that is not driven is still sent ENABLE = 0.
         """
@@ -282,7 +285,7 @@ class Loop:
         *,
         latency_ns: int = 0,
     ) -> None:
-        """Publish what is known now; between two commands that are sent, the one before stays the one that was sent."""
+        """Publish a snapshot. Between two commands, `sent` keeps the value of the earlier one."""
         newest = self._newest
         if outcome is not Outcome.NOT_DUE:
             self._was_sent = outcome is Outcome.SENT
@@ -301,16 +304,16 @@ class Loop:
         )
 
     def _restart_odometry(self) -> None:
-        """Dead reckoning that was interrupted begins anew at 0, 0, 0 while nothing is driven by it."""
+        """Restart interrupted dead reckoning at 0, 0, 0. Called only while no command is enabled."""
         self._assembler.locator.reset()
         self._plausibility.reset()
         self._motion.reset()
         self._newest = None  # the next sample begins the trajectory
         self._must_restart = True
-        log.warning("odometry was interrupted: it begins anew at 0, 0, 0")
+        log.warning("odometry was interrupted; it restarts at 0, 0, 0")
 
     def _on_link_lost(self) -> None:
-        """Nothing from before the loss is combined with anything after it."""
+        """Go silent and clear all state, so that nothing from before the loss is combined with anything after it."""
         now_ns = self._now_ns()
         self._engagement.apply(Event.LINK_DOWN, now_ns)
         self._decoder.reset()

@@ -37,6 +37,6 @@ def wait_until_open(
                 raise
             if str(error) != said or now_ns() - said_ns >= SAY_AGAIN_NS:
                 said, said_ns = str(error), now_ns()
-                log.warning("waiting for %.0f s by now: %s", waited_ns / NS_PER_S, said)
+                log.warning("waiting (%.0f s so far): %s", waited_ns / NS_PER_S, said)
         sleep_until(now_ns() + LOOK_NS)
     return False

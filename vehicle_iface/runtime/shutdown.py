@@ -1,4 +1,4 @@
-"""The end of a run, on schedule or on request: the vehicle is stopped, released, and only then is the run done."""
+"""The end of a run, on schedule or on request: the vehicle is stopped, then released, then the run ends."""
 
 import logging
 
@@ -11,11 +11,11 @@ from vehicle_iface.units import NS_PER_MS
 log = logging.getLogger(__name__)
 
 RELEASE_NS = 200 * NS_PER_MS
-"""How long ENABLE = 0 is repeated at the end for a vehicle that does not report that it is released."""
+"""How long ENABLE = 0 is repeated at the end for a vehicle that does not report its release."""
 
 
 class Shutdown:
-    """What was requested, how far the end has come, and how the run ended. Time is given."""
+    """Requests to end, progress of the shutdown, and how the run ended. Reads no clock: methods get `now_ns`."""
 
     def __init__(self, engagement: Engagement, handover: Handover) -> None:
         self._engagement, self._handover = engagement, handover
@@ -27,11 +27,11 @@ class Shutdown:
         self.ended_in_fault = False
 
     def request(self) -> None:
-        """Stop the vehicle and end; requested a second time, release it at once. Safe in a signal handler."""
+        """Stop the vehicle and end; a second request releases it at once. Safe in a signal handler."""
         self._requests += 1
 
     def schedule(self, at_ns: int) -> None:
-        """`begin_on_schedule` will be called then: the driver is warned before."""
+        """Announce that `begin_on_schedule` will be called at `at_ns`, so that the driver is warned before."""
         self._handover.plan(at_ns)
 
     def begin_on_schedule(self) -> None:
@@ -44,12 +44,12 @@ class Shutdown:
         return self._requests > 1 and not self.is_done
 
     def may_hold_or_release(self, now_ns: int) -> bool:
-        """Whether a vehicle that stands is to be held, or released at the end."""
+        """Whether a vehicle at standstill may now be held or, at the end, released."""
         mode = self._engagement.mode
         return mode.stops and (not mode.ends or self._handover.may_release(now_ns))
 
     def begin_if_due(self, now_ns: int) -> None:
-        """Begin the end when it is due or was requested; done at once where nothing may be sent."""
+        """Begin the shutdown when it is due or was requested; it is done at once where nothing may be sent."""
         if self._has_begun or not (self._is_due or self._requests):
             return
         self._has_begun = True
@@ -58,19 +58,19 @@ class Shutdown:
         self.is_done = not self._engagement.mode.may_send
 
     def warn_if_near(self, now_ns: int) -> None:
-        """Log once that control is about to be given back."""
+        """Log once that control is about to be released."""
         mode = self._engagement.mode
         if self._handover.update(now_ns, is_driven=mode.enables, is_ending=mode.ends):
-            log.warning("HANDOVER: control is about to be given back")
+            log.warning("HANDOVER: control is about to be released")
 
     def release_now(self, now_ns: int) -> bool:
-        """End without waiting for standstill; whether the vehicle is to be sent ENABLE = 0 once more."""
+        """End without waiting for standstill; return whether ENABLE = 0 must still be sent once."""
         self.is_done = True
         self._engagement.apply(Event.STANDSTILL, now_ns)
         return self._engagement.is_released
 
     def finish_if_released(self, now_ns: int, status: VehicleStatus | None) -> None:
-        """Done when the vehicle reports that it is released, was sent ENABLE = 0 long enough, or may get nothing."""
+        """Finish when the vehicle reports its release, ENABLE = 0 was sent long enough, or nothing may be sent."""
         engagement = self._engagement
         if not self._has_begun:
             return

@@ -1,4 +1,4 @@
-"""Who drives: a table of modes and events, and the conditions that raise the events."""
+"""Engagement: a table of modes and events (arming, driver override, vehicle fault), and what raises the events."""
 
 import logging
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from vehicle_iface.units import NS_PER_MS
 log = logging.getLogger(__name__)
 
 OBSERVING_NS = 200 * NS_PER_MS
-"""Twice as long as a vehicle waits for its commander: by then frames of another commander were received, or the
-vehicle's watchdog has acted, or it has none and nobody drives it."""
+"""Twice the vehicle's watchdog time: by then frames of another commander were received, or the watchdog has acted, or
+the vehicle has no watchdog and nobody drives it."""
 MAX_TRANSITIONS = 1000
 
 
@@ -28,37 +28,37 @@ class ModeRow:
     computes: bool = False
     """The controller decides the command."""
     engages: bool = False
-    """Commands are held back as the profile says for engaging."""
+    """Commands have the profile's additional limits `while_engaging`."""
     stops: bool = False
     """The vehicle is stopped or held, for the reason of the mode."""
     ends: bool = False
-    """It is stopped for good."""
+    """The run is ending."""
     disengaged: bool = False
-    """The vehicle was given back, until it is armed again."""
+    """The vehicle was released, until the loop is armed again."""
     observes: bool = False
-    """It is not known yet whether somebody else drives the vehicle."""
+    """It is not known yet whether another node drives the vehicle."""
     latched: bool | None = False
-    """Whether the run is in a latched fault; None: as before."""
+    """Whether the run is in a latched fault; None keeps the value of the mode before."""
     wire_state: ControllerState
     """The mode in the words of the bus contract."""
     refusal: str = ""
-    """Why arming changes nothing; empty where it does."""
+    """Why a request to arm is refused; empty where it is accepted."""
 
 
 class Mode(Enum):
-    """What the controller is allowed to do: one row per mode, whose columns are the mode's attributes."""
+    """The modes, one `ModeRow` each; its columns are the mode's attributes."""
 
     SHADOW = ModeRow(
-        computes=True, wire_state=ControllerState.SHADOW, refusal="this run only listens; start it with --arm"
+        computes=True, wire_state=ControllerState.SHADOW, refusal="this run only observes; start it with --arm"
     )
-    """Not armed: not one frame leaves."""
+    """Not armed: no frame is sent."""
     OBSERVING = ModeRow(
         observes=True,
         latched=None,
         wire_state=ControllerState.STARTING,
-        refusal="it is armed, and observes whether somebody else drives the vehicle",
+        refusal="it is armed, and observes whether another node drives the vehicle",
     )
-    """Armed, but no command leaves: ENABLE = 0 would take the vehicle away from whoever drives it."""
+    """Armed, but no command is sent: ENABLE = 0 would release a vehicle that another node drives."""
     STARTING = ModeRow(
         may_send=True, wire_state=ControllerState.STARTING, refusal="it is armed, and waits for fresh samples"
     )
@@ -68,7 +68,7 @@ class Mode(Enum):
         wire_state=ControllerState.STANDBY,
         refusal="it is armed, and waits for the vehicle to be READY",
     )
-    """Armed and fresh; engages when the vehicle is ready."""
+    """Armed, with fresh samples; engages when the vehicle is READY."""
     ENGAGING = ModeRow(
         may_send=True,
         enables=True,
@@ -77,7 +77,7 @@ class Mode(Enum):
         wire_state=ControllerState.ENGAGING,
         refusal="it is engaging",
     )
-    """Commands with ENABLE = 1, until the vehicle says that it is autonomous."""
+    """Commands with ENABLE = 1, until the vehicle reports AUTONOMOUS."""
     ENGAGED = ModeRow(
         may_send=True, enables=True, computes=True, wire_state=ControllerState.ENGAGED, refusal="it drives"
     )
@@ -90,15 +90,15 @@ class Mode(Enum):
         wire_state=ControllerState.STOPPING,
         refusal="the stop is latched, and the vehicle does not stand yet or its sources of motion disagree",
     )
-    """Latched; brakes the vehicle to standstill."""
+    """Latched; the vehicle is braked to standstill."""
     HALTED = ModeRow(may_send=True, enables=True, stops=True, latched=True, wire_state=ControllerState.STOPPING)
-    """Latched; holds the vehicle at standstill until it is armed again."""
+    """Latched; the vehicle is held at standstill until the loop is armed again."""
     OVERRIDDEN = ModeRow(may_send=True, disengaged=True, latched=None, wire_state=ControllerState.STANDBY)
-    """The driver took over; until it is armed again."""
+    """Driver override; ENABLE = 0 until the loop is armed again."""
     FAULT = ModeRow(may_send=True, disengaged=True, latched=True, wire_state=ControllerState.FAULT)
-    """Latched; answers with ENABLE = 0."""
+    """Latched; samples are answered with ENABLE = 0."""
     SILENT = ModeRow(latched=True, wire_state=ControllerState.FAULT)
-    """Latched; sends nothing, so that the vehicle's own watchdog acts."""
+    """Latched; nothing is sent, so that the vehicle's own watchdog acts."""
     ENDING = ModeRow(
         may_send=True,
         enables=True,
@@ -106,13 +106,13 @@ class Mode(Enum):
         ends=True,
         latched=None,
         wire_state=ControllerState.STOPPING,
-        refusal="it is ending",
+        refusal="the run is ending",
     )
-    """Stopping the vehicle for good."""
+    """The run is ending: the vehicle is stopped."""
     RELEASED = ModeRow(
-        may_send=True, disengaged=True, latched=None, wire_state=ControllerState.STANDBY, refusal="it is ending"
+        may_send=True, disengaged=True, latched=None, wire_state=ControllerState.STANDBY, refusal="the run is ending"
     )
-    """Released for good: answers with ENABLE = 0 until the program ends."""
+    """The run is ending: samples are answered with ENABLE = 0 until the program exits."""
 
     def __init__(self, row: ModeRow) -> None:
         self.may_send, self.enables, self.computes, self.engages = row.may_send, row.enables, row.computes, row.engages
@@ -183,7 +183,7 @@ TABLE: dict[tuple[Mode, Event], tuple[Mode, Reason | None]] = {
     (Mode.ENDING, Event.VEHICLE_FAULT): (Mode.RELEASED, Reason.VEHICLE_FAULT),
     (Mode.ENDING, Event.STATE_LOST): (Mode.SILENT, Reason.STATE_STALE),
 }
-"""A missing pair means: stay. Without a reason of its own the new mode has that of the event, or else keeps the old."""
+"""A missing pair means: no change. Reason None: the new mode has the reason given with the event, else the old one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,19 +193,19 @@ class EngagementTiming:
     settle_ns: int
     """Samples must have come this long before the controller engages."""
     stale_ns: int
-    """A gap of this much ends being fresh."""
+    """After a gap longer than this, samples are no longer fresh."""
     lost_ns: int
-    """No sample for this long: silence. No status: it is not known any more whether somebody else drives."""
+    """No sample for longer than this: silence. No status: observe again whether another node drives."""
     engage_timeout_ns: int
-    """The vehicle has this long to become autonomous."""
+    """The vehicle must report AUTONOMOUS within this time."""
     end_ns: int
-    """A stop for good takes at most this long."""
+    """The stop at the end of a run takes at most this long; then the vehicle is released."""
     steer_torque_nm: float
-    """The driver's hands count as an override from here on."""
+    """The driver's steering torque, in Nm without sign, that counts as an override."""
 
 
 class Transition(NamedTuple):
-    """A change of mode, when it happened and why."""
+    """A change of mode, its time and its reason."""
 
     at_ns: int
     mode: Mode
@@ -213,25 +213,25 @@ class Transition(NamedTuple):
 
 
 class Engagement:
-    """The mode, why it is so, and what makes it change. Time is given."""
+    """The mode and its reason; methods apply events. Reads no clock: methods get `now_ns`."""
 
     def __init__(self, timing: EngagementTiming, *, armed: bool) -> None:
         self._timing = timing
         self.mode = Mode.OBSERVING if armed else Mode.SHADOW
         self.reason = Reason.NOT_ENGAGED
         self.latched_fault: Reason | None = None
-        """Why a fault was latched that no arming has ended yet."""
+        """The reason of a latched fault, until the loop is armed again."""
         self.transitions: list[Transition] = []
-        """The first ones of the run."""
+        """The first mode changes of the run, at most `MAX_TRANSITIONS`."""
         self._since_ns: int | None = None
         self._vehicle_since_ns: int | None = None
-        """Since then there is a vehicle; None while nothing is received from it."""
+        """Time of the first frame from the vehicle; None while nothing is received from it."""
         self._status_ns: int | None = None
         self._fresh_since_ns: int | None = None
         self._last_sample_ns: int | None = None
 
     def may_report(self, now_ns: int) -> bool:
-        """Whether lights and report may be sent; while it observes, only where there is no vehicle yet."""
+        """Whether lights and report may be sent; in OBSERVING only after 200 ms without any frame of the vehicle."""
         if not self.mode.observes:
             return self.mode.may_send
         return self._vehicle_since_ns is None and self._since_ns is not None and now_ns - self._since_ns > OBSERVING_NS
@@ -253,7 +253,7 @@ class Engagement:
         return self.mode.wire_state
 
     def apply(self, event: Event, now_ns: int, reason: Reason | None = None) -> bool:
-        """Apply one event; whether the mode changed. `reason` is that of a latched stop."""
+        """Apply one event; return whether the mode changed. `reason` is the reason of a latched stop."""
         if event is Event.ARMED:
             self._fresh_since_ns = None
         pair = TABLE.get((self.mode, event))
@@ -274,15 +274,15 @@ class Engagement:
         return True
 
     def refusal_to_arm(self, status: VehicleStatus | None) -> str:
-        """Why `Event.ARMED` has changed nothing, in words."""
+        """Why `Event.ARMED` was refused, as text for the log."""
         refusal = self.mode.refusal
         if self.mode is not Mode.STANDBY or status is None:
             return refusal
-        hands = ", and the driver acts" if self.is_driver_override(status) else ""
-        return f"{refusal}; it is {status.mode.name}{hands}"
+        hands = ", and the driver operates it" if self.is_driver_override(status) else ""
+        return f"{refusal}; the vehicle is {status.mode.name}{hands}"
 
     def on_sample(self, stamp_ns: int, now_ns: int, *, is_usable: bool = True) -> None:
-        """A complete sample of `stamp_ns` has come; one that is not to be driven by engages nobody."""
+        """Note a complete sample of `stamp_ns`. A sample that is not usable never leads to engagement."""
         if self._vehicle_since_ns is None:
             self._vehicle_since_ns = now_ns
         last_ns = self._last_sample_ns
@@ -297,7 +297,7 @@ class Engagement:
             self.apply(Event.FRESH, now_ns)
 
     def on_status(self, status: VehicleStatus, now_ns: int) -> bool:
-        """The vehicle has reported its mode and its driver; whether it is driven, or autonomous, from now on."""
+        """Apply a status of the vehicle (mode, driver). Return whether this began ENGAGING or ENGAGED."""
         before = self.mode
         self._status_ns = now_ns
         if self._vehicle_since_ns is None:
@@ -317,7 +317,7 @@ class Engagement:
         return self.mode is not before and self.mode in _DRIVING
 
     def on_tick(self, now_ns: int) -> None:
-        """Time has passed: notice what did not come."""
+        """Apply timeouts: missing samples, missing status, engagement, end of the run."""
         gap_ns = now_ns - self._last_sample_ns if self._last_sample_ns is not None else 0
         if gap_ns > self._timing.lost_ns:
             self.apply(Event.STATE_LOST, now_ns)
@@ -337,6 +337,6 @@ class Engagement:
             self.apply(Event.STANDSTILL, now_ns)
 
     def is_driver_override(self, status: VehicleStatus) -> bool:
-        """Whether the driver's feet or hands are on the controls."""
+        """Whether the driver operates brake, throttle or steering."""
         hands = abs(status.driver_steer_torque_nm) >= self._timing.steer_torque_nm
         return status.driver_brake or status.driver_throttle or status.driver_steers or hands

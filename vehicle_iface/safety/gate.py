@@ -1,4 +1,4 @@
-"""From a requested command to a permitted one: the one place where a `SafeCommand` is made."""
+"""Range and rate limits of a command (acceleration, steering, speed): the only place that builds a `SafeCommand`."""
 
 import math
 from collections.abc import Callable, Collection
@@ -17,12 +17,12 @@ from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_S
 
 LONGEST_STEP_S = 0.1
-"""After a longer silence the rate limits grant no more than this much at once."""
+"""The longest time that one step of a rate limit counts, also after a longer pause."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GateChannels:
-    """What the gate limits. Acceleration is that of driving forwards; backwards it is mirrored."""
+    """What the gate limits. The acceleration channel is for driving forwards; backwards it is mirrored."""
 
     accel_mps2: Channel
     front_wheel_angle_rad: Channel
@@ -31,7 +31,7 @@ class GateChannels:
 
 
 class _Sent(NamedTuple):
-    """What left last, in wire counts, and when: rates are counted from it."""
+    """The values that were sent last, in raw counts, and when: the start of each rate limit."""
 
     accel_ns: int = 0
     accel_raw: int = 0
@@ -40,20 +40,21 @@ class _Sent(NamedTuple):
     rear_ns: int = 0
     rear_raw: int = 0
     turned_ns: int = 0
-    """When the wheels were last sent elsewhere than before."""
+    """When a wheel angle last changed."""
 
 
 class Gate:
-    """Limits each command in range and rate, on the value as encoded. It always answers and never raises.
+    """Limits each command in range and rate, on the value as encoded. It never raises.
 
-    `permit` proposes and `commit` says that it was sent: rates are taken from the last value that was committed; before
-    the first one, from what was measured. How hard a stop brakes is not requested but a manoeuvre of its own, see
-    `stop.stop_accel_raw`. The front wheels are held
-    back besides by the lateral acceleration and jerk at the measured speed, by a table over speed, and by how far
-    they may be from where they are measured: where speed has risen they are led back as fast as they may turn; where
-    the measured angle has gone away they are led no further away, nor dragged along, because it may be the sensor that
-    is wrong. Of limits that contradict each other the lateral ones come first, the table second.
-    `limits.limit_raw` has the proof that none of these breaks another.
+    `permit` proposes a command and `commit` confirms that it was sent. Rates are limited from the last committed value;
+    before the first one, from the measured wheel angles. The deceleration of a stop is not taken from the request, see
+    `stop.stop_accel_raw`.
+
+    The front wheel angle has three more limits: lateral acceleration and jerk at the measured speed, a table over
+    speed, and the distance from the measured angle. If the speed has risen, the command returns to the limit as fast as
+    the wheels may turn. If the measured angle drifts off, the command neither moves further from it nor follows it: the
+    sensor may be at fault. Where limits contradict each other, the lateral ones come first and the table second;
+    `limits.limit_raw` has the proof that none breaks another.
     """
 
     def __init__(self, channels: GateChannels, limits: Limits, *, wheelbase_m: float, stop: StopShape) -> None:
@@ -66,10 +67,10 @@ class Gate:
         self.limited: dict[str, int] = dict.fromkeys(
             ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps", "overspeed", "not_finite"), 0
         )
-        """How often each request had to be cut."""
+        """How often each field was limited."""
 
     def start_from(self, state: VehicleState, now_ns: int) -> None:
-        """Take the vehicle over as it is: the first step is counted from the measured wheel angles."""
+        """Start the rate limits from the measured wheel angles and an acceleration of 0."""
         front, rear = self._channels.front_wheel_angle_rad, self._channels.rear_wheel_angle_rad
         front_raw, rear_raw = (
             _nearest_raw(front, state.front_wheel_angle_rad),
@@ -91,11 +92,10 @@ class Gate:
     ) -> SafeCommand:
         """The nearest command that may be sent, enabled.
 
-        `state` is what is measured; `now_ns` is the monotonic time of sending; `reversing` tells which way drive and
-        brake point. `speed_mps` is the speed that limits go by, the measured one by default: at the limit or above
-        nothing is added to it. Where no speed is known a stop brakes as at any speed above standstill, and goes on.
-        While `engaging`, drive and steering are held back more, and the wheels led no further than a tenth of a second
-        of turning from where they are measured.
+        `state` is the measured one; `now_ns` is the monotonic time of sending; `reversing` is the direction of travel.
+        `speed_mps` is the speed that limits are computed for, the measured one by default: at the speed limit or above,
+        drive is cut to 0. Without `speed_is_known`, a stop brakes as if the vehicle were moving. While `engaging`,
+        drive and steering have tighter limits, and the wheel angle stays within 0.1 s of turning of the measured one.
         """
         if speed_mps is None:
             speed_mps = state.speed_mps
@@ -139,11 +139,11 @@ class Gate:
         )
 
     def commit(self) -> None:
-        """The last permission was sent: rates are counted from it."""
+        """Confirm that the last permitted command was sent: rates are limited from it."""
         self._last = self._proposed
 
     def commit_fields(self, fields: Collection[str]) -> None:
-        """Only these fields of the last permission were sent: the others' rates are counted from before it."""
+        """Confirm that only these fields were sent: the rates of the others are limited from the command before."""
         sent, before = self._proposed, self._last
         accel = sent if "accel_mps2" in fields else before
         front = sent if "front_wheel_angle_rad" in fields else before
@@ -160,7 +160,7 @@ class Gate:
         )
 
     def release(self, *, stamp_ns: int, reason: Reason) -> SafeCommand:
-        """Release the vehicle: nothing is requested of it, and nothing is proposed."""
+        """The command that releases the vehicle: ENABLE = 0, all values 0. A later `commit` changes nothing."""
         self._proposed = self._last
         return SafeCommand(
             stamp_ns=stamp_ns,
@@ -203,7 +203,7 @@ class Gate:
         within = raw_range(channel, -at_speed, at_speed)
         apart = limits.front_wheel_deviation_rad
         if math.isfinite(measured) and apart < math.inf:
-            if engaging:  # who obeys nobody yet is not to find the wheels elsewhere once it does
+            if engaging:  # a vehicle that begins to obey must not find a step in the commanded angle
                 apart = min(apart, limits.while_engaging.front_wheel_rate_radps * LONGEST_STEP_S)
             nearest, farthest = raw_range(channel, measured - apart, measured + apart)
             within = clamp_interval((min(nearest, last.front_raw), max(farthest, last.front_raw)), within)
@@ -219,10 +219,10 @@ class Gate:
     def _lateral_rad(
         self, rear_raw: int, last: _Sent, speed_mps: float, dt_s: float, held_s: float
     ) -> tuple[float, float]:
-        """The front wheel angles with which lateral acceleration and jerk are within their limits.
+        """Lowest and highest front wheel angle with lateral acceleration and jerk within their limits.
 
-        The jerk grants its share of `dt_s`; of `held_s`, for which the wheels were not turned, up to one count. So it
-        keeps its limit from turn to turn, and holds no wheels for good, however coarse their signal is.
+        The jerk limit allows a change for `dt_s`, or for `held_s` (time since the wheels were turned) up to one count.
+        So the limit holds from one change to the next, and a coarse signal can still change.
         """
         channels, limits, wheelbase_m = self._channels, self._limits, self._wheelbase_m
         front_lsb, rear_lsb = channels.front_wheel_angle_rad.lsb, channels.rear_wheel_angle_rad.lsb
@@ -234,7 +234,7 @@ class Gate:
         left = curvature_per_m(was_rad + front_lsb, was_rear_rad, wheelbase_m)
         low = now - max(per_s * dt_s, min(per_s * held_s, now - right))
         high = now + max(per_s * dt_s, min(per_s * held_s, left - now))
-        if now > most:  # the speed has risen: back to the limit as fast as the wheels may turn, and on by the jerk
+        if now > most:  # the speed has risen: return to the limit at the wheels' rate, then further by the jerk
             low, high = min(low, most - (left - now)), most
         elif now < -most:
             low, high = -most, max(high, (now - right) - most)
@@ -252,7 +252,7 @@ class Gate:
 
 
 def gate_channels(limits: Limits, lsb: Callable[[str], float]) -> GateChannels:
-    """The gate's channels from a profile's limits; `lsb(field)` is what the wire can tell apart, in SI units."""
+    """The gate's channels from a profile's limits; `lsb(field)` is the size of one raw count, in SI units."""
 
     def symmetric(name: str, limit: float, rate_per_s: float) -> Channel:
         return Channel(name=name, lsb=lsb(name), lowest=-limit, highest=limit, rate_per_s=rate_per_s)
@@ -276,7 +276,7 @@ def gate_channels(limits: Limits, lsb: Callable[[str], float]) -> GateChannels:
 
 
 def _step_s(now_ns: int, since_ns: int) -> float:
-    """The time that a rate limit grants."""
+    """The time step of a rate limit, at most `LONGEST_STEP_S`."""
     return min(LONGEST_STEP_S, max(0.0, (now_ns - since_ns) / NS_PER_S))
 
 

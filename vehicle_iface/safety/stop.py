@@ -1,7 +1,7 @@
-"""The stop as a manoeuvre: nothing drives any more, the brake comes on by a jerk, is let up before standstill, holds.
+"""The stop manoeuvre: drive is removed, the brake ramps up at a jerk, is released before standstill, then holds.
 
-What is asked for is a brake: the size of an acceleration against the motion. Of a stop nobody but this module decides
-how hard it brakes; from the command that stops, the gate takes the steering and the reason.
+The brake is an acceleration against the motion, in m/s², positive. Only this module decides how hard a stop brakes;
+from the command that stops, the gate takes the steering and the reason.
 """
 
 from dataclasses import dataclass, fields
@@ -12,16 +12,16 @@ from vehicle_iface.safety.limits import Channel, floor_raw
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopShape:
-    """How hard and how smoothly a stop brakes. Raises `InvalidValueError` for a number that no stop has."""
+    """Deceleration and jerk of a stop. Raises `InvalidValueError` for a number that is out of range."""
 
     deceleration_mps2: float
     """The safe deceleration: a stop never brakes harder."""
     time_step_s: float
-    """Until the next command, at most: the brake would not bring the vehicle to rest in less."""
+    """Longest time until the next command: the brake never brings the vehicle to rest in less."""
     jerk_mps3: float
-    """The brake comes on, and is eased, at this rate."""
+    """The brake ramps up and down at this rate."""
     release_time_constant_s: float
-    """Speed over brake, in the end: the brake is let up with the speed, so that no jolt is felt at standstill."""
+    """Speed / brake just before standstill: the brake is released with the speed, so that there is no jolt."""
     hold_mps2: float
     """The brake at standstill; 0 where SAFE_STOP alone holds the vehicle."""
 
@@ -34,16 +34,15 @@ class StopShape:
 def stop_accel_raw(
     shape: StopShape, brake: Channel, last_raw: int, speed_mps: float, dt_s: float, *, reversing: bool
 ) -> int:
-    """The wire value of a stop's acceleration, `dt_s` after `last_raw` was sent. Total: an answer to every number.
+    """The raw value of a stop's acceleration, `dt_s` after `last_raw` was sent. Defined for every input.
 
-    `brake` is the channel of acceleration driven forwards, turned round: what brakes is positive. `reversing` tells
-    against what a standing vehicle is held. A speed that is no number counts as fast.
+    `brake` is the acceleration channel for driving forwards, mirrored: braking is positive. `reversing` is the
+    direction that a vehicle at standstill is held against. A speed that is NaN counts as fast.
 
-    Let most be the hold at standstill, or else |v| / time step, and never above the safe deceleration; wanted the same
-    with the ease in place of the time step, and never above most. Let b be the brake that was sent last, cut to
-    0 … most: what drove is dropped at once, and so is a brake that is harder than a stop's or would turn the motion
-    round. The result is wanted cut to [b − step, b + step], so it lies between b and wanted; its sign is against v. So
-    it is never along v, never above most, in range as b and wanted are, and within one step of b.
+    most = min(safe deceleration, |v| / time step); wanted = min(most, |v| / release time constant); at standstill both
+    are hold_mps2. b = the brake sent last, clamped to 0 … most: drive is removed at once, and so is a brake that is
+    harder than a stop's or would reverse the motion. The result is wanted, clamped to [b − step, b + step], with the
+    sign against v. So it is never along v, never above most, in range as b and wanted are, and within one step of b.
     """
     backwards = speed_mps < 0.0 or (reversing and not speed_mps > 0.0)
     sign, fast_mps = 1 if backwards else -1, abs(speed_mps)
@@ -53,6 +52,6 @@ def stop_accel_raw(
         most_mps2 = min(shape.deceleration_mps2, fast_mps / shape.time_step_s)
         wanted_mps2 = min(most_mps2, fast_mps / shape.release_time_constant_s)
     last = min(floor_raw(brake, most_mps2), max(0, sign * last_raw))
-    # A signal whose counts are coarse against the jerk comes on all the same.
+    # At least one count, so that a signal with coarse counts ramps up as well.
     step = max(1, brake.step_raw(dt_s, shape.jerk_mps3)) if dt_s > 0.0 else 0
     return sign * min(last + step, max(last - step, floor_raw(brake, wanted_mps2)))

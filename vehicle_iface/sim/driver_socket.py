@@ -157,9 +157,9 @@ def _make_room(path: str) -> None:
     except OSError as error:
         raise ConfigError(f"driver socket: {path}: {error.strerror}") from error
     if not stat.S_ISSOCK(mode):
-        raise ConfigError(f"driver socket: {path}: there is something else; must be free or an old socket")
+        raise ConfigError(f"driver socket: {path}: is not a socket; choose another with --driver-socket")
     if _is_listened_on(path):
-        raise ConfigError(f"driver socket: {path}: another vehicle listens there; choose another with --driver-socket")
+        raise ConfigError(f"driver socket: {path}: another simulator uses it; choose another with --driver-socket")
     with contextlib.suppress(FileNotFoundError):
         os.unlink(path)
 

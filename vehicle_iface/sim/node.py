@@ -122,7 +122,7 @@ class _Line:
         self.close()
         if self._reopen is None:
             raise error
-        log.warning("the vehicle's link is lost: %s", error)
+        log.warning("the simulated vehicle lost its link: %s", error)
         self._retry_ns = self._clock() + REOPEN_EVERY_NS
 
     def _try_again(self) -> None:
@@ -134,4 +134,4 @@ class _Line:
             self._bus = self._reopen()
         except BusError:
             return  # reported when it was lost
-        log.warning("the vehicle's link is back")
+        log.warning("the simulated vehicle's link is open again")

@@ -52,13 +52,14 @@ from vehicle_iface.telemetry.snapshot import (
 
 
 class TelemetryReader:
-    """Reads telemetry. Nothing in the file makes it raise; whatever is not intact is None.
+    """Reads the telemetry of a running loop. Call `poll` first, and again from time to time.
 
-    It reads through the file descriptor instead of mapping the file: access to a mapped file that was truncated
-    would kill the process.
+    No content of the file makes it raise; data that is not intact is None. It reads through the file descriptor instead
+    of mapping the file: access to a mapped file that was truncated would kill the process.
     """
 
     def __init__(self, address: str) -> None:
+        """`address`: the value of `run --telemetry`, a name or a path. Raises `ConfigError` for an invalid one."""
         self.address = address
         self._paths = paths_of(address)
         self.path = self._paths[0]
@@ -69,7 +70,7 @@ class TelemetryReader:
         self.session = 0
         """Changes with each run of a writer; sequence numbers then restart. 0: none seen yet."""
         self.info: SessionInfo | None = None
-        """Of the present session."""
+        """Constant data of the present session; None before a writer was found."""
         self.dropped = 0
         """Snapshots of the present session that were overwritten before `since` read them."""
         self._file = -1

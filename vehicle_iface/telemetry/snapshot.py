@@ -64,6 +64,7 @@ class Snapshot(NamedTuple):
     lateral_error_m: float = 0.0
     """Positive when the vehicle is to the left of the reference."""
     heading_error_rad: float = 0.0
+    """Positive when the vehicle's heading is to the left of the reference's."""
 
     has_lookahead: bool = False
     lookahead_x_m: float = 0.0
@@ -79,7 +80,7 @@ class Snapshot(NamedTuple):
     sent_accel_mps2: float = 0.0
     sent_front_wheel_angle_rad: float = 0.0
     latency_ns: int = 0
-    """From the receipt of the state to the command's departure."""
+    """From the arrival of the sample's last frame to the sending of the command."""
 
     samples: int = 0
     """Complete samples received since the start."""
@@ -92,7 +93,7 @@ class Snapshot(NamedTuple):
     handover_pending: bool = False
     """Control is about to be returned to the driver."""
     handover_in_ns: int = 0
-    """Time until then, at the earliest; 0: at standstill."""
+    """Time until the release, at the earliest; 0: as soon as the vehicle stands."""
 
     frame_id: str = "map"
     """Frame of reference of all positions here."""

@@ -133,7 +133,7 @@ def _create(paths: tuple[Path, ...], address: str, info: SessionInfo) -> tuple[P
             return path, *_create_at(path, address, info)
         except OSError as error:
             if error.errno not in _FULL or path is paths[-1]:
-                raise ConfigError(f"telemetry {address!r}: cannot make {path}: {error.strerror}") from None
+                raise ConfigError(f"telemetry {address!r}: cannot create {path}: {error.strerror}") from None
     raise AssertionError("an address has at least one path")
 
 
@@ -163,7 +163,7 @@ def _remove_stale(path: Path, address: str) -> None:
     try:
         found = os.fstat(file)
         if not stat.S_ISREG(found.st_mode) or (found.st_size and os.pread(file, 8, 0) != MAGIC):
-            raise ConfigError(f"telemetry {address!r}: {path} is something else; it is not overwritten")
+            raise ConfigError(f"telemetry {address!r}: {path} is not a telemetry file; it is not overwritten")
         if not _try_lock(file):
             raise _address_in_use_error(path, address)
         with contextlib.suppress(FileNotFoundError):

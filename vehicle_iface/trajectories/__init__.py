@@ -1,4 +1,4 @@
-"""Where trajectories come from: CSV files, routes, and a route's next seconds again and again.
+"""Sources of trajectories: CSV files, built-in routes, and a receding horizon over a route.
 
 load_csv ─▶ drop_backward_steps ─▶ FixedTrajectory ─┐
                                                     ├─▶ TrajectorySource ─▶ the loop

@@ -1,9 +1,8 @@
-"""Points of a trajectory that do not lead on: how they are found, and how recording noise is cleaned away.
+"""Backward steps in a trajectory: how they are found, and how recording noise is removed.
 
 A controller takes point i+1 as passed when the vehicle is past the plane through it, across the step from point i
-(`control.tracking`). A vehicle that drives on never passes a point that lies 5 mm *behind* the one before, so its place
-on the trajectory stays there for good. Recordings have such steps from the noise of the positions, and many of them
-where the vehicle stood.
+(`control.tracking`). A vehicle that drives on never passes a point that lies 5 mm *behind* the one before, so its index
+stays there for good. Recordings have such steps from noise of the position, and many of them where the vehicle stood.
 
 The direction of travel at a point is its heading, or the opposite one where its speed is negative. A step leads on when
 it is within 60° of the direction of travel at either of its ends. At a change of direction both directions count, and
@@ -31,10 +30,10 @@ ROUNDING_M = 1e-8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CleanedTrajectory:
-    """A trajectory whose points lead on, and what was changed for it."""
+    """A trajectory without backward steps, and the points that were changed for it."""
 
     trajectory: Trajectory
-    """The given one, itself, where nothing had to be changed."""
+    """The given one itself if nothing was changed."""
     dropped: IntArray
     """(k,) indices of the points that were left out, rising."""
     moved: IntArray

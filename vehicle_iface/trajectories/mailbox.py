@@ -1,6 +1,6 @@
 """Trajectories set from outside the loop: from another thread, or from another process through a file.
 
-The loop never waits for either: it takes what is there, the newest only.
+The loop never waits for them: it takes the newest trajectory that is there.
 """
 
 import logging
@@ -21,9 +21,9 @@ from vehicle_iface.trajectory import Trajectory
 log = logging.getLogger(__name__)
 
 LOOK_S = 0.02
-"""How often the file is looked at."""
+"""Period of checking the file."""
 MAX_POINTS = 20_000
-"""Of a posted trajectory: it is read while the vehicle drives, and takes 3 ms of a pass then."""
+"""Most points of a trajectory in a mailbox: it is read while the vehicle drives, and takes 3 ms of a pass then."""
 _ARRAYS = (
     "time_from_start_ns",
     "x_m",
@@ -43,17 +43,17 @@ _MAX_BYTES = _HEAD.size + _SIZES.size + checks.FRAME_ID_BYTES + MAX_POINTS * 8 *
 
 
 class Mailbox:
-    """Room for one trajectory; the newest replaces one that was not taken yet. Safe from any thread."""
+    """Holds one trajectory; a new one replaces one that was not taken yet. Safe from any thread."""
 
     def __init__(self) -> None:
         self._newest: deque[Trajectory] = deque(maxlen=1)  # its operations are atomic
 
     def put(self, trajectory: Trajectory) -> None:
-        """Leave a trajectory, stamped by its planner, for the loop's next pass."""
+        """Set a trajectory, stamped by its planner, for the loop's next pass."""
         self._newest.append(trajectory)
 
     def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:  # noqa: ARG002
-        """What was put since the last call, as it is; None when nothing was."""
+        """The trajectory that was put since the last call, unchanged; None if there is none."""
         return self._newest.popleft() if self._newest else None
 
     def restart(self) -> None:
@@ -61,10 +61,9 @@ class Mailbox:
 
 
 class PostedTrajectories(Mailbox):
-    """Trajectories that another process posts to a file (`publish_trajectory`). A thread reads and checks them.
+    """Trajectories that another process writes to a file (`publish_trajectory`). A thread reads and checks them.
 
-    A file that is no trajectory is reported once and leaves the last one in force, and so does a path that
-    cannot be looked at.
+    A file that is not a trajectory, or a path that cannot be read, is logged once; the last trajectory stays in force.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -78,7 +77,7 @@ class PostedTrajectories(Mailbox):
         self._thread.start()
 
     def close(self) -> None:
-        """Stop looking."""
+        """Stop reading the file."""
         self._stop.set()
         self._thread.join()
 
@@ -103,27 +102,28 @@ class PostedTrajectories(Mailbox):
         except TrajectoryFileError as error:
             self._refuse(str(error))
         except MemoryError:
-            self._refuse(f"{self._path}: there is no memory for its {found.st_size} bytes")
+            self._refuse(f"{self._path}: no memory for its {found.st_size} bytes")
 
     def _refuse(self, why: str) -> None:
         self.refused += 1
-        log.error("posted trajectory refused: %s", why)
+        log.error("mailbox trajectory rejected: %s", why)
 
     def _log_unreachable(self, error: OSError) -> None:
-        """Log each cause once: the thread looks fifty times a second."""
+        """Log each cause once: the thread checks fifty times a second."""
         if error.errno not in self._unreachable_causes:
             self._unreachable_causes.add(error.errno)
-            log.error("posted trajectories: %s cannot be looked at: %s", self._path, error.strerror)
+            log.error("trajectory mailbox %s: cannot be read: %s", self._path, error.strerror)
 
 
 def publish_trajectory(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
-    """Give `trajectory` to the loop that was started with `--trajectory-mailbox PATH`; whole or not at all.
+    """Give `trajectory` to the loop that was started with `--trajectory-mailbox PATH`. The file is replaced atomically.
 
-    `TrajectoryFileError` when it has more than `MAX_POINTS`.
+    `trajectory.stamp_ns` is the time of its time 0, `time.monotonic_ns()` of this machine. Raises `TrajectoryFileError`
+    when it has more than `MAX_POINTS`, `OSError` when the file cannot be written.
     """
     target = Path(path)
     if len(trajectory) > MAX_POINTS:
-        raise TrajectoryFileError(f"{target}: {len(trajectory)} points: a post must have at most {MAX_POINTS}")
+        raise TrajectoryFileError(f"{target}: {len(trajectory)} points: a mailbox takes at most {MAX_POINTS}")
     frame = trajectory.frame_id.encode()
     body = _SIZES.pack(trajectory.stamp_ns, len(trajectory), len(frame)) + frame
     body += b"".join(getattr(trajectory, name).tobytes() for name in _ARRAYS)
@@ -133,17 +133,17 @@ def publish_trajectory(path: str | os.PathLike[str], trajectory: Trajectory) -> 
 
 
 def fetch(path: str | os.PathLike[str]) -> Trajectory:
-    """The trajectory in a posted file; `TrajectoryFileError` naming the file and what is wrong in it."""
+    """The trajectory in a mailbox file. Raises `TrajectoryFileError` naming the file and its fault."""
     try:
         with Path(path).open("rb") as file:
             if os.fstat(file.fileno()).st_size > _MAX_BYTES:
-                raise TrajectoryFileError(f"{os.fspath(path)}: a post must have at most {MAX_POINTS} points")
+                raise TrajectoryFileError(f"{os.fspath(path)}: a mailbox takes at most {MAX_POINTS} points")
             content = memoryview(file.read())
     except OSError as error:
         raise TrajectoryFileError(f"{os.fspath(path)}: cannot be read: {error.strerror}") from error
     body = content[_HEAD.size :]
     if len(body) < _SIZES.size or _HEAD.unpack_from(content) != (MAGIC, zlib.crc32(body)):
-        raise TrajectoryFileError(f"{os.fspath(path)}: not a posted trajectory, or a damaged one")
+        raise TrajectoryFileError(f"{os.fspath(path)}: not a mailbox trajectory, or damaged")
     stamp_ns, points, frame_bytes = _SIZES.unpack_from(body)
     start = _SIZES.size + frame_bytes
     if len(body) != start + points * 8 * len(_ARRAYS):

@@ -1,4 +1,4 @@
-"""A route given to the controller piece by piece: the next seconds of it, again and again."""
+"""Receding horizon over a route: each period a trajectory over the next seconds of it."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -51,20 +51,20 @@ class _Leg:
 
 
 class RecedingRoute:
-    """The next seconds of a route from where the vehicle is on it, each period anew.
+    """Each period, a trajectory over the next seconds of a route, from the vehicle's position on it.
 
-    The vehicle's place is looked for near the last one and never goes back, so a route that crosses itself
-    keeps its branch; only at the beginning, and when the vehicle is metres off, is the whole route searched,
-    by distance and heading. Each trajectory begins at the vehicle's place and speed and joins the route's
-    speeds with the route's acceleration. It does not pass a stop or a change of direction: it ends there at
-    0 m/s, and when the vehicle has stood there for the dwell time the next one begins. A route's end is such
-    a stop without a next one: nothing more is given, and the last trajectory runs out by itself.
+    The position on the route is searched near the last one and never goes back, so a route that crosses itself
+    keeps its branch. At the beginning, and when the vehicle is more than 4 m off, the whole route is searched by
+    distance and heading. Each trajectory begins at the vehicle's position on the route and its speed, and reaches
+    the route's speeds with the route's acceleration. It does not pass a stop or a change of direction: it ends
+    there at 0 m/s, and the next one begins when the vehicle has stood there for the dwell time. The route's end is
+    a stop without a next one: no further trajectory is given, and the last one runs to its end.
 
-    State and route are taken to be in one frame; that they are is the controller's to check.
+    State and route must be in one frame; the controller checks that.
     """
 
     def __init__(self, route: Route, horizon_s: float = 8.0, period_s: float = 0.1, *, frame_id: str = "map") -> None:
-        """`horizon_s` is how far ahead each trajectory reaches, `period_s` how often there is one.
+        """`horizon_s` is the duration of each trajectory, `period_s` the time between them, both in seconds.
 
         Raises `InvalidValueError` when a number is not above zero or the frame has no name.
         """
@@ -80,21 +80,21 @@ class RecedingRoute:
 
     @property
     def progress_m(self) -> float:
-        """The vehicle's place along the route, from its beginning; on a closed one within the lap."""
+        """The vehicle's position along the route in m, from its beginning; on a closed route within the lap."""
         return self._s_m
 
     @property
     def laps(self) -> int:
-        """How often a closed route's beginning was passed since the start."""
+        """How often the beginning of a closed route was passed since the start."""
         return self._laps
 
     @property
     def finished(self) -> bool:
-        """Whether the vehicle has come to the end of an open route."""
+        """Whether the vehicle has reached the end of an open route."""
         return self._leg_index == len(self._legs)
 
     def restart(self) -> None:
-        """Forget place, laps and time grid; the next call looks for the vehicle on the whole route."""
+        """Reset position, laps and period; the next call searches the whole route."""
         self._due_ns: int | None = None
         self._found = False
         self._s_m = 0.0
@@ -104,9 +104,9 @@ class RecedingRoute:
         self._arrived = False
 
     def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:
-        """The next seconds from the vehicle's place, stamped `now_ns`; None when not due, at a stop, at the end.
+        """The next seconds from the vehicle's position, stamped `now_ns`; None when not due, at a stop and at the end.
 
-        Due is the first call and then each whole period after it; what was missed is not made up for.
+        The first call is due, and then one after each whole period; missed ones are skipped.
         """
         if not self._is_due(now_ns) or self.finished:
             return None

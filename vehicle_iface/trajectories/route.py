@@ -1,4 +1,4 @@
-"""A path to drive, with the speeds that it may be driven at."""
+"""Routes: a path to drive, with the highest speed at each point."""
 
 import math
 from dataclasses import dataclass, fields
@@ -14,34 +14,34 @@ from vehicle_iface.units import NS_PER_S
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RouteConfig:
-    """What a route is made for: limits that it keeps, the vehicle that drives it, sizes of the shapes.
+    """Parameters of a route: limits, vehicle, and sizes of the shapes.
 
     Raises `InvalidValueError` when a number is not finite and above zero (dwell: at least zero).
     """
 
     speed_mps: float = 5.0
-    """Never driven faster."""
+    """Maximum speed."""
     lateral_accel_mps2: float = 1.5
-    """v²·|κ| stays within this."""
+    """Maximum of v²·|κ|."""
     accel_mps2: float = 1.0
     decel_mps2: float = 1.5
     point_spacing_m: float = 0.25
-    """About; a whole number of equal spacings fits between two stops."""
+    """Approximate; a whole number of equal spacings fits between two stops."""
     wheelbase_m: float = 2.7
     vehicle_width_m: float = 1.9
-    """Lanes and cones are set by it."""
+    """Lane widths and cone positions follow from it."""
     length_m: float = 80.0
-    """Of the straight routes."""
+    """Length of the straight routes."""
     radius_m: float = 15.0
-    """Of the circle."""
+    """Radius of the circle."""
     half_width_m: float = 27.0
-    """Of the figure of eight, from the crossing to the far end of a loop; its tightest radius is a third."""
+    """Figure of eight: from the crossing to the far end of a loop; its smallest radius is a third of this."""
     turn_radius_m: float = 8.0
-    """Tightest of the U-turn."""
+    """Smallest radius of the U-turn."""
     three_point_radius_m: float = 5.0
-    """Tightest of the three-point turn."""
+    """Smallest radius of the three-point turn."""
     manoeuvring_speed_mps: float = 1.5
-    """The three-point turn is never driven faster."""
+    """Maximum speed of the three-point turn."""
     cone_spacing_m: float = 18.0
     cone_count: int = 6
     stop_spacing_m: float = 25.0
@@ -111,12 +111,12 @@ class Route:
 
     @property
     def start(self) -> tuple[float, float, float]:
-        """x, y and heading of the first point, m and rad: where to put a vehicle that shall drive it."""
+        """x, y (m) and heading (rad) of the first point: the start pose of a vehicle that drives the route."""
         return float(self.x_m[0]), float(self.y_m[0]), math.remainder(float(self.heading_rad[0]), math.tau)
 
     @property
     def front_wheel_angle_rad(self) -> FloatArray:
-        """(n,) of a vehicle with the config's wheelbase that does not slip."""
+        """(n,) for a vehicle without slip and with the config's wheelbase, positive to the left."""
         return np.arctan(self.config.wheelbase_m * self.curvature_per_m)
 
     def legs(self) -> list[tuple[int, int, float]]:

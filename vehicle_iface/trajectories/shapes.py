@@ -162,14 +162,14 @@ ROUTES: Mapping[str, Callable[[RouteConfig], Route]] = MappingProxyType(
         )
     }
 )
-"""What `make_route` knows."""
+"""The routes of `make_route`, by name."""
 
 
 def make_route(name: str, config: RouteConfig | None = None) -> Route:
-    """The route of this name; `ConfigError` listing the names for an unknown one."""
+    """The route of this name; it begins at the origin, along +x. Raises `ConfigError` for an unknown name."""
     build = ROUTES.get(name)
     if build is None:
-        raise ConfigError(f"route {name!r}: there is none; known are {', '.join(sorted(ROUTES))}")
+        raise ConfigError(f"unknown route {name!r}: must be one of {', '.join(sorted(ROUTES))}")
     return build(config or RouteConfig())
 
 

@@ -1,4 +1,4 @@
-"""Where the loop gets its trajectories from."""
+"""The interface of the loop to its source of trajectories, and the source that gives one trajectory once."""
 
 import copy
 from typing import Protocol
@@ -15,7 +15,7 @@ class TrajectorySource(Protocol):
         ...
 
     def restart(self) -> None:
-        """Forget what was given: the next call of `next` begins anew, as at the instant of engagement."""
+        """Start over: the next call of `next` gives the first trajectory again, as at the instant of engagement."""
         ...
 
 
@@ -27,21 +27,21 @@ class FixedTrajectory:
         self._given = False
 
     def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:  # noqa: ARG002
-        """The trajectory stamped `now_ns` on the first call, None ever after."""
+        """The trajectory, stamped `now_ns`, on the first call; None on later ones."""
         if self._given:
             return None
         self._given = True
         return _restamped(self._trajectory, now_ns)
 
     def restart(self) -> None:
-        """Have the trajectory given once more."""
+        """Give the trajectory once more."""
         self._given = False
 
 
 def _restamped(trajectory: Trajectory, stamp_ns: int) -> Trajectory:
     """The same points at another time; costs no copy of the arrays, which are locked and may be shared.
 
-    Building a trajectory anew would check a million points again, in the loop's thread.
+    A new `Trajectory` would check a million points again, in the loop's thread.
     """
     twin = copy.copy(trajectory)
     object.__setattr__(twin, "stamp_ns", stamp_ns)

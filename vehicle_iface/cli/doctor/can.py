@@ -32,13 +32,13 @@ def check_socketcan(channel: str) -> Iterator[Diagnostic]:
         else:
             yield missing("SocketCAN", f"not in this kernel ({error}), run in one that has it", "tools/vcan tools/demo")
         return
-    yield ok("SocketCAN", "can and can_raw are there")
+    yield ok("SocketCAN", "can and can_raw are loaded")
     if channel.startswith(VIRTUAL_KINDS) and not _has_interface(channel):
         kind = "vxcan" if channel.startswith("vxcan") else "vcan"
         if has_module(kind):
             yield ok(kind, "there, for virtual interfaces")
         else:
-            yield warn(kind, "no such module: no virtual interface can be made", "tools/vcan tools/demo")
+            yield warn(kind, "no such module: virtual interfaces cannot be created", "tools/vcan tools/demo")
     gateway = "there" if has_module("can_gw") else "not there"
     yield ok("can_gw", f"{gateway}; only a bench with a gateway needs it")
 
@@ -92,7 +92,7 @@ def check_link(link: Mapping[str, Any], bus: Bus) -> Iterator[Diagnostic]:
     else:
         yield warn(
             "bit rate",
-            f"cannot be seen on {kind}; the profile wants {bus.bitrate} bit/s",
+            f"not visible on {kind}; the profile has {bus.bitrate} bit/s",
             f"ip -details link show {name}",
         )
     yield _check_queue(name, str(link.get("qdisc", "")), int(link.get("txqlen", 0)), bus)
@@ -113,12 +113,12 @@ def _check_controller(name: str, data: Mapping[str, Any], bus: Bus) -> Iterator[
     again = f"sudo ip link set {name} down && sudo ip link set {_up_arguments(name, 'can', bus)}"
     bitrate = int(data.get("bittiming", {}).get("bitrate", 0))
     if bitrate == bus.bitrate:
-        yield ok("bit rate", f"{bitrate} bit/s, as the profile wants")
+        yield ok("bit rate", f"{bitrate} bit/s, as in the profile")
     else:
-        yield missing("bit rate", f"{bitrate or 'not set'}, and the profile wants {bus.bitrate} bit/s", again)
+        yield missing("bit rate", f"{bitrate or 'not set'}, the profile has {bus.bitrate} bit/s", again)
     restart_ms = int(data.get("restart_ms", 0))
     if restart_ms:
-        yield ok("restart-ms", f"{restart_ms}, back by itself after bus-off")
+        yield ok("restart-ms", f"{restart_ms}, restarts by itself after bus-off")
     else:
         yield warn("restart-ms", "0: after bus-off the interface stays off until it is restarted", again)
     modes = data.get("ctrlmode", ())
@@ -146,7 +146,7 @@ def _check_errors(name: str, data: Mapping[str, Any]) -> Diagnostic:
 def _check_queue(name: str, qdisc: str, frames: int, bus: Bus) -> Diagnostic:
     """A short queue is good: a command behind other frames arrives late, and a full queue is noticed at once."""
     if qdisc == "noqueue":
-        return ok("txqueuelen", "no queue: each frame is there at once")
+        return ok("txqueuelen", "no queue: each frame arrives at once")
     waiting_s = frames * FRAME_BITS / bus.bitrate
     queue = f"{frames} frames, {waiting_s * 1e3:.1f} ms at {bus.bitrate} bit/s"
     best = max(FRAMES_OF_A_PASS, min(10, int(QUEUED_S * bus.bitrate / FRAME_BITS)))
@@ -196,7 +196,7 @@ def _describe_absent(channel: str) -> Diagnostic:
 
 
 def _up_arguments(name: str, kind: str, bus: Bus) -> str:
-    """What comes after `ip link set`, to bring it up as the profile wants it."""
+    """What comes after `ip link set`, to bring it up as in the profile it."""
     if kind != "can":
         return f"{name} up"
     fd = f" dbitrate {bus.data_bitrate or bus.bitrate} fd on" if bus.fd else ""

@@ -31,7 +31,7 @@ def check_realtime() -> Iterator[Diagnostic]:
     else:
         yield warn(
             "SCHED_FIFO",
-            "no right to it: other programs delay the loop by 10 ms and more (log in again after the change)",
+            "no permission for it: other programs delay the loop by 10 ms and more (log in again after the change)",
             realtime.FIX_FIFO,
         )
     if realtime.may_lock():
@@ -39,7 +39,7 @@ def check_realtime() -> Iterator[Diagnostic]:
     else:
         yield warn(
             "memory lock",
-            "no right to it: a pass can wait for the disk when memory runs short (log in again after the change)",
+            "no permission for it: a pass can wait for the disk when memory runs short (log in again after the change)",
             realtime.FIX_LOCK,
         )
 
