@@ -34,7 +34,7 @@ ODOM = {"ODOM": "odom"}
     [
         ((), None, True, []),
         ((), ODOM, True, []),
-        (("accel_mps2",), None, True, ["accel_mps2 is not bound: a wrong speed"]),
+        (("accel_mps2",), None, True, ["accel_mps2 is not bound: only the position reveals a wrong speed"]),
         (("accel_mps2",), ODOM, False, ["nothing confirms the speed signal"]),
         (("yaw_rate_radps",), None, True, []),
         (("front_wheel_angle_rad",), None, True, []),

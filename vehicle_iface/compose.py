@@ -1,4 +1,4 @@
-"""Where concrete parts meet: from a profile and a few words to a loop, or to a simulated vehicle."""
+"""Builds a loop, or a simulated vehicle, from a profile and options."""
 
 from collections.abc import Callable, Iterable
 

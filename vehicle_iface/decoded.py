@@ -1,4 +1,4 @@
-"""A received message after the decoder: whole, intact and in range."""
+"""A decoded message: complete, intact and in range."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Which sources of motion a profile binds, and what that means for how far a wrong sensor is found out.
+"""The sources of motion that a profile binds, and which wrong sensors can therefore not be detected.
 
 The loop compares position, speed, acceleration, heading, yaw rate and wheels with one another (`safety.motion`). What a
 vehicle does not send is not compared. A position in a frame named `odom` counts as made of the speed signal itself.

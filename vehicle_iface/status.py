@@ -1,4 +1,4 @@
-"""What the vehicle says about itself besides its motion: mode, gear, driver, faults."""
+"""The vehicle's status besides its motion: mode, gear, driver, faults."""
 
 from dataclasses import dataclass
 from enum import IntEnum

@@ -201,7 +201,7 @@ def test_what_cannot_be_armed_says_why_and_what_the_vehicle_lacks() -> None:
     standby = in_mode(Mode.STANDBY)
     manual = standby.refusal_to_arm(status(VehicleMode.MANUAL, driver_brake=True))
     assert manual == f"{said[Mode.STANDBY]}; the vehicle is MANUAL, and the driver operates it"
-    assert standby.refusal_to_arm(status()) == f"{said[Mode.STANDBY]}; it is READY"
+    assert standby.refusal_to_arm(status()) == f"{said[Mode.STANDBY]}; the vehicle is READY"
     assert in_mode(Mode.ENGAGED).refusal_to_arm(status()) == said[Mode.ENGAGED]
 
 

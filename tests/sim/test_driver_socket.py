@@ -111,7 +111,7 @@ def test_a_living_vehicles_socket_is_refused(driver: DriverSocket) -> None:
 
 def test_anything_else_at_the_path_is_refused_and_untouched(path: str) -> None:
     Path(path).write_text("precious")
-    with pytest.raises(ConfigError, match="something else"):
+    with pytest.raises(ConfigError, match="is not a socket"):
         DriverSocket(path)
     assert Path(path).read_text() == "precious"
 

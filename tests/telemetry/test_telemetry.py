@@ -343,7 +343,7 @@ def test_readers_asking_who_is_alive_do_not_keep_a_writer_out(address: str) -> N
 def test_what_is_no_telemetry_file_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "letter"
     path.write_text("dear reader")
-    with pytest.raises(ConfigError, match="something else; it is not overwritten"):
+    with pytest.raises(ConfigError, match="is not a telemetry file; it is not overwritten"):
         TelemetryWriter(str(path), INFO)
     assert path.read_text() == "dear reader"
 

@@ -1,1 +1,1 @@
-"""Whatever carries the frames: `base` is the seam, the others are its kinds."""
+"""CAN buses: `base` is the interface, the other modules implement it."""

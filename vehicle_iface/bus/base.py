@@ -1,4 +1,4 @@
-"""The seam between the program and whatever carries its frames."""
+"""The interface between the program and a CAN bus."""
 
 from typing import Protocol, runtime_checkable
 

@@ -1,4 +1,4 @@
-"""What a CAN controller reports of itself: error frames, by class (<linux/can/error.h>)."""
+"""Events that a CAN controller reports in error frames, by class (<linux/can/error.h>)."""
 
 from enum import Enum
 

@@ -1,4 +1,4 @@
-"""How the link is: a table of states and events."""
+"""The state of the link: a table of states and events."""
 
 from enum import Enum
 

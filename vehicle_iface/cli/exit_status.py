@@ -1,4 +1,4 @@
-"""What the command ends with."""
+"""Exit statuses of the commands."""
 
 DONE, BAD_USAGE, NO_BUS, LATCHED_FAULT = 0, 2, 3, 4
 CONTRADICTED = 1

@@ -1,4 +1,4 @@
-"""The frame of reference that a command line names."""
+"""The frame of reference that an option names."""
 
 from vehicle_iface.codec.database import VehicleDatabase
 from vehicle_iface.errors import ConfigError

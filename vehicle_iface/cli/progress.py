@@ -1,4 +1,4 @@
-"""How far the reading of a log has come."""
+"""Progress of reading a log, on the terminal."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""`vehicle-iface review`: what a recorded drive says about a profile."""
+"""`vehicle-iface review`: checks a profile against a recorded drive."""
 
 import argparse
 from pathlib import Path

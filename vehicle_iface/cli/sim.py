@@ -1,4 +1,4 @@
-"""`vehicle-iface sim` and `vehicle-iface driver`: the simulated vehicle, and what its driver does."""
+"""`vehicle-iface sim` and `vehicle-iface driver`: the simulated vehicle, and the controls of its driver."""
 
 import argparse
 import logging

@@ -1,4 +1,4 @@
-"""What the names of a profile stand for in its DBC: each signal's field, each message's role.
+"""The signals and messages that a profile binds in its DBC: each signal's field, each message's role.
 
 A name that the DBC does not have is left out here; `consistency` reports it.
 """

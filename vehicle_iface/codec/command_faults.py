@@ -1,4 +1,4 @@
-"""Whether the signals of a command can carry what the limits allow, in the form in which the vehicle is commanded."""
+"""Checks that the command signals can carry the limits, in the form in which the vehicle is commanded."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What a profile and its DBC disagree about: each check is a generator of errors with file, place and remedy."""
+"""Contradictions between a profile and its DBC: each check yields errors with file, place and remedy."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""What the bits of a sent message are that no field fills: the profile's constants, and the DBC's initial values."""
+"""Bits of a sent message that no field fills: the profile's constants, and the DBC's initial values."""
 
 from collections.abc import Iterator, Mapping
 

@@ -1,4 +1,4 @@
-"""Sound messages written as a DBC that every parser reads alike."""
+"""Writes sound messages as a DBC that every parser reads alike."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping

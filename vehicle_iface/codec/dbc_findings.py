@@ -1,4 +1,4 @@
-"""What is odd or wrong in a DBC: a finding for each, about the messages and signals that it concerns."""
+"""Findings about a DBC: one for each fault or oddity, with the messages and signals that it concerns."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

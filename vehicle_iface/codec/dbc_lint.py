@@ -1,4 +1,4 @@
-"""What a DBC's messages leave in doubt, although they can be used: ranges, units, cycle times."""
+"""Warnings about DBC messages that are usable but incomplete: ranges, units, cycle times."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What further statements of a DBC say about its messages and signals: names of values, attributes, multiplexing.
+"""Further statements of a DBC about its messages and signals: names of values, attributes, multiplexing.
 
 Each is found by the number of its message and the written name of its signal. What says nothing to the program
 (nodes, environment variables, groups, other attributes) is not looked at, so it cannot be wrong.

@@ -1,4 +1,4 @@
-"""Signals of a message that lie on the same bits."""
+"""Signals of a message that share bits."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The messages and signals of a DBC as they are written, before anything is made of them."""
+"""The messages and signals of a DBC as written, before they are checked or repaired."""
 
 import math
 import re

@@ -1,6 +1,6 @@
-"""Frames from the bus to messages that are whole, intact, in sequence and in range.
+"""Decodes received frames; only frames that are complete, intact, in sequence and in range are used.
 
-A frame that is not is dropped whole and counted by cause and message; no frame makes this raise.
+Any other frame is dropped as a whole and counted by cause and message; no frame makes the decoder raise.
 """
 
 from collections.abc import Callable, Iterable

@@ -1,8 +1,6 @@
-"""AUTOSAR end-to-end protection: a checksum that knows the message's data id, and a counter that
-must step.
+"""AUTOSAR end-to-end protection, profiles 1, 2, 5 and 11: a checksum over payload and data id, and a counter.
 
-Profiles 1, 2, 5 and 11 (AUTOSAR PRS E2E Protocol). The checksums are computed by the autosar-e2e
-package; the rule for the counter is here.
+See AUTOSAR PRS E2E Protocol. The checksums are computed by the autosar-e2e package; the rule for the counter is here.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Enumerated fields: the names that the program knows, and their numbers in a DBC's VAL_ tables."""
+"""Enumerated fields: the names that the program knows, and their numbers in the DBC's VAL_ tables."""
 
 from collections.abc import Iterator, Mapping
 from enum import IntEnum

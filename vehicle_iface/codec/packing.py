@@ -1,5 +1,4 @@
-"""How a payload is taken apart: the words of 8 to 64 bits that one `struct.unpack` gives, and what each signal is of
-them.
+"""Unpacking of a payload: the words of 8 to 64 bits that one `struct.unpack` gives, and each signal's bits in them.
 
 A word covers the bytes of the signals that share some; one that covers a single signal exactly is that signal. Both
 byte orders are the same here: bits and bytes count from the least significant one, as `Field.shift` does.

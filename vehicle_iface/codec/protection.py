@@ -1,4 +1,4 @@
-"""The protection of one message as decoder and encoder see it, whatever it is made of."""
+"""The protection of one message (checksum, counter) as decoder and encoder see it, of whatever kind."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

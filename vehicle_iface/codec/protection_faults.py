@@ -1,4 +1,4 @@
-"""What is wrong with the protection that a profile states: the rules alone, and each message with its rule."""
+"""Faults in the protection that a profile states: the rules alone, and each message with its rule."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path

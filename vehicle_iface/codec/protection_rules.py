@@ -1,4 +1,4 @@
-"""What a profile says about the protection of each message, and the `Protection` that is built from it.
+"""The protection that a profile gives each message, and the `Protection` that is built from it.
 
 `[e2e]` is the short form for one AUTOSAR profile; `[protection]` gives each message a rule.
 """

@@ -1,4 +1,4 @@
-"""What a profile and its DBC disagree about in `[command.periods]`, `[command.values]` and `[[send]]`."""
+"""Contradictions between profile and DBC in `[command.periods]`, `[command.values]` and `[[send]]`."""
 
 import math
 from collections.abc import Iterator

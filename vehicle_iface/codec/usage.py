@@ -1,4 +1,4 @@
-"""What of a DBC a profile uses: only there does a fault of the DBC matter."""
+"""The parts of a DBC that a profile uses: a fault elsewhere in the DBC does not matter."""
 
 from collections.abc import Iterator
 

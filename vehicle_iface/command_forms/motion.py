@@ -1,4 +1,4 @@
-"""What a command is formed from besides the permission, and what its signals can carry."""
+"""The vehicle's motion from which a command is formed, and the ranges of the command signals."""
 
 import math
 from typing import NamedTuple

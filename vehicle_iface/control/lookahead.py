@@ -1,4 +1,4 @@
-"""Finding the point to aim at, without looking at every point before it.
+"""Search for the look-ahead point, without examining every point before it.
 
 Between two points of a trajectory the distance to the vehicle changes by no more than the way between them.
 So a point that lacks 3 m to the look-ahead is followed by 3 m of way on which no point can be far enough, and

@@ -1,4 +1,4 @@
-"""Where on the way the vehicle has to stand before it goes on.
+"""Stops along a trajectory: where the vehicle must stand before it goes on.
 
 A stop is a dwell or a change of direction. A dwell is two or more points without speed at one place with
 times apart; a change of direction is the last point before the speed has the other sign. The vehicle goes on

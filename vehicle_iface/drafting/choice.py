@@ -1,4 +1,4 @@
-"""For each field the one signal that fits it best, where there is one."""
+"""The best signal for each field, if one fits clearly best."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Which messages of a DBC the program would send: by the names of nodes and messages, and by who receives them."""
+"""Messages of a DBC that the program would send: by names of nodes and messages, and by their receivers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What follows from all fields together: the pose, who drives, and the form of the command."""
+"""Choices that depend on all fields together: the pose, the mode, and the form of the command."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a person must still say about bound signals and messages: units, ratios, directions, periods, protection."""
+"""Facts that the user must add for bound signals and messages: units, ratios, signs, periods, protection."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What a DBC says about its messages and signals, as far as it tells what they are for."""
+"""Facts of a DBC about its messages and signals that indicate their purpose."""
 
 import re
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""The tables of numbers that no DBC contains: all of their keys, each to be filled in."""
+"""The tables of numbers that no DBC contains, with all of their keys, to be filled in."""
 
 import re
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""Frames of a log as arrays, and what became of the lines that are none."""
+"""Frames of a log as arrays, and an account of the lines that are not frames."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""A log of any kind that can be read, in pieces of one form."""
+"""Reads any supported log, in chunks of one form."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
-"""Where the vehicle is: from the values of a sample to the pose of the rear axle's centre.
+"""The vehicle's pose: from the values of a sample to the pose of the rear axle's centre.
 
-`build_pose_source(profile)` makes what `[state.pose]` asks for: a local position, a geographic one, or dead reckoning.
+`build_pose_source(profile)` builds the source of `[state.pose]`: a local position, a geographic one, or dead reckoning.
 `build_pose_sensor(profile)` is the reverse, for a simulated vehicle.
 """
 

@@ -1,4 +1,4 @@
-"""What `[state.pose]` of a profile asks for, and the reverse of it."""
+"""Builds the pose source of a profile's `[state.pose]`, and its inverse for the simulator."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""What a pose is computed from, the pose, and what computes it."""
+"""Inputs of a pose, the pose, and the interface of its sources."""
 
 from typing import Protocol
 

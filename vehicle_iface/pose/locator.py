@@ -1,4 +1,4 @@
-"""The pose of each sample for the loop: of the profile's source, or the last one, which must not be used."""
+"""The pose of each sample for the loop; where there is none, the last one, marked as invalid."""
 
 from typing import NamedTuple
 

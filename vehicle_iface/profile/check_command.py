@@ -1,4 +1,4 @@
-"""Whether `[command]` fits its forms: the signals that are bound, the tables of the pedals, and the limits."""
+"""Checks `[command]`: the bound signals against its forms, the tables of the pedals, and the limits."""
 
 import itertools
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Whether `[state.pose]` fits the signals that are bound and the vehicle."""
+"""Checks `[state.pose]` against the bound signals and the vehicle."""
 
 import math
 from collections.abc import Iterator

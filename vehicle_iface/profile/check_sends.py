@@ -1,4 +1,4 @@
-"""What the types cannot express of periods, `[command.values]` and `[[send]]`, each fault as `place: text`."""
+"""Checks periods, `[command.values]` and `[[send]]` beyond their types; each fault as `place: text`."""
 
 from collections.abc import Iterator, Mapping
 

@@ -1,4 +1,4 @@
-"""Numbers of a profile, by what is allowed."""
+"""Number types of a profile, by allowed range."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""The table `[state.pose]`: which signals tell where the vehicle is, and how."""
+"""The table `[state.pose]`: which signals give the vehicle's pose, and how."""
 
 from collections.abc import Iterator, Mapping
 from typing import Literal

@@ -1,4 +1,4 @@
-"""What a profile says about the signals of its fields, and the lines that would correct it."""
+"""The notes of a profile on the signals of its fields, and the lines that would correct them."""
 
 import math
 from collections.abc import Mapping, Sequence

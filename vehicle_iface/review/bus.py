@@ -1,4 +1,4 @@
-"""The frames themselves: periods, gaps, lengths, ranges, counters and checksums."""
+"""Checks of the frames themselves: periods, gaps, lengths, ranges, counters and checksums."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""One quantity against another: slope, correlation and lag, each with how sure it is."""
+"""Fit of one quantity against another: slope, correlation and lag, each with its uncertainty."""
 
 import math
 from dataclasses import dataclass

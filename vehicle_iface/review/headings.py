@@ -1,4 +1,4 @@
-"""Where the heading's zero is: the direction of motion against the heading, once sign and unit are known."""
+"""The zero of the heading: the direction of motion against the heading, once sign and unit are known."""
 
 import cmath
 import math

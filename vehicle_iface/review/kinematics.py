@@ -1,4 +1,4 @@
-"""The series of a drive at common times, and what follows from them."""
+"""The series of a drive at common times, and quantities derived from them."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The frames of some messages in a log of any kind, in its order."""
+"""The frames of given messages in a log of any kind, in its order."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A review as one HTML page that needs nothing from anywhere else."""
+"""A review as one self-contained HTML page."""
 
 from collections.abc import Iterable, Iterator
 from html import escape

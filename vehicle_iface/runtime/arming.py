@@ -1,4 +1,4 @@
-"""Requests to arm: engage (again) when everything is well."""
+"""Requests to arm: engage, or engage again after a latched fault."""
 
 import logging
 

@@ -1,7 +1,7 @@
-"""Which samples are as young as they look.
+"""Detects samples that are older than their stamps: frames that a gateway or an adapter has delayed.
 
-A sample's stamp is the time of its arrival here. Frames that were held up before they reached this machine, in a
-gateway or an adapter, bear young stamps and old values. They arrive faster than the vehicle measures.
+A sample's stamp is the time of its arrival here. Frames that were delayed before they reached this machine have new
+stamps and old values. They arrive faster than the vehicle measures.
 """
 
 from enum import Enum, auto

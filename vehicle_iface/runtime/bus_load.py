@@ -1,4 +1,4 @@
-"""The traffic of the whole bus, now and over the run."""
+"""The load of the whole bus, now and over the run."""
 
 from collections.abc import Mapping
 

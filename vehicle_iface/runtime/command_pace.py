@@ -1,4 +1,4 @@
-"""Which command messages an answer is sent in: each message on every n-th sample, by its period.
+"""Selects the command messages that are sent for a sample: each message on every n-th sample, by its period.
 
 Commands are computed on every sample. Those of a message whose period is n samples are sent n samples apart, also after
 a pause. A first enabled command, a stop and a release do not wait for their turn while the transmit filter has room;

@@ -1,4 +1,4 @@
-"""What the loop is made of."""
+"""The components of the loop."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

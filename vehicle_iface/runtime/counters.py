@@ -1,4 +1,4 @@
-"""What a run counts: one object that the loop writes and everybody else reads."""
+"""Counters of a run, written by the loop and read by all others."""
 
 from dataclasses import dataclass, field, fields
 

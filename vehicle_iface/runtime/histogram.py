@@ -1,4 +1,4 @@
-"""How a quantity is spread over a whole run, in a fixed amount of memory; latencies first of all."""
+"""Histograms of a run in a fixed amount of memory, mainly of latencies."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Waiting for a bus that is not there yet, so that everybody sees it."""
+"""Waits at the start for a bus that cannot be opened yet, and logs that it waits."""
 
 import logging
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What the loop publishes: a snapshot for each sample, the trajectory, the counters."""
+"""Publishes telemetry: a snapshot for each sample, the trajectory, the counters."""
 
 import logging
 from collections.abc import Callable

@@ -1,6 +1,6 @@
-"""What Linux and Python grant a loop, asked for in one place; each step that is refused says what is lacking.
+"""Real-time settings of Linux and Python for the loop; each setting that is refused reports what is missing.
 
-What was measured, and what follows from it (two shared cores, Python 3.11, the embedded loop):
+Measurements, and the settings that follow (two shared cores, Python 3.11, the embedded loop):
 
 - SCHED_FIFO is what matters. It is for the calling thread alone: the thread that writes the log stays ordinary,
   and so do all threads and processes that are started later.

@@ -1,4 +1,4 @@
-"""What the program reports to the bus besides commands: lights, and the controller's own state."""
+"""Reports to the bus besides commands: lights, and the controller's own state."""
 
 from collections.abc import Mapping
 

@@ -1,8 +1,8 @@
-"""Shadow: what this loop would have sent beside what another commander sends for the same sample.
+"""Shadow: compares the command that this loop would have sent with the other commander's, for the same sample.
 
-What would be sent has a history of its own. It begins anew where the other commander takes the vehicle over: from the
-measured vehicle, with the limits of engaging until the vehicle says that it is autonomous, as ours would. From there
-rates are counted from what we would have sent before. While nobody commands it is as if this loop drove.
+The shadow's rate limits have a history of their own. It restarts when the other commander takes the vehicle over: from
+the measured state, with the limits of engaging until the vehicle reports AUTONOMOUS. From then on rates are limited
+from the shadow's previous command. While nobody commands, the shadow computes as if this loop drove.
 """
 
 from collections import deque

@@ -1,4 +1,4 @@
-"""What happened: every counter by part and cause, while the loop runs and at its end."""
+"""All counters by part and cause, while the loop runs and at its end."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a run came to: as JSON for programs, as a table for people."""
+"""Summary of a run: JSON for programs, a table for people."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""New trajectories on their way from the source to the controller."""
+"""Passes new trajectories from the source to the controller."""
 
 import logging
 

@@ -1,4 +1,4 @@
-"""How often each message may leave."""
+"""The allowed rate of each message that is sent."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Frames on their way out: through the filter to the link; what left is committed, everything else has not happened."""
+"""Sends frames through the transmit filter to the link; gate and encoder commit only what was sent."""
 
 import logging
 from collections.abc import Callable, Iterable

@@ -1,4 +1,4 @@
-"""Ends a process whose loop hangs for good: silence would be all that anybody saw of it.
+"""Ends a process whose loop hangs for good, and logs where it hangs.
 
 A loop that hangs sends nothing, so the vehicle's own watchdog has acted by then; this one says where it hangs.
 It counts its own wake-ups and reads no clock: a process that was stopped and goes on is not taken for one that hangs.

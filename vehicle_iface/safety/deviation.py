@@ -1,4 +1,4 @@
-"""Whether the vehicle follows its path: on it, along it, and not faster than it may drive."""
+"""Deviation of the vehicle from its path: distance, heading, speed and direction."""
 
 import logging
 import math

@@ -1,8 +1,8 @@
-"""Whether a vehicle may follow a trajectory at all.
+"""Feasibility of a trajectory: whether the vehicle's limits allow it.
 
-Speeds and wheel angles are judged point by point. How sharp the path is follows from its geometry: from windows of two
-chords, each at least half a wheelbase or half a second long, so that neither rounding nor points that lie close
-together make a turn out of nothing. A window with both directions of travel in it is none: there the path has a cusp.
+Speeds and wheel angles are checked point by point. The curvature follows from the path's geometry, over windows of two
+chords, each at least half a wheelbase or half a second long, so that neither rounding nor points close together look
+like a turn. A window with both directions of travel is not checked: there the path has a cusp.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Whether the reported gear fits a vehicle that is driven: none is driven forwards in REVERSE, NEUTRAL or PARK."""
+"""Checks the reported gear against the direction of travel: no driving forwards in REVERSE, NEUTRAL or PARK."""
 
 import logging
 

@@ -1,7 +1,7 @@
 """Handing control back at a planned end: the driver is warned before ENABLE = 0.
 
-Planned are the end of the duration and a request to end. A driver who takes over, a fault and a second request never
-wait for it, and the end of a trajectory gives nothing back: there the vehicle is held.
+Planned ends are the end of the duration and a request to end. A driver override (`safety.engagement`), a fault and a
+second request never wait for the warning. At the end of a trajectory the vehicle is held, not released.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""How far the front wheels may turn at a speed: lateral acceleration and jerk of the bicycle without slip.
+"""Limits of the front wheel angle at a speed: lateral acceleration and jerk of the bicycle model without slip.
 
 Curvature κ = (tan δ_front − tan δ_rear) / L, lateral acceleration v²·κ, lateral jerk v²·dκ/dt
 (R. Rajamani, Vehicle Dynamics and Control, 2nd ed., 2.2; bounds: ISO 11270).

@@ -1,4 +1,4 @@
-"""Limits as pure functions on wire integers.
+"""Range and rate limits as pure functions on raw counts.
 
 Everything is checked on the raw value that will be on the wire: a limit that holds before rounding may not
 hold after it. A value is raw · lsb; raw 0 is 0 in SI units.

@@ -1,4 +1,4 @@
-"""Whether the sources of the vehicle's motion agree: position, speed, acceleration, heading, yaw rate, wheels.
+"""Compares the sources of motion with each other: position, speed, acceleration, heading, yaw rate, wheels.
 
 One sample shows little of a sensor that is slightly wrong. Each pair of sources is therefore integrated over the
 samples (trapezoidal rule) and compared over two windows: half a second shows gross errors soon, two seconds show small

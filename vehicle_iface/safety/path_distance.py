@@ -1,4 +1,4 @@
-"""How far a vehicle is from a path: along it as well as beside it.
+"""Distance of a vehicle from a path, along it as well as beside it.
 
 The path is the polyline through a trajectory's points. The distance to it is the distance to its nearest segment, which
 ends at two points: before the first point of the path, and behind the last, it is the distance to that point.

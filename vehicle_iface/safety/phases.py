@@ -1,4 +1,4 @@
-"""Which words of a profile's `when` hold: engagement decides what may be sent besides commands."""
+"""Phases of engagement, by which a profile's `when` decides what is sent besides commands."""
 
 from vehicle_iface.command import Phases
 from vehicle_iface.safety.engagement import Engagement

@@ -1,4 +1,4 @@
-"""Whether a sample can be true: checked before anything is computed from it."""
+"""Plausibility of a sample, checked before anything is computed from it."""
 
 import logging
 import math

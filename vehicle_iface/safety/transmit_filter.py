@@ -1,4 +1,4 @@
-"""The last check of a frame before it is sent: an allow-list, and a limit of rate for each entry."""
+"""The last check of a frame before it is sent: an allow-list, and a rate limit for each entry."""
 
 from collections import deque
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""Limits on signals that the vehicle does not send: they are unknown, and not 0."""
+"""Limits that depend on signals that the vehicle does not send: those are unknown, not 0."""
 
 import math
 

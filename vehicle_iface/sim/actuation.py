@@ -1,4 +1,4 @@
-"""What is requested of engine, brakes and steering: by the commands, the driver, or the vehicle's own stop."""
+"""Requests to engine, brakes and steering of the simulated vehicle: from commands, driver, or its own stop."""
 
 import math
 from collections.abc import Mapping

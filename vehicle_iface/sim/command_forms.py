@@ -1,4 +1,4 @@
-"""Commands in other forms than acceleration and wheel angle, as the simulated vehicle obeys them."""
+"""The simulated vehicle's side of commands in other forms than acceleration and wheel angle."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""What a simulated vehicle sends in signals that only conditions look at, so that mode and driver are understood."""
+"""Values of signals that only conditions use, so that mode and driver of the simulated vehicle are recognised."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass

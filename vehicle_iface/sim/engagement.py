@@ -1,4 +1,4 @@
-"""Who drives the simulated vehicle, as a table, and what earns or loses the commander its place."""
+"""Engagement of the simulated vehicle: a table of modes, and when a commander gains or loses control."""
 
 from collections import Counter
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""How the simulated vehicle behaves on its bus, and what its driver does."""
+"""Parameters of the simulated vehicle on its bus, and of its driver."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""When the simulated vehicle sends which message: each at its own period, on one absolute grid."""
+"""Transmit schedule of the simulated vehicle: each message at its own period, on one absolute time grid."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

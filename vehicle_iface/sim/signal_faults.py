@@ -1,4 +1,4 @@
-"""Sensor faults: what a signal of the state says instead of what is."""
+"""Sensor faults: wrong values in signals of the state."""
 
 import math
 from collections import deque

@@ -1,4 +1,4 @@
-"""How fast a path may be driven: lateral limit first, then what the vehicle can speed up and slow down to.
+"""Speed profile of a path: the lateral limit first, then the limits of acceleration and deceleration.
 
 All along a path with points at `s_m` (n,), rising. Between neighbours the acceleration is constant, so v² is
 linear in distance: v₂² = v₁² + 2·a·Δs.

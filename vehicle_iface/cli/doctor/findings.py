@@ -1,4 +1,4 @@
-"""One diagnostic for each thing that the doctor looks at, and how all of them are shown."""
+"""The diagnostics of `vehicle-iface doctor`, and how they are shown."""
 
 import json
 from collections.abc import Iterable
