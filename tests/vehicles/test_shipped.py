@@ -1,5 +1,6 @@
 """The profiles of other makers' vehicles in `dbc/`: driven on an embedded bus, and stopped as FAILURES.md says."""
 
+import math
 import struct
 from collections.abc import Iterator
 
@@ -16,11 +17,13 @@ from vehicle_iface.profile import load_profile
 from vehicle_iface.safety.engagement import Mode
 from vehicle_iface.trajectories.receding import RecedingRoute
 
-VEHICLES = {"agilex_hunter": 0.15, "fs_ai_ads_dv": 0.2, "pacmod3": 0.2}
+VEHICLES = {"agilex_hunter": 0.15, "fs_ai_ads_dv": 0.2, "new_eagle_raptor": 0.2, "pacmod3": 0.2}
 """How far each may be from a route, in m."""
 MOTION_COMMAND, CONTROL_MODE_SETTING = 0x111, 0x421
 AI2VCU_STATUS, AI2VCU_DRIVE_F, AI2VCU_STEER, AI2VCU_BRAKE = 0x510, 0x511, 0x513, 0x514
 GLOBAL_CMD, BRAKE_CMD, STEERING_CMD = 0x80, 0x104, 0x12C
+AKIT_REQUESTS = range(0x2F01, 0x2F07)
+AKIT_ACCEL, AKIT_STEERING = 0x2F02, 0x2F03
 
 
 @pytest.fixture(autouse=True)
@@ -166,3 +169,62 @@ def test_an_override_of_pacmod_is_cleared_only_after_it_was_released() -> None:
     flags = [sent.frame.data[0] for sent in drive.sent[begin:] if sent.frame.can_id == BRAKE_CMD]
     assert set(flags) <= {1, 4}  # never with ENABLE
     assert flags[-1] == 4
+
+
+def crc_j1850(data: bytes) -> int:
+    """SAE J1850, bit by bit."""
+    crc = 0xFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x1D if crc & 0x80 else crc << 1) & 0xFF
+    return crc ^ 0xFF
+
+
+def test_each_request_to_the_raptor_has_29_bits_a_rolling_counter_and_its_checksum() -> None:
+    assert crc_j1850(b"123456789") == 0x4B
+    drive, _ = drive_of("new_eagle_raptor", "line")
+    drive.engage(1.0)
+    for can_id in AKIT_REQUESTS:
+        frames = list(frames_of(drive, can_id))
+        assert len(frames) > 50
+        assert [data[6] & 0xF for data in frames] == [number % 16 for number in range(len(frames))]
+        assert all(data[7] == crc_j1850(data[:7]) for data in frames)
+    assert all(sent.frame.is_extended for sent in drive.sent)
+
+
+def test_the_raptor_is_asked_for_pedals_and_an_angle_by_the_multiplexer() -> None:
+    drive, _ = drive_of("new_eagle_raptor", "figure8")
+    drive.engage(3.0)
+    accel, steering = (list(frames_of(drive, can_id))[-1] for can_id in (AKIT_ACCEL, AKIT_STEERING))
+    form = [(data[5] & 1) << 2 | data[6] >> 6 for data in (accel, steering)]
+    assert form == [0, 1]  # the pedal's position, the angle of the steering wheel
+    angle_rad = (int.from_bytes(steering[:2], "little") & 0x3FFF ^ 0x2000) - 0x2000
+    assert math.radians(angle_rad / 10) / 16 == pytest.approx(drive.vehicle.state.front_wheel_angle_rad, abs=0.05)
+
+
+@pytest.mark.parametrize("damage", ["checksum", "counter"])
+def test_the_raptor_loses_requests_that_are_damaged_and_faults(monkeypatch: pytest.MonkeyPatch, damage: str) -> None:
+    drive, _ = drive_of("new_eagle_raptor", "line")
+    drive.engage(1.0)
+    receive, first = drive.vehicle.receive, list(frames_of(drive, AKIT_STEERING))[-1]
+
+    def receive_damaged(frame: CanFrame, now_ns: int) -> None:
+        if frame.can_id == AKIT_STEERING:
+            data = first if damage == "counter" else frame.data[:7] + bytes([frame.data[7] ^ 1])
+            frame = frame._replace(data=data)
+        receive(frame, now_ns)
+
+    monkeypatch.setattr(drive.vehicle, "receive", receive_damaged)
+    drive.run_s(0.3)
+    assert drive.vehicle.counters["commands_dropped"] >= 10
+    assert drive.vehicle.counters["commands_lost"] == 1
+    assert drive.mode() is Mode.FAULT
+
+
+def test_a_report_of_the_raptor_that_is_out_of_sequence_is_dropped() -> None:
+    drive, _ = drive_of("new_eagle_raptor", "line")
+    drive.engage(1.0)
+    drive.say("skip_counter DBW_SteeringReport 8")
+    drive.run_s(0.2)
+    assert {name for _, name in drive.loop._decoder.drops} == {"DBW_SteeringReport"}
