@@ -76,4 +76,4 @@ def test_a_wrong_checksum_is_dropped_and_counted_and_completes_no_sample(databas
 
 def test_a_watched_car_cannot_be_armed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "--interface", "embedded", "--route", "line", "--profile", "toyota_rav4", "--arm"]) == 2
-    assert "toyota_rav4 has no [command], it only watches; run it without --arm" in capsys.readouterr().err
+    assert "profile toyota_rav4 has no [command], so it can only be watched" in capsys.readouterr().err
