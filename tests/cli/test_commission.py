@@ -75,7 +75,7 @@ def test_a_sound_walk_ends_well_and_writes_only_when_told_to(
     before = profile.read_text(encoding="utf-8")
     assert commission(profile) == 0
     shown = capsys.readouterr()
-    assert "2/12  Turn the wheel left by hand and hold it there.\n" in shown.out
+    assert "2/12  Turn the wheel left and hold it there.\n" in shown.out
     assert f"     seen: {WHEEL} rises by 0.11 rad when the wheel is turned left\n" in shown.out
     assert "\x1b" not in shown.out  # no terminal: nothing is shown in place
     assert shown.out.endswith("writes reviewed = true and the record of the walk into the profile\n")

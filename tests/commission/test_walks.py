@@ -190,7 +190,7 @@ def test_what_was_not_seen_is_named_with_what_was_there_instead(tmp_path: Path) 
         "let the driver drive: mode MANUAL",
     ]
     lines = list(summarize(found))
-    assert f"not seen: turn the wheel left by hand and hold it there: {WHEEL} moved by 0 rad at most" in lines[0]
+    assert f"not seen: turn the wheel left and hold it there: {WHEEL} moved by 0 rad at most" in lines[0]
     assert any("VEHICLE_STATUS.DRIVER_BRAKE was clear all the time, also when the brake is pressed" in x for x in lines)
     assert any("VEHICLE_STATUS.GEAR is PARK" in line for line in lines)
     assert any("MOTION.SPEED adds up to +0.00 m, at least 1 m were needed" in line for line in lines)

@@ -101,7 +101,7 @@ class _Builder:
             checks.append(TurnCheck(torque, sign=sign, least=least, most=math.inf, action=action, wrong=""))
         if sign > 0.0 and "steering" in self._rests:
             checks.append(PressCheck(self._rests["steering"], action))
-        return Step(key=key, ask=f"turn the wheel {side} by hand and hold it there", checks=tuple(checks))
+        return Step(key=key, ask=f"turn the wheel {side} and hold it there", checks=tuple(checks))
 
     def press(self, name: str, ask: str, action: str) -> Step:
         rest = self._rests.get(name)
