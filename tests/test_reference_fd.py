@@ -20,6 +20,7 @@ from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.decoder import Decoder, DropCause
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
+from vehicle_iface.runtime.assembly import build_state_assembler
 from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.safety.engagement import Mode
 from vehicle_iface.sim.driver_commands import execute
@@ -212,7 +213,7 @@ def test_a_sample_is_one_frame_and_a_command_is_one_frame() -> None:
 
 def test_a_frame_written_from_the_contract_is_read() -> None:
     decoder = Decoder(database().received)
-    assembler = compose.build_state_assembler(database())
+    assembler = build_state_assembler(database())
     can_id, data = pack(
         "STATE", 7, POSE_FRAME=1, POSE_VALID=1, POS_X=-123.455, POS_Y=5_400_000.005, HEADING=-3.1, SPEED=-1.5,
         YAW_RATE=-0.25, ACCEL=0.75, LATERAL_SPEED=-0.125, FRONT_WHEEL_ANGLE=0.3, REAR_WHEEL_ANGLE=-0.05,

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.harness import ms, reference
-from vehicle_iface.compose import build_state_assembler
 from vehicle_iface.decoded import DecodedMessage
 from vehicle_iface.pose import Locator
 from vehicle_iface.row import Locate, MeasuredState, Row, RowReader
+from vehicle_iface.runtime.assembly import build_state_assembler
 from vehicle_iface.state import VehicleState
 from vehicle_iface.state_assembler import Freshness, Sample, StateAssembler
 from vehicle_iface.status import Gear, VehicleMode, VehicleStatus

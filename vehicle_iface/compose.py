@@ -16,9 +16,9 @@ from vehicle_iface.control.user_controller import load_controller
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.frame import IdFilter
 from vehicle_iface.motion_sources import sources_of
-from vehicle_iface.pose import Locator
 from vehicle_iface.profile import Profile
 from vehicle_iface.runtime.arrival import ArrivalFilter
+from vehicle_iface.runtime.assembly import build_state_assembler
 from vehicle_iface.runtime.components import LoopComponents
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import ControlCycle
@@ -46,7 +46,6 @@ from vehicle_iface.safety.stop import StopShape
 from vehicle_iface.safety.stop_hold import StopHold
 from vehicle_iface.safety.transmit_filter import TransmitFilter
 from vehicle_iface.safety.unmeasured import without_unmeasured
-from vehicle_iface.state_assembler import Freshness, StateAssembler
 from vehicle_iface.telemetry import TelemetryWriter, VehicleShape
 from vehicle_iface.trajectories.source import TrajectorySource
 from vehicle_iface.units import ns_from_s
@@ -281,34 +280,6 @@ def _shadow(database: VehicleDatabase) -> Shadow:
     return Shadow(database.commands, reader, together_ns=together_ns, longest_ns=longest_ns)
 
 
-def build_state_assembler(database: VehicleDatabase) -> StateAssembler:
-    """A state assembler for the profile's sample."""
-    return StateAssembler(
-        database.row,
-        Locator(database.profile),
-        sample=[message.name for message in database.sample],
-        window_ns=_window_ns(database),
-        stale_ns=ns_from_s(database.profile.timing.status_stale_s),
-        counter_states=min(
-            (message.protection.counter_states for message in database.sample if message.protection is not None),
-            default=1,
-        ),
-        freshness=_freshness(database),
-    )
-
-
-def _freshness(database: VehicleDatabase) -> Freshness | None:
-    """How old the parts of a sample may be; None where they belong together by their counter."""
-    state, names = database.profile.state, [message.name for message in database.sample]
-    if database.is_counted:
-        return None
-    stale_s = database.profile.timing.state_stale_s
-    ages_s = state.max_age_s if isinstance(state.max_age_s, dict) else {}
-    default_s = state.max_age_s if isinstance(state.max_age_s, float) else stale_s
-    ages_ns = {name: ns_from_s(ages_s.get(name, default_s)) for name in names}
-    return Freshness(state.trigger or names[0], ages_ns)
-
-
 def vehicle_shape(profile: Profile) -> VehicleShape:
     """What the viewer draws the vehicle as."""
     geometry = profile.geometry
@@ -321,17 +292,6 @@ def vehicle_shape(profile: Profile) -> VehicleShape:
         track_m=geometry.track_m,
         wheel_radius_m=geometry.wheel_radius_m,
     )
-
-
-def _window_ns(database: VehicleDatabase) -> int:
-    """The messages of one sample come within this: less than half a round of their counter, so rounds never mix."""
-    timing = database.profile.timing
-    half_rounds_s = (
-        0.5 * message.protection.counter_states * timing.sample_period_s
-        for message in database.sample
-        if message.protection is not None and message.protection.has_counter
-    )
-    return ns_from_s(min((timing.state_stale_s, *half_rounds_s)))
 
 
 def _lsb(database: VehicleDatabase, field: str) -> float:

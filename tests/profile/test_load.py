@@ -28,6 +28,11 @@ def test_a_path_is_that_file_and_its_dbc_lies_beside_it(edited: Edit) -> None:
         assert Path(profile.dbc) == path.parent / "reference.dbc"
 
 
+def test_the_ending_of_a_path_may_be_in_capitals(edited: Edit) -> None:
+    path = edited('name = "reference"', 'name = "mine"')
+    assert load_profile(path.rename(path.with_suffix(".TOML"))).name == "mine"
+
+
 def test_an_unknown_name_lists_those_that_there_are() -> None:
     assert "reference" in profile_names()
     with pytest.raises(ConfigError, match=r"profile 'refrence': .*one of: .*reference"):

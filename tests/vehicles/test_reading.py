@@ -8,9 +8,9 @@ import pytest
 from tests.narrowing import at_present
 from vehicle_iface.codec.database import VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder, DropCause
-from vehicle_iface.compose import build_state_assembler
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.frame import CanFrame
+from vehicle_iface.runtime.assembly import build_state_assembler
 from vehicle_iface.state_assembler import Sample, StateAssembler
 from vehicle_iface.status import Gear, VehicleMode
 

@@ -11,10 +11,10 @@ from collections.abc import Iterator
 
 from fuzzing.engine.input_bytes import Bytes
 from fuzzing.engine.traffic import Traffic
-from vehicle_iface import compose
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.profile import load_profile
+from vehicle_iface.runtime.assembly import build_state_assembler
 from vehicle_iface.safety.engagement import Engagement, EngagementTiming, Mode
 from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.sim.wire import simulated_vehicle
@@ -39,7 +39,7 @@ class _Ear:
 
     def __init__(self, database: VehicleDatabase) -> None:
         profile = database.profile
-        self.decoder, self.assembler = Decoder(database.received), compose.build_state_assembler(database)
+        self.decoder, self.assembler = Decoder(database.received), build_state_assembler(database)
         self.plausibility = PlausibilityCheck(profile.plausibility, wheelbase_m=profile.geometry.wheelbase_m)
         self.engagement = Engagement(_TIMING, armed=True)
 

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from vehicle_iface import compose
 from vehicle_iface.codec.binding import Binding
 from vehicle_iface.codec.database import EXACT_ID, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.frame import CanFrame, FrameKey
 from vehicle_iface.review.log_frames import LoggedFrame
 from vehicle_iface.review.series import POSITION, DriveReader
+from vehicle_iface.runtime.assembly import build_state_assembler
 from vehicle_iface.status import VehicleStatus
 from vehicle_iface.units import s_from_ns
 
@@ -34,7 +34,7 @@ class Readings:
     def __init__(self, binding: Binding, database: VehicleDatabase) -> None:
         self._motion = DriveReader(binding, database)
         self._decoder = Decoder(database.received)
-        self._assembler = compose.build_state_assembler(database)
+        self._assembler = build_state_assembler(database)
         messages = (*database.received, *database.sent)
         self._names = {one.key: one.name for one in messages}
         self._masked = [one for one in messages if one.id_mask != EXACT_ID]

@@ -94,7 +94,7 @@ def _folders() -> Iterator[Path]:
 
 def _find(name_or_path: str | Path) -> Path:
     text = str(name_or_path)
-    if text.endswith(".toml"):
+    if text.lower().endswith(".toml"):
         return Path(text).resolve()
     for folder in _folders():
         path = folder / f"{text}.toml"
