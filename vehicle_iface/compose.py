@@ -263,7 +263,7 @@ def _reports(
 
 
 def stop_shape(profile: Profile, behavior: BehaviorConfig) -> StopShape:
-    """How the vehicle is stopped: as hard as the controller was told, as smoothly as the profile says."""
+    """The shape of a stop: deceleration of the controller's behaviour, jerk and release of the profile."""
     return StopShape(
         deceleration_mps2=behavior.safe_deceleration_mps2,
         time_step_s=behavior.time_step_s,

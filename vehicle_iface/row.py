@@ -35,7 +35,7 @@ class RowReader:
     places: Mapping[str, slice]
     """Where the values of a message stand, by its name."""
     status_messages: frozenset[str]
-    """The messages that say who drives."""
+    """The messages that the vehicle's mode is read from."""
     driver_messages: frozenset[str]
     """Those, and the messages with anything else of the status."""
     needed: Mapping[str, frozenset[int]]

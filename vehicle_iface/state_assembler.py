@@ -108,7 +108,7 @@ class StateAssembler:
         return self._take_by_counter(received) if self._freshness is None else self._take_newest(received)
 
     def reset(self) -> None:
-        """Start anew after the link was lost: nothing from before it is combined with anything after it."""
+        """Reset after a loss of the link: nothing from before it is combined with anything after it."""
         self._pending.clear()
         self._completed_ns.clear()
         self._stamps_ns.clear()

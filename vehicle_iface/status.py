@@ -49,9 +49,9 @@ class VehicleStatus:
     driver_brake: bool = False
     driver_throttle: bool = False
     driver_steer_torque_nm: float = 0.0
-    """Of the driver's hands on the wheel, positive to the left."""
+    """The driver's torque on the steering wheel, positive to the left."""
     driver_steers: bool = False
-    """Whether the vehicle itself tells that the driver steers."""
+    """Whether the vehicle itself reports that the driver steers."""
     fault_code: int = 0
 
 
@@ -67,7 +67,7 @@ class BodyRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerReport:
-    """What the controller tells the bus about itself, sent at the report period."""
+    """The controller's own state, sent at the report period."""
 
     state: ControllerState
     reason: int

@@ -37,7 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
         _command(commands, "new-profile", "draft a profile from a DBC; each binding comes with its reason")
     )
     _add_decode(_command(commands, "decode", "decode a log of a bus into one NumPy array for each signal"))
-    _add_review(_command(commands, "review", "what a recorded drive says about a profile: signs, units, delays"))
+    _add_review(_command(commands, "review", "check a profile against a recorded drive: signs, units, delays"))
     _add_commission(_command(commands, "commission", "check a profile on the live bus: a guided walk that never sends"))
     commands.add_parser("view", add_help=False, help="the browser viewer (vehicle-iface view --help)")
     return parser
@@ -228,12 +228,12 @@ def _add_commission(parser: argparse.ArgumentParser) -> None:
         type=_above_0("seconds"),
         default=60.0,
         metavar="S",
-        help="give a step up after S seconds; Enter on a terminal skips it at once",
+        help="skip a step after S seconds; Enter on a terminal skips it at once",
     )
     parser.add_argument(
         "--write",
         action="store_true",
-        help="when everything was seen and is right, write reviewed = true and the record into the profile unasked",
+        help="if every step succeeds, write reviewed = true and the record into the profile without asking",
     )
     parser.add_argument("--verbose", action="store_true", help="log more")
     parser.epilog = (

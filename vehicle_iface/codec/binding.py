@@ -45,7 +45,7 @@ class Role(Enum):
     REPORT = "report"
     """Sent: the controller's state."""
     SEND = "send"
-    """Sent besides, as the profile's `[[send]]` says."""
+    """Sent by the profile's `[[send]]`."""
 
 
 SENT_ROLES = (Role.COMMAND, Role.BODY, Role.REPORT, Role.SEND)
@@ -118,7 +118,7 @@ class Binding:
 
     @property
     def status_messages(self) -> frozenset[str]:
-        """The messages that say who drives."""
+        """The messages that the vehicle's mode is read from."""
         status = self.profile.status
         modes = (status.signals.mode, status.when and tuple(msgspec.structs.astuple(status.when)))
         return frozenset(dotted.partition(".")[0] for dotted in signals_of(modes))

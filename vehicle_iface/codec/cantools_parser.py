@@ -2,7 +2,7 @@
 
 `import cantools` also imports its tester, and with that python-can: 10 MB and a third of a second in the control
 process for nothing. The parser imports neither, so it is loaded under a package that is only a place to look for
-modules; whoever imports cantools afterwards gets all of it, with this same parser in it.
+modules. A later `import cantools` loads all of it, with this same parser.
 """
 
 import importlib

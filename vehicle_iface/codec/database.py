@@ -90,7 +90,7 @@ class VehicleDatabase:
     """Further received messages with fields of state or status."""
     commands: tuple[BoundMessage, ...]
     sends: tuple[BoundMessage, ...]
-    """Messages besides, in the order of the profile."""
+    """Messages of `[[send]]`, in the order of the profile."""
     body: BoundMessage | None
     report: BoundMessage | None
     is_counted: bool

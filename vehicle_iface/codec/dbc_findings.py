@@ -13,7 +13,7 @@ class DbcFinding:
     line: int
     """From 1; 0 where it has no line of its own."""
     severity: str
-    """`error`: what it is about cannot be used. `warning`: it can, and somebody should have a look."""
+    """`error`: the message or signal cannot be used. `warning`: it can be used, but should be checked."""
     about: tuple[str, ...]
     """Each MESSAGE or MESSAGE.SIGNAL that it concerns; empty where none can be named."""
     text: str

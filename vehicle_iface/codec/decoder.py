@@ -152,7 +152,7 @@ class Decoder:
         return DecodedMessage(entry.name, stamp_ns, counter, values)
 
     def reset(self) -> None:
-        """Forget all sequences, as after the bus was opened anew; the counts stay."""
+        """Reset all sequences, as after the bus was reopened; the counts stay."""
         for entry in self._inputs.values():
             if entry.counters is not None:
                 entry.counters.reset()

@@ -1,7 +1,7 @@
 """Encodes permitted commands into frames, with counter and checksum.
 
-The counter of a message starts at 0 and steps once for each of its frames that is committed as sent: a frame that
-nobody took has stepped nothing, and the next one has its counter.
+The counter of a message starts at 0 and steps once for each of its frames that is committed as sent. A frame that was
+not sent steps no counter; the next one reuses it.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -76,7 +76,7 @@ class Encoder:
     def __init__(self, messages: Iterable[BoundMessage]) -> None:
         kept = tuple(messages)
         self.context = SendContext()
-        """What the values besides the fields depend on, when the next frame is encoded."""
+        """The context of values that no field fills, for the next frames."""
         self.depends_on_context = any(message.values.expressions for message in kept)
         self._outputs = {message.name: _Output(message) for message in kept}
         self._by_id = {(output.can_id, output.is_extended, output.bus): output for output in self._outputs.values()}

@@ -20,7 +20,7 @@ _MOST_TRIED = 256
 
 
 def send_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Periods and values of command messages, and messages besides."""
+    """Faults in periods and values of command messages, and in `[[send]]`."""
     profile = binding.profile
     for name in profile.command.periods:
         yield from _command_faults(binding, name, f"$.command.periods.{name}")

@@ -22,7 +22,7 @@ FindColumn = Callable[[str], int]
 
 
 class SendContext(NamedTuple):
-    """What the values of a frame depend on besides its source."""
+    """Further inputs of the values of a frame: the phases, and received values."""
 
     phases: Phases = Phases()
     row: Row | tuple[()] = ()

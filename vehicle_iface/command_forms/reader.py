@@ -12,7 +12,7 @@ Fields = Mapping[str, float | int]
 
 
 class RequestedMotion(NamedTuple):
-    """What a command asks for; None where that cannot be told from the command."""
+    """The motion that a command requests; None where the command does not determine it."""
 
     accel_mps2: float | None
     """Along the body's x axis. None where a speed is commanded."""

@@ -1,4 +1,4 @@
-"""Steer on the arc that leads to a point of the trajectory some way ahead.
+"""Pure pursuit: steer on the arc through a point of the trajectory at the look-ahead distance.
 
 R. C. Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01, 1992, for the
 arc. Around it, as Autoware.Auto's controller has them: the direction of travel, the interpolated look-ahead
@@ -26,9 +26,9 @@ from vehicle_iface.state import VehicleState
 from vehicle_iface.units import s_from_ns
 
 LEAST_DISTANCE_M = 0.01
-"""The acceleration law divides by no less."""
+"""The acceleration law divides by this distance at least."""
 GREATEST_AGE_S = 0.5
-"""Delay compensation predicts no further ahead: an older state is too uncertain."""
+"""Delay compensation predicts at most this far ahead: an older state is too uncertain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,21 +79,20 @@ class _Target(NamedTuple):
 class PurePursuit(ControllerBase):
     """Pure pursuit on the rear axle's centre, forwards and backwards, from stop to stop.
 
-    Look-ahead: clamp(|v| · lookahead time, least, greatest). Target: the first point from the spatial index
-    on that is in the direction of travel and at least the look-ahead away, moved back along the path to
-    exactly the look-ahead (along the straight line from the vehicle where the path does not cross that
-    circle) with the speed that it has; otherwise the farthest one in the direction of travel; none: a stop
-    command (`PAST_END_SPACE` on the last point, `DEVIATION` before it). Points beyond a change of direction
-    are not in the direction of travel.
+    Look-ahead distance: |v| · `lookahead_time_s`, clamped to `min_lookahead_m` … `max_lookahead_m`. Target: the
+    first point from the spatial index on that is in the direction of travel and at least the look-ahead away,
+    moved back along the path to exactly the look-ahead (or along the straight line from the vehicle where the
+    path does not cross that circle); it keeps its speed. If no point is that far away, the target is the
+    farthest one in the direction of travel. If there is none: a stop command (`PAST_END_SPACE` on the last
+    point, `DEVIATION` before it). Points beyond a change of direction are not in the direction of travel.
 
-    Front wheels: atan(2 · y · L / d²) with the target y to the left, d away. Acceleration: ±|v_t² − v²| /
-    (2 · max(d, 0.01 m)), + towards greater speeds and − towards lesser ones, signed as speeds are; a
-    vehicle that moves against the direction of travel brakes with the sum of the squares. A dwell or a
-    change of direction before the target is what the vehicle brakes for instead, and creeps up to when it
-    came to rest short of it; the end of the trajectory is a target like any other.
+    Front wheel angle: atan(2 · y · L / d²) with the target at the distance d, y of it to the left.
+    Acceleration along the body's x axis: (v_t · |v_t| − v · |v|) / (2 · max(d, 0.01 m)). If a dwell or a change
+    of direction comes before the target, the vehicle brakes for that instead, and creeps to it if it came to
+    rest before it. The end of the trajectory is a target like any other.
 
-    Command speed: the reference point's; 0 where that has the other direction than the vehicle is to take
-    (just after a change of direction), so that it never asks for the wrong gear.
+    Command speed: the reference point's; 0 where its direction is not the vehicle's next one (just after a
+    change of direction), so that the wrong gear is never requested.
 
     Raises `InvalidValueError` where numbers beyond 1e150 leave no finite command.
     """
@@ -105,7 +104,7 @@ class PurePursuit(ControllerBase):
         behavior: BehaviorConfig | None = None,
         clock: Callable[[], int] = monotonic_ns,
     ) -> None:
-        """`clock` gives the age of a state for `delay_compensation` (nanoseconds, the stamps' clock)."""
+        """`clock` returns the time for `delay_compensation`, in nanoseconds of the stamps' clock."""
         super().__init__(behavior)
         self.config = PurePursuitConfig() if config is None else config
         self._clock = clock
@@ -151,7 +150,7 @@ class PurePursuit(ControllerBase):
         return (0.0, 0.0) if target is None else (self._steering(state, target), 0.0)
 
     def _compensate_delay(self, state: VehicleState) -> VehicleState:
-        """Where the vehicle is by now; braking ends at standstill."""
+        """The state predicted for now; braking ends at standstill."""
         age_s = min(max(s_from_ns(self._clock() - state.stamp_ns), 0.0), GREATEST_AGE_S)
         if state.speed_mps * state.accel_mps2 < 0.0:
             time_to_rest_s = -state.speed_mps / state.accel_mps2
@@ -162,7 +161,7 @@ class PurePursuit(ControllerBase):
     # ── what to aim at ──
 
     def _take_up(self, progress: PathProgress) -> None:
-        """What is known of the trajectory's stops and way, anew for each trajectory."""
+        """Compute stops and arc length of a new trajectory."""
         if self._stops_of is not progress:
             self._stops, self._arc_length = StopSchedule(progress), ArcLength(progress.xs_m, progress.ys_m)
             self._stops_of = progress
@@ -222,7 +221,7 @@ class PurePursuit(ControllerBase):
         return math.atan2(2.0 * left_m * self.config.wheelbase_m, target.distance_m * target.distance_m)
 
     def _acceleration(self, progress: PathProgress, seen: VehicleState, target: _Target | None) -> float | None:
-        """Towards the target's speed, or to rest at the stop before it; None when there is nowhere to go."""
+        """Towards the target's speed, or to rest at the stop before it; None when there is neither."""
         stops = self._stops
         if target is not None and target.point < stops.first:
             speed_mps = progress.speeds_mps[target.point]

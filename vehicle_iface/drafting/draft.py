@@ -31,7 +31,7 @@ class FieldDraft:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeFlags:
-    """The flags by which subsystems say who drives."""
+    """The flags of subsystems that determine the mode."""
 
     enabled: tuple[SignalFacts, ...]
     override: tuple[SignalFacts, ...]
@@ -63,7 +63,7 @@ class Draft:
 
     @property
     def mode_messages(self) -> frozenset[str]:
-        """The names of the messages that say who drives."""
+        """The names of the messages that the mode is read from."""
         if self.flags is not None:
             return frozenset(signal.message for signal in self.flags.enabled)
         return frozenset(one.signal.message for one in self.fields["status", "mode"].chosen)

@@ -8,7 +8,7 @@ from vehicle_iface.profile.schema import Profile
 from vehicle_iface.profile.signals import Command
 
 ALSO_WITH_OTHERS = "speed_mps"
-"""Of the form "speed"; with another one it tells the vehicle the reference speed."""
+"""The signal of the form "speed"; with another form it carries the reference speed."""
 
 
 def check_command(profile: Profile) -> Iterator[str]:

@@ -206,7 +206,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     reviewed: bool = False
     """Whether somebody has checked limits and signs against the real vehicle."""
     review: ReviewRecord | None = None
-    """Of the walk that set `reviewed`; None where somebody set it by hand."""
+    """The walk that set `reviewed`; None where it was set by hand."""
     ignored: tuple[SignalName, ...] = ()
     """Signals of bound messages that the program does not use."""
     signals: dict[SignalName, SignalNotes] = {}
@@ -232,7 +232,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     command: Command = Command()
     """Left out where the vehicle is only watched."""
     send: tuple[SentMessage, ...] = ()
-    """What is sent besides."""
+    """Messages that are sent in addition to commands, body and report."""
     body: Body | None = None
     report: Report | None = None
 

@@ -1,4 +1,4 @@
-"""What is sent besides the fields of commands: `[[send]]`, `[command.periods]` and `[command.values]`."""
+"""The tables `[[send]]`, `[command.periods]` and `[command.values]`: messages and values that no field fills."""
 
 from typing import Annotated
 

@@ -103,7 +103,7 @@ def _find_lag(x: FloatArray, y: FloatArray, step_s: float, window_s: float) -> L
 
 
 def _measure_agility(x: FloatArray, step_s: float, window_s: float) -> float:
-    """How much the rate of a quantity changes: a constant rate looks like an offset, and tells nothing about a lag."""
+    """How much the rate of a quantity changes: a constant rate looks like an offset and does not determine a lag."""
     half = max(1, round(window_s / step_s))
     rate = (x[2 * half :] - x[: -2 * half]) / (2 * half * step_s)
     return float(np.nanstd(rate)) if np.any(np.isfinite(rate)) else 0.0

@@ -34,7 +34,7 @@ class HeadingOffset:
 
     @property
     def is_known(self) -> bool:
-        """Whether the drive tells."""
+        """Whether the drive determines the zero."""
         return self.concentration >= _SURE and self.used_s >= _LEAST_S
 
     @property

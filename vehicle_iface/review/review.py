@@ -34,7 +34,7 @@ class Review:
 
     @property
     def contradictions(self) -> list[Finding]:
-        """What must be corrected before anybody arms the vehicle."""
+        """Findings that must be corrected before the vehicle is armed."""
         return [finding for finding in self.findings if finding.level is Level.CONTRADICTION]
 
 

@@ -14,7 +14,7 @@ REFUSALS_NS = NS_PER_S
 
 
 class ArmingRequests:
-    """Applies one request a tick, and logs why it was refused."""
+    """Applies at most one request per tick, and logs why a request was refused."""
 
     def __init__(self, engagement: Engagement) -> None:
         self._engagement = engagement
@@ -26,7 +26,7 @@ class ArmingRequests:
         self._is_requested = True
 
     def apply(self, now_ns: int, link: LinkState, status: VehicleStatus | None) -> bool:
-        """Arm if that was requested; whether a vehicle that was held at standstill drives on now."""
+        """Arm if that was requested; return whether a vehicle held at standstill drives on now."""
         if not self._is_requested:
             return False
         self._is_requested = False
@@ -39,7 +39,7 @@ class ArmingRequests:
         return False
 
     def _refuse(self, why: str, now_ns: int) -> None:
-        """Log it, at most once a second: whoever floods the process with signals must not slow it down."""
+        """Log it, at most once a second: a flood of signals must not slow the process down."""
         if self._refusals and now_ns - self._refused_ns < REFUSALS_NS:
             self._refusals += 1
             return

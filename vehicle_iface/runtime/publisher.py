@@ -174,7 +174,7 @@ class TelemetryPublisher:
             return checks.finite("x_m", x_m), checks.finite("y_m", y_m)
         except KeyboardInterrupt:
             raise
-        except BaseException:  # a controller is the user's code: it may raise anything, and say what is no place
+        except BaseException:  # a controller is the user's code: it may raise or return anything
             if not self._lookahead_failed:
                 self._lookahead_failed = True
                 log.exception("lookahead_point is not a pair of finite numbers; not drawn (logged once)")

@@ -12,7 +12,7 @@ Measurements, and the settings that follow (two shared cores, Python 3.11, the e
   (MCL_FUTURE) is left out: at the limit it would make allocations fail, and the loop's memory stays flat.
 - OpenBLAS starts its threads when NumPy is imported. They sleep and take no resident memory, but a controller's
   product of two large matrices would wait for them, and they are not SCHED_FIFO. So it is told to use one thread.
-- An ordinary process is woken up to 50 µs late, to save power; 1 ns is granted to everybody who asks.
+- An ordinary process is woken up to 50 µs late, to save power; any process may request 1 ns.
 """
 
 import ctypes

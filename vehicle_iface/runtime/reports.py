@@ -1,4 +1,4 @@
-"""Reports to the bus besides commands: lights, and the controller's own state."""
+"""Messages with lights and with the controller's own state."""
 
 from collections.abc import Mapping
 

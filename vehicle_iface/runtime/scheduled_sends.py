@@ -1,4 +1,4 @@
-"""Messages besides commands, by the profile's `[[send]]`: once when a phase begins, or periodically while it lasts."""
+"""Messages of the profile's `[[send]]`: sent once when a phase begins, or periodically while it lasts."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

@@ -138,7 +138,7 @@ class Shadow:
         return has_been
 
     def reset(self) -> None:
-        """Start anew, as after the link was lost; the counts stay."""
+        """Reset, as after a loss of the link; the counts stay."""
         self._decoder.reset()
         self._ours.clear()
         self._parts.clear()

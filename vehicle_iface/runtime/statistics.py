@@ -60,7 +60,7 @@ class RunStatistics:
         self._started_ns = started_ns
 
     def details(self) -> LiveDetails:
-        """For people who look on: counters by part and cause, and the link as it is now."""
+        """Counters by part and cause, and the present state of the link, for viewer and recorder."""
         return LiveDetails(
             link=self._link.load.now(self._link.state.name, self._names, self._counted()),
             shadow=self._shadow_summary(),

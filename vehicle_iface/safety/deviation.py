@@ -83,7 +83,7 @@ class DeviationMonitor:
         return self._left is not None
 
     def reset(self) -> None:
-        """Start anew: from now on the vehicle is driven."""
+        """Clear an earlier deviation: from now on the vehicle is driven."""
         self._left = None
 
     def _off_path(self, place: PathPlace) -> list[LimitViolation]:

@@ -9,7 +9,7 @@ def find_phases(engagement: Engagement, status: VehicleStatus | None, now_ns: in
     """The phases at `now_ns`.
 
     A message of `engaging` may enable the vehicle by itself. It needs a status not older than `status_stale_ns` that
-    shows neither a fault nor a driver who acts.
+    shows neither a fault nor a driver override.
     """
     mode = engagement.mode
     may_enable = (

@@ -123,7 +123,7 @@ class PlausibilityCheck:
         return True
 
     def reset(self) -> None:
-        """Start anew, as after the link was lost."""
+        """Reset the history, as after a loss of the link."""
         self._accepted = _History()
         self._stands = None
         self._in_a_row = self._agreeing = self._points = 0

@@ -38,7 +38,7 @@ class StopHold:
         self.reset()
 
     def reset(self) -> None:
-        """Start anew, as when the vehicle is engaged."""
+        """Clear held and counted stops, as when the vehicle is engaged."""
         self._held: Reason | None = None
         self._seen_ns: int  # set with each cause
         self._begins_ns.clear()

@@ -97,7 +97,7 @@ class Actuation:
 
     gear: Gear = Gear.PARK
     accel_mps2: float | None = None
-    """Along the body's x axis, also when reversing; None: nobody is on a pedal, the vehicle rolls on.
+    """Along the body's x axis, also when reversing; None: no pedal is pressed, the vehicle coasts.
 
     Against the motion it brakes, along the gear it drives, and otherwise it does nothing.
     """
@@ -202,7 +202,7 @@ class Bicycle:
         return 0.0
 
     def _resistance_mps2(self, actuation: Actuation) -> float:
-        """What slows the vehicle besides its brakes; a power train under request makes up for it."""
+        """Deceleration without brakes; a power train that drives compensates it."""
         if actuation.gear is Gear.PARK:
             return self.parameters.park_deceleration_mps2
         if actuation.accel_mps2 is None or actuation.gear is Gear.NEUTRAL:

@@ -23,13 +23,13 @@ _FLOOR_MPS = 0.3
 """Slowest speed asked for, but on the way into a stop: a first point at 0 m/s would have no direction."""
 _ARRIVED_M = 0.02
 _STOPPED_SHORT_M = 2.5
-"""From here a controller that looks 2 m ahead sees only the stop's 0 m/s: who stands here stays."""
+"""From here on a controller that looks 2 m ahead sees only the stop's 0 m/s: a vehicle at rest here stays there."""
 _WINDOW_M = 5.0
 """How far ahead along the route the vehicle is looked for: more than a period's drive, less than a loop."""
 _LOST_M = 4.0
 """Farther off than this the vehicle is looked for on the whole route."""
 _HEADING_WEIGHT_M = 3.0
-"""In that search, 1 rad of wrong heading counts like this distance: so crossing branches are told apart."""
+"""In that search, 1 rad of heading error counts like this distance: this separates crossing branches."""
 _SAME_PLACE_M = 1e-3
 
 
@@ -136,7 +136,7 @@ class RecedingRoute:
                 return
         self._leg_index, index = _nearest(self._legs, self.route, state)
         leg = self._legs[self._leg_index]
-        # Not across a closed route's beginning: who is put a hair behind it has not driven a lap when passing it.
+        # Not across a closed route's beginning: a vehicle put just behind it has not driven a lap when it passes it.
         before = leg.s_m[max(index - 1, 0)]
         self._found, self._s_m = True, before
         self._advance_to(_projection(leg, state, before)[0])
@@ -242,7 +242,7 @@ def _laps(table: FloatArray) -> FloatArray:
     """One lap, then as many more as a piece that begins at its very end can need."""
     lap = table[:, :-1]
     step = table[:, -1] - table[:, 0]
-    # Distance and heading go on from lap to lap; everything else begins anew.
+    # Distance and heading continue from lap to lap; everything else starts again.
     step[[_X, _Y, _CURVATURE, _WHEEL, _SQUARED]] = 0.0
     count = 1 + math.ceil((_MAX_POINTS + 1) / lap.shape[1])
     return np.concatenate([lap + n * step[:, None] for n in range(count)], axis=1)

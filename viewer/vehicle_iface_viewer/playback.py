@@ -70,7 +70,7 @@ class Playback:
 
     @property
     def description(self) -> str:
-        """Position, speed and date, so that nobody takes it for a live drive."""
+        """Position, speed and date, so that it is not mistaken for a live drive."""
         wall_ns = self._meta.wall_ns + self._at_ns - self._meta.monotonic_ns
         when = datetime.fromtimestamp(wall_ns / NS_PER_S, UTC)
         mode = "at its end" if self._at_ns >= self._end_ns else "paused" if self.is_paused else f"speed ×{self.speed:g}"
@@ -81,7 +81,7 @@ class Playback:
         self._seek_s = at_s
 
     def advance(self, now_ns: int, *, is_watched: bool = True) -> int:
-        """Advance by the time since the last call, if anybody watches; the time of the drive that is shown now, ns."""
+        """Advance by the time since the last call, if a page is open; return the time of the drive now shown, in ns."""
         elapsed_ns = now_ns - self._advanced_ns if self._advanced_ns is not None else 0
         self._advanced_ns = now_ns
         if self._seek_s is not None:
