@@ -45,9 +45,9 @@ class Channel:
     rate_per_s: float
     """Greatest change per second; `math.inf` for a quantity that may jump, like the reported speed."""
     lowest_raw: int = field(init=False)
-    """The least wire value whose meaning is not below `lowest`."""
+    """The least raw value that is not below `lowest`."""
     highest_raw: int = field(init=False)
-    """The greatest wire value whose meaning is not above `highest`."""
+    """The greatest raw value that is not above `highest`."""
 
     def __post_init__(self) -> None:
         checks.positive(f"{self.name}: lsb", self.lsb)
@@ -61,7 +61,7 @@ class Channel:
         object.__setattr__(self, "highest_raw", _floor(highest / self.lsb))
 
     def step_raw(self, dt_s: float, rate_per_s: float = math.inf) -> int:
-        """The greatest change of the wire value within `dt_s`, at this rate or the channel's own, the lesser one."""
+        """The greatest change of the raw value within `dt_s`, at the lower of this rate and the channel's own."""
         whole_range = self.highest_raw - self.lowest_raw
         if rate_per_s > self.rate_per_s:
             rate_per_s = self.rate_per_s
@@ -80,16 +80,16 @@ def limit_raw(
     rate_per_s: float = math.inf,
     within: tuple[int, int] = (-_BEYOND, _BEYOND),
 ) -> int:
-    """The wire value nearest to `wanted` (SI) that is in range and within one step of `last_raw`.
+    """The raw value nearest to `wanted` (SI units) that is in range and within one step of `last_raw`.
 
-    Finite first, then clamp: `wanted` that is not finite asks for 0. When `last_raw` is itself out of range
-    (a measured start value) the range wins.
+    A `wanted` that is not finite counts as 0. When `last_raw` is itself out of range (a measured start value), the
+    range wins over the step.
 
-    `within` (counts) is where the value has to be as well, or go to as fast as the rate lets it.
+    `within` (counts) is a further range; a value outside it moves there at the rate limit.
 
-    No limit breaks another. Let t be what is wanted, cut to `within` brought into the range. The result is t cut to
-    [last − step, last + step]: it lies between last and t. So every interval that holds both last and t holds the
-    result: the range always (last is cut to it first), and `within`, and whatever it is made of, once last is in it.
+    No limit breaks another. Let t be `wanted`, clamped to the part of `within` in the range. The result is t clamped to
+    [last − step, last + step]: it lies between last and t. So every interval that contains both last and t contains the
+    result: the range always (last is clamped to it first), and `within` once last is in it.
     """
     whole = channel.lowest_raw, channel.highest_raw
     low, high = clamp_interval(within, whole)
@@ -102,7 +102,7 @@ def limit_raw(
 
 
 def raw_range(channel: Channel, lowest: float, highest: float) -> tuple[int, int]:
-    """The first and the last wire value from `lowest` to `highest` (SI); where none is, the nearest one, twice."""
+    """First and last raw value from `lowest` to `highest` (SI units); if there is none, the nearest one, twice."""
     lsb = channel.lsb
     first, last = lowest / lsb, highest / lsb
     low = _ceil(-_BEYOND if first < -_BEYOND else _BEYOND if first > _BEYOND else first)
@@ -113,9 +113,9 @@ def raw_range(channel: Channel, lowest: float, highest: float) -> tuple[int, int
 
 
 def clamp_interval(inner: tuple[int, int], outer: tuple[int, int]) -> tuple[int, int]:
-    """Where two intervals overlap; where they do not, the end of the outer one that is nearer to the inner one, twice.
+    """The overlap of two intervals; if they do not overlap, the end of the outer one nearer to the inner one, twice.
 
-    So of contradicting limits the outer one of the last call wins; the others hold as far as it allows.
+    So of contradicting limits the outer interval of the last call wins; the others hold as far as it allows.
     """
     (first, last), (low, high) = inner, outer
     return (
@@ -125,7 +125,7 @@ def clamp_interval(inner: tuple[int, int], outer: tuple[int, int]) -> tuple[int,
 
 
 def floor_raw(channel: Channel, value: float) -> int:
-    """The greatest wire value in range that does not exceed `value` (SI, not below 0). NaN is treated as +inf."""
+    """The greatest raw value in range that does not exceed `value` (SI units, at least 0). NaN counts as +inf."""
     return _floor(min(float(channel.highest_raw), value / channel.lsb))
 
 
