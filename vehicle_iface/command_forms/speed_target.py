@@ -48,7 +48,7 @@ class SpeedTarget:
         self._proposed: _Sent | None = None
 
     def form(self, permitted: SafeCommand, motion: MeasuredMotion, now_ns: int) -> float:
-        """The speed to be sent, m/s: signed, or its magnitude where the signal is unsigned and the gear has the sign."""
+        """The speed to be sent, m/s: signed, or the magnitude where the signal is unsigned (the sign is the gear's)."""
         if not permitted.enable:
             self._proposed = None
             return 0.0
