@@ -79,6 +79,7 @@ def observed(
         exit_status=status,
         exit_ns=9 * S,
         route=routes.straight(7.0),
+        wire=WIRE,
     )
 
 

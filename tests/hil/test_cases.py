@@ -51,7 +51,7 @@ def test_every_case_has_a_unique_name_and_an_expectation() -> None:
 
 @pytest.mark.parametrize("case", CATALOGUE, ids=lambda case: case.name)
 def test_every_trajectory_is_accepted_by_the_program_except_the_broken_ones(case: Case, tmp_path: Path) -> None:
-    path = case.route().write(tmp_path / "route.csv", case.frame_id)
+    path = case.route().write(tmp_path / "route.csv")
     refused = find_violation(load_csv(path), PROFILE.limits, PROFILE.geometry.wheelbase_m)
     assert bool(refused) == (case.name == "trajectory-too-sharp"), refused
     if case.breaks is not None and not refused:

@@ -188,7 +188,7 @@ def test_a_few_unanswered_samples_after_a_bad_cable_are_tolerated() -> None:
 
 
 def test_an_injection_into_a_vehicle_that_is_not_driven_fails() -> None:
-    rig = SimpleNamespace(touched_ns=5 * S)
+    rig = SimpleNamespace(wire=WIRE, touched_ns=5 * S)
     for name, instants in (
         ("state-lost-at-speed", [at(4.9, 3.0)]),
         ("state-lost", [at(4.9, 3.0, READY)]),
@@ -201,14 +201,14 @@ def test_an_injection_into_a_vehicle_that_is_not_driven_fails() -> None:
 
 
 def test_a_device_that_never_engages_fails_for_that() -> None:
-    rig = SimpleNamespace(touched_ns=0)
+    rig = SimpleNamespace(wire=WIRE, touched_ns=0)
     for history, verdict in (([at(1.0, 0.0, READY)], Verdict.FAIL), ([at(1.0, 0.0)], Verdict.PASS)):
         (check,) = judge.check_preparation(named("drive-step"), observed(history=history), rig)  # type: ignore[arg-type]
         assert (check.text, check.verdict) == ("the device engages", verdict)
 
 
 def test_health_requires_motion_hold_or_survival_as_the_case_demands() -> None:
-    rig = SimpleNamespace(healthy_ns=9 * S)
+    rig = SimpleNamespace(wire=WIRE, healthy_ns=9 * S)
     drives, holds, waits = named("half-the-rate"), named("rolling-back"), named("not-armed")
     moves, stands = [at(7.9, 2.0)], [at(7.9, 0.0)]
     for case, sound, broken in (

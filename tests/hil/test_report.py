@@ -447,7 +447,7 @@ def words_of(run: Run, *, is_terminal: bool = False) -> str:
 def test_without_a_terminal_each_case_is_a_plain_line(run: Run) -> None:
     lines = words_of(run).splitlines()
     assert not [line for line in lines if "\x1b" in line]
-    assert lines[0].startswith(" 1/84 PASS          link_down ")
+    assert lines[0].startswith(" 1/84 PASS            link_down ")
     assert "10/84 FAIL          flood_of_foreign_ids" in lines[9]
     assert sum("/84 " in line for line in lines) == 84
     assert lines[-2].startswith("FAIL  81 passed, 1 failed, 2 not executed in ")

@@ -61,7 +61,7 @@ def test_a_running_device_may_send_reports_but_no_commands(name: str, monkeypatc
 def test_bench_stops_sending_when_another_vehicle_appears(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     rig = Rig.__new__(Rig)
     rig.wire, rig.vehicle_transmits, rig.every_tick, rig.received = WIRE, True, [lambda: None], []
-    rig._device_ids = {WIRE.ids["DRIVE_COMMAND"]}
+    rig._of_device = frozenset({"DRIVE_COMMAND"})
     pose, told = WIRE.pack("POSE", 3), WIRE.pack("DRIVE_COMMAND", 3)
     rig.vehicle = Vehicle(WIRE, Plant(wheelbase_m=2.7))
     rx = [bus.RxFrame(pose, True, 0), bus.RxFrame(told, False, 0), bus.RxFrame(replace(pose, data=bytes(8)), False, 0)]

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 from hil_bench import bus
-from hil_bench.wire import ProfileError, Wire
+from hil_bench.profile import ProfileError
+from hil_bench.wire import Wire
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import WIRE, other_wire

@@ -18,14 +18,16 @@ import msgspec
 
 from hil_bench import result as results
 from hil_bench import run_case
+from hil_bench.applicable import adapt, find_inapplicable
 from hil_bench.bus import Bus, is_virtual
 from hil_bench.case import Case, Need
 from hil_bench.cases import CATALOGUE
 from hil_bench.device import Commands
 from hil_bench.errors import RigError, UnexpectedNodeError
 from hil_bench.places import CHECKOUT
+from hil_bench.profile import ProfileError
 from hil_bench.result import CaseResult, Run, Verdict
-from hil_bench.wire import ProfileError, Wire
+from hil_bench.wire import Wire
 
 log = logging.getLogger(__name__)
 LISTEN_S = 1.0
@@ -82,7 +84,7 @@ def observe_traffic(channel: str, wire: Wire, *, is_device_running: bool = False
         end = time.monotonic() + LISTEN_S
         while time.monotonic() < end:
             for rx in bus.drain():
-                if is_device_running and wire.names.get(rx.frame.can_id) in wire.reports:
+                if is_device_running and wire.name_of(rx.frame) in wire.reports:
                     continue
                 counts[rx.frame.can_id] = counts.get(rx.frame.can_id, 0) + 1
                 decoded = wire.intact(rx.frame)
@@ -166,6 +168,10 @@ def environment(channel: str) -> dict[str, str]:
 
 
 def _execute(config: run_case.BenchConfig, case: Case, repetition: int, route: str) -> CaseResult:
+    case = adapt(case, config.wire)
+    why = find_inapplicable(case, config.wire)
+    if why:
+        return run_case.unjudged_result(config, case, repetition, why, Verdict.NOT_APPLICABLE)
     why = missing_needs(case, config.commands, config.channel, route)
     if why:
         return run_case.unjudged_result(config, case, repetition, why)

@@ -49,7 +49,7 @@ class Bus:
     """Raises `OSError` when the interface cannot be used; later it reopens when the interface returns."""
 
     def __init__(self, channel: str, identifiers: Iterable[int] | None) -> None:
-        """Receive these 11-bit identifiers and error frames; None: everything."""
+        """Receive these identifiers and error frames; None: everything. Those of 29 bits have bit 31 set."""
         self.channel = channel
         self._filters = None if identifiers is None else list(identifiers)
         self._raw: socket.socket | None = None
@@ -121,7 +121,7 @@ class Bus:
         raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         try:
             if self._filters is not None:
-                masks = b"".join(struct.pack("=II", can_id, 0x7FF) for can_id in self._filters)
+                masks = b"".join(struct.pack("=II", *_filter(can_id)) for can_id in self._filters)
                 raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, masks)
             raw.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, 0x1FFFFFFF)
             raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
@@ -162,6 +162,11 @@ class Bus:
         if error.errno != errno.ENETDOWN and self._raw is not None:
             self._aside.append(self._raw)
             self._raw = None
+
+
+def _filter(can_id: int) -> tuple[int, int]:
+    """Identifier and mask; of 29 bits neither the priority nor the sender counts, as in a J1939 group."""
+    return (can_id, 0x83FFFF00) if can_id >> 31 else (can_id, 0x7FF)
 
 
 def _content(record: bytes) -> bytes:

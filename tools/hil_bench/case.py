@@ -7,6 +7,7 @@ from enum import StrEnum
 from hil_bench import routes
 from hil_bench.expect import Expectation
 from hil_bench.faults.base import Injection
+from hil_bench.parts import Part
 from hil_bench.routes import Route
 
 
@@ -44,7 +45,6 @@ class Case:
     injected: str = ""
     """The fault, for the report."""
     route: Callable[[], Route] = routes.straight
-    frame_id: str = "map"
     at_mps: float = 2.5
     """The injection begins at this speed; 0: as soon as the vehicle is engaged; below 0: before that."""
     inject: Injection | None = None
@@ -57,6 +57,8 @@ class Case:
     allow: frozenset[str] = frozenset()
     """The kinds of findings (`judge.KINDS`) that are no failure during the injection."""
     needs: tuple[Need, ...] = ()
+    about: tuple[Part, ...] = ()
+    """What the vehicle must have; without it the case does not apply."""
     on_vxcan: bool = False
     """On a vxcan cable: the device on one end, the vehicle on the other."""
     armed: bool = True

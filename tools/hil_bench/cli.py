@@ -13,16 +13,25 @@ import msgspec
 
 from hil_bench import bench, listen
 from hil_bench import result as results
+from hil_bench.applicable import find_inapplicable, scale_for
 from hil_bench.cases import CATALOGUE
 from hil_bench.device import OWN, OWN_RECORDING, OWN_VIEWER, Commands, find_template_error
+from hil_bench.parts import parts_of
+from hil_bench.peer.build import open_wire
+from hil_bench.profile import ProfileError
 from hil_bench.report import compare, html, junit
 from hil_bench.report.terminal import Progress
 from hil_bench.result import Run, Verdict
 from hil_bench.run_case import BenchConfig
-from hil_bench.wire import ProfileError, Wire
+from hil_bench.wire import Wire
 
 PASSED, FAILED, BAD_USAGE, NOTHING_DONE, INTERRUPTED = 0, 1, 2, 3, 130
-STATUS = {Verdict.PASS: PASSED, Verdict.FAIL: FAILED, Verdict.NOT_EXECUTED: NOTHING_DONE}
+STATUS = {
+    Verdict.PASS: PASSED,
+    Verdict.FAIL: FAILED,
+    Verdict.NOT_EXECUTED: NOTHING_DONE,
+    Verdict.NOT_APPLICABLE: NOTHING_DONE,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,9 +39,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         if options.write_routes:
-            return _write_routes(Path(options.write_routes))
+            return _write_routes(Path(options.write_routes), open_wire(options.profile))
         if options.list:
-            return _list(as_json=options.json)
+            return _list(open_wire(options.profile), as_json=options.json)
         return _bench(options)
     except (bench.BenchError, ProfileError) as error:
         print(f"hil-bench: {error}", file=sys.stderr)
@@ -79,7 +88,7 @@ def _bench(options: argparse.Namespace) -> int:
         if wrong:
             raise bench.BenchError(f"--{option.replace('_', '-')}: {wrong}")
     old = _read_old_run(options.compare)
-    wire = Wire(options.profile)
+    wire = open_wire(options.profile)
     commands = Commands(
         start=options.device,
         listen=options.listen_device,
@@ -155,23 +164,29 @@ def _read_old_run(path: str) -> Run | None:
         raise bench.BenchError(f"--compare {path}: {error}") from None
 
 
-def _list(*, as_json: bool) -> int:
+def _list(wire: Wire, *, as_json: bool) -> int:
+    parts = parts_of(wire)
     rows = [
-        {"name": case.name, "fault": case.fault, "tags": list(case.tags), "proves": case.proves} for case in CATALOGUE
+        {"name": case.name, "fault": case.fault, "tags": list(case.tags), "proves": case.proves}
+        | ({"not_applicable": why} if (why := find_inapplicable(case, wire, parts)) else {})
+        for case in CATALOGUE
     ]
     if as_json:
         print(json.dumps(rows, indent=1, ensure_ascii=False))
         return PASSED
     for row in rows:
         print(f"{row['name']:32} {row['fault']:9} {','.join(row['tags'])}\n    {row['proves']}")
-    print(f"{len(rows)} cases")
+        if "not_applicable" in row:
+            print(f"    {Verdict.NOT_APPLICABLE} to {wire.name}: {row['not_applicable']}")
+    left_out = sum("not_applicable" in row for row in rows)
+    print(f"{len(rows)} cases" + (f", {left_out} of them not applicable to {wire.name}" if left_out else ""))
     return PASSED
 
 
-def _write_routes(folder: Path) -> int:
+def _write_routes(folder: Path, wire: Wire) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     for route in {case.route().name: case.route() for case in CATALOGUE if case.breaks is None}.values():
-        print(route.write(folder / f"{route.name}.csv"))
+        print(scale_for(route, wire).write(folder / f"{route.name}.csv", wire.frame_id))
     return PASSED
 
 

@@ -1,13 +1,13 @@
 """The profile's limits at the measured speed, for values and rates of every command."""
 
 import math
-from collections import deque
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from vehicle_bus_contract.judge import JITTER_NS, SILENCE_NS, Pair, Record
 from vehicle_bus_contract.reference import MS, S
 
+from hil_bench.pace import ANSWERED_NS, Pace, Recent
 from hil_bench.vehicle import Instant
 from hil_bench.wire import Wire
 
@@ -16,9 +16,20 @@ SLOW_MPS = 1.0
 STANDS_MPS = 0.05
 LEAST_MPS = 0.1
 """Below this speed steering has no noticeable effect."""
-ANSWERED_NS = 100 * MS
-"""Maximum age of the sample that a command answers."""
 BRAKES_WITHIN_NS = 250 * MS
+
+
+def find_faults(wire: Wire, record: Record) -> Iterable[str]:
+    """Everything in a record that breaks the profile's limits at the measured speed."""
+    yield from beyond(wire, record)
+    if wire.commands_angle:
+        yield from swerving(wire, record)
+        yield from led_away(wire, record)
+    if wire.has_stop_signal and wire.commands_acceleration:
+        yield from jerky(wire, record)
+    else:
+        yield from rising(wire, record)
+    yield from rash(wire, record)
 
 
 def beyond(wire: Wire, record: Record) -> Iterable[str]:
@@ -45,12 +56,14 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
             yield f"{at} {pair.steer['REAR_WHEEL_ANGLE_REQUEST']:.4f} rad of the rear wheels"
         if abs(pair.drive.signals.get("SPEED_REQUEST", 0.0)) > limits["speed_max_mps"] + 1e-9:
             yield f"{at} {pair.drive['SPEED_REQUEST']:.3f} m/s asked for"
+        if not wire.commands_acceleration:
+            continue
         strongest = max(behavior["safe_deceleration_mps2"], 0.0)
         accel = pair.drive["ACCEL_REQUEST"]
-        most_mps2 = _between(by_speed, slowest_mps) + 0.002
+        most_mps2 = _between(by_speed, slowest_mps) + wire.accel_slack_mps2
         if accel * speed > 0.0 and most_mps2 < abs(accel) >= abs(braked):
             yield f"{at} {accel:.3f} m/s² at {speed:.2f} m/s"
-        if pair.is_stop and abs(accel) > max(strongest, abs(braked)) + 0.002:
+        if wire.has_stop_signal and pair.is_stop and abs(accel) > max(strongest, abs(braked)) + wire.accel_slack_mps2:
             yield f"{at} a stop with {accel:.3f} m/s²"
         braked = accel
 
@@ -65,7 +78,7 @@ def swerving(wire: Wire, record: Record) -> Iterable[str]:
     for stretch in _stretches(record):
         granted = before = 0.0
         before_ns = stretch[0].stamp_ns
-        pace = _Pace()
+        pace = Pace()
         for pair in stretch:
             lately_mps = speeds.until(pair.stamp_ns)
             per_s = limits["lateral_jerk_mps3"] / _slowest_mps(lately_mps) ** 2
@@ -147,6 +160,23 @@ def jerky(wire: Wire, record: Record) -> Iterable[str]:
             last = part[-1]
 
 
+def rising(wire: Wire, record: Record) -> Iterable[str]:
+    """What drives rises faster than the profile has it; where a speed is commanded, that speed itself."""
+    limits = wire.profile["limits"]
+    rate, unit = (
+        (limits["accel_rate_mps3"], "m/s³") if wire.commands_acceleration else (limits["accel_max_mps2"], "m/s²")
+    )
+    speeds = _speeds(record)
+    for stretch in _stretches(record):
+        if wire.commands_acceleration:
+            along = [math.copysign(1.0, speeds.until(p.stamp_ns)[-1]) * p.drive["ACCEL_REQUEST"] for p in stretch]
+            values = [max(0.0, accel) for accel in along]
+        else:
+            values = [abs(pair.drive["SPEED_REQUEST"]) for pair in stretch]
+        slack = wire.accel_slack_mps2 if wire.commands_acceleration else wire.speed_slack_mps
+        yield from _faster(stretch, values, rate, unit, record, falls_freely=True, more=slack)
+
+
 def rash(wire: Wire, record: Record) -> Iterable[str]:
     """Commands beyond the stricter limits while engaging; harder braking is allowed."""
     limits = wire.profile["limits"]["while_engaging"]
@@ -161,40 +191,30 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
             if mode == autonomous:
                 break
             engaging.append(pair)
-        for pair in engaging:
+        for pair in engaging if wire.commands_acceleration else ():
             accel = pair.drive["ACCEL_REQUEST"]
             speed = speeds.until(pair.stamp_ns)[-1]
             way = speed if abs(speed) > STANDS_MPS else pair.drive.signals.get("SPEED_REQUEST", 0.0)
-            if accel * way > 0.0 and not pair.is_stop and abs(accel) > limits["accel_max_mps2"] + 1e-9:
+            if (
+                accel * way > 0.0
+                and not pair.is_stop
+                and abs(accel) > limits["accel_max_mps2"] + wire.engaging_slack_mps2
+            ):
                 yield f"{_at(pair, record)} {accel:.3f} m/s² while it engages"
+        if not wire.commands_angle:
+            continue
         angles = [pair.steer["FRONT_WHEEL_ANGLE_REQUEST"] for pair in engaging]
         yield from _faster(engaging, angles, limits["front_wheel_rate_radps"], "rad/s while it engages", record)
 
 
-class _Recent:
-    """The recent values of one signal, queried in the order of time."""
-
-    def __init__(self, told: Iterable[tuple[int, float]]) -> None:
-        self._coming = deque(told)
-        self._lately: deque[tuple[int, float]] = deque()
-
-    def until(self, stamp_ns: int) -> list[float]:
-        """The values that a command at this time may answer, oldest first. Never empty."""
-        while self._coming and self._coming[0][0] <= stamp_ns:
-            self._lately.append(self._coming.popleft())
-        while len(self._lately) > 1 and self._lately[1][0] <= stamp_ns - ANSWERED_NS:
-            self._lately.popleft()
-        return [value for _, value in self._lately] or [0.0]
+def _speeds(record: Record) -> Recent:
+    return Recent((sample.stamp_ns, sample.speed_mps) for sample in record.samples)
 
 
-def _speeds(record: Record) -> _Recent:
-    return _Recent((sample.stamp_ns, sample.speed_mps) for sample in record.samples)
-
-
-def _wheels(wire: Wire, record: Record) -> _Recent:
+def _wheels(wire: Wire, record: Record) -> Recent:
     if not wire.measures_wheels:
-        return _Recent(())
-    return _Recent((told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE")))
+        return Recent(())
+    return Recent((told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE")))
 
 
 def _most_rad(wire: Wire, speed_mps: float) -> float:
@@ -249,36 +269,13 @@ def _faster(
     record: Record,
     *,
     falls_freely: bool = False,
+    more: float = 0.0,
 ) -> Iterable[str]:
     """Times at which a value has changed faster than the rate allows, over any interval."""
-    slack, pace = rate * JITTER_NS / S + 0.001, _Pace(falls_freely=falls_freely)
+    slack, pace = rate * JITTER_NS / S + 0.001 + more, Pace(falls_freely=falls_freely)
     for pair, value in zip(pairs, values, strict=True):
         if pace.is_broken(value, rate * (pair.stamp_ns - record.begin_ns) / S, slack):
             yield f"{_at(pair, record)} faster than {rate:g} {unit}, to {value:.3f}"
-
-
-class _Pace:
-    """Checks that a value changes by no more than was `granted` over any interval, plus `slack`."""
-
-    def __init__(self, *, falls_freely: bool = False) -> None:
-        self._falls_freely = falls_freely
-        self._lowest, self._highest = math.inf, -math.inf
-
-    def is_broken(self, value: float, granted: float, slack: float) -> bool:
-        """True if this value breaks the rate; the check then restarts from it."""
-        rising, falling, half = value - granted, value + granted, slack / 2.0
-        broken = rising - half > self._lowest or (falling + half < self._highest and not self._falls_freely)
-        if broken:
-            self._lowest, self._highest = math.inf, -math.inf
-        self._lowest, self._highest = min(self._lowest, rising + half), max(self._highest, falling - half)
-        return broken
-
-    def counts_from(self, limit: float, granted: float, slack: float) -> None:
-        """Allow values beyond this limit to return to it at any rate."""
-        if limit > 0.0:
-            self._highest = min(self._highest, limit + granted - slack / 2.0)
-        else:
-            self._lowest = max(self._lowest, limit - granted + slack / 2.0)
 
 
 def _at(pair: Pair, record: Record) -> str:

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vehicle_bus_contract.candump import candump_line
-from vehicle_bus_contract.judge import examine
 
 from hil_bench.bench import environment
 from hil_bench.bus import Bus, is_virtual
 from hil_bench.expect import check
+from hil_bench.peer.build import examine
 from hil_bench.result import CaseResult, Check, Evidence, Run, Verdict, verdict_of
 from hil_bench.wire import Wire
 
@@ -40,7 +40,7 @@ def run(
     offset_ns = time.time_ns() - time.monotonic_ns()
     lines = [candump_line(frame, channel, offset_ns) for frame in frames]
     (folder / "listened.candump").write_text("".join(f"{line}\n" for line in lines))
-    record = examine((frame for frame in frames if not frame.is_error), wire)
+    record = examine(wire, (frame for frame in frames if not frame.is_error))
     on_wire = Evidence.REAL_VEHICLE if real_vehicle else Evidence.REAL_BUS
     evidence = Evidence.VIRTUAL_BUS if is_virtual(channel) else on_wire
     checks: list[Check] = []

@@ -17,6 +17,8 @@ class Verdict(StrEnum):
     PASS = "PASS"
     FAIL = "FAIL"
     NOT_EXECUTED = "NOT EXECUTED"
+    NOT_APPLICABLE = "NOT APPLICABLE"
+    """The vehicle does not have what is required; says nothing about the device."""
 
 
 class Evidence(StrEnum):
@@ -118,7 +120,7 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True):
     tags: list[str] = []
     verdict: Verdict
     why: str = ""
-    """FAIL: the first failed check; NOT EXECUTED: what is missing."""
+    """FAIL: the first failed check; NOT EXECUTED: what is missing; NOT APPLICABLE: what the vehicle has not."""
     evidence: Evidence
     repetition: int = 1
     seed: int = 0
@@ -146,7 +148,10 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     format: Literal[1] = 1
     """Changes when an older reader would misunderstand; any other value is rejected."""
     verdict: Verdict
-    """FAIL if any case failed; NOT EXECUTED if none was executed or the run was interrupted; else PASS."""
+    """FAIL if any case failed; NOT EXECUTED if none was executed or the run was interrupted; else PASS.
+
+    NOT APPLICABLE if no case applies to the vehicle.
+    """
     interrupted: str = ""
     """In which case of how many; empty for a complete run."""
     evidence: Evidence
@@ -172,6 +177,8 @@ def verdict_of(cases: list[CaseResult], *, interrupted: str = "") -> Verdict:
     verdicts = {case.verdict for case in cases}
     if interrupted:
         verdicts.discard(Verdict.PASS)
+    if verdicts == {Verdict.NOT_APPLICABLE}:
+        return Verdict.NOT_APPLICABLE
     return next((v for v in (Verdict.FAIL, Verdict.PASS) if v in verdicts), Verdict.NOT_EXECUTED)
 
 

@@ -9,21 +9,20 @@ from pathlib import Path
 
 from vehicle_bus_contract.cable import set_link
 from vehicle_bus_contract.candump import candump_line
-from vehicle_bus_contract.reference import AUTONOMOUS, MS, Frame, S
+from vehicle_bus_contract.reference import MS, Frame, S
 
 from hil_bench.bus import Bus, RxFrame
 from hil_bench.device import Commands, Device, fill_template
 from hil_bench.errors import RigError, UnexpectedNodeError
-from hil_bench.plant import Plant
+from hil_bench.peer.build import build_vehicle
 from hil_bench.process import Process
 from hil_bench.result import Event, EventKind
 from hil_bench.shell import Shell
-from hil_bench.vehicle import PERIOD_NS, Vehicle
 from hil_bench.wire import Wire
 
 ANSWER_S = 0.005
 """Within half a period a device has answered, or it has not."""
-STUCK_TICKS = 2000
+STUCK_S = 20.0
 """Longer than any trajectory of the catalogue lets it wait for a change of direction."""
 LATE_NS = 30 * MS
 """A tick later than this invalidates the observation: plus one period it approaches the 50 ms stale-state limit."""
@@ -49,7 +48,7 @@ class Rig:
         self.random = random.Random(f"{seed} {name}")
         self.device_channel = placeholders["channel"]
         self.bus = Bus(channel, wire.names)
-        self.vehicle = Vehicle(wire, Plant(wheelbase_m=float(wire.profile["geometry"]["wheelbase_m"])))
+        self.vehicle = build_vehicle(wire)
         self.vehicle_transmits = True
         self.placeholders, self._commands = placeholders, commands
         self.device = Device(commands, folder / f"{name}.log", placeholders, self.run_command)
@@ -65,7 +64,7 @@ class Rig:
         """The bench began to act; the fault may begin a little later."""
         self.exit_status: int | None = None
         self._next_ns = 0
-        self._device_ids = {wire.ids[name] for name in wire.of_device}
+        self._of_device = frozenset(wire.of_device)
 
     def begin(self) -> None:
         """Start the case's clock; the vehicle transmits from the next tick."""
@@ -78,11 +77,11 @@ class Rig:
             time.sleep((self._next_ns - now_ns) / S)
             now_ns = time.monotonic_ns()
         due_ns = self._next_ns
-        self._next_ns = (now_ns if now_ns - due_ns > LATE_NS else due_ns) + PERIOD_NS
+        self._next_ns = (now_ns if now_ns - due_ns > LATE_NS else due_ns) + self.vehicle.period_ns
         self._drain(now_ns)
         if not self.exit_ns and self.device.poll() is not None:
             self.exit_ns = now_ns
-        self.vehicle.move(PERIOD_NS / S, now_ns)
+        self.vehicle.move(self.vehicle.period_ns / S, now_ns)
         frames = self.vehicle.next_frames()
         if self.vehicle_transmits:
             delay_s = self.delay_s()
@@ -124,22 +123,19 @@ class Rig:
     @property
     def is_engaged(self) -> bool:
         """True while the vehicle is autonomous and its last command is no stop."""
-        drive = self.vehicle.commands.get(self.wire.command[0])
-        return (
-            self.vehicle.mode == AUTONOMOUS and drive is not None and not drive["SAFE_STOP"] and bool(drive["ENABLE"])
-        )
+        return self.vehicle.is_driven
 
     @property
     def is_at_end(self) -> bool:
-        """True once the device reports the end of the trajectory and the vehicle is at rest."""
-        drive = self.vehicle.commands.get(self.wire.command[0])
-        return drive is not None and drive.reason.startswith("PAST_END") and self.vehicle.is_standing
+        """True once the device has ended its drive where the trajectory ends, and the vehicle is at rest."""
+        return self.vehicle.has_arrived
 
     @property
     def is_stuck(self) -> bool:
-        """True once the vehicle has been at rest for `STUCK_TICKS`."""
-        return len(self.vehicle.history) > STUCK_TICKS and not any(
-            instant.speed_mps for instant in self.vehicle.history[-STUCK_TICKS:]
+        """True once the vehicle has been at rest for `STUCK_S`."""
+        ticks = round(STUCK_S * S / self.vehicle.period_ns)
+        return len(self.vehicle.history) > ticks and not any(
+            instant.speed_mps for instant in self.vehicle.history[-ticks:]
         )
 
     def run_command(self, command: Sequence[str]) -> None:
@@ -231,7 +227,7 @@ class Rig:
             raise UnexpectedNodeError(f"another node sends {decoded.name} (0x{frame.can_id:03X}) on this bus")
 
     def _has_device_id(self, rx: RxFrame) -> bool:
-        return rx.frame.can_id in self._device_ids and not rx.frame.is_extended
+        return self.wire.name_of(rx.frame) in self._of_device
 
     def _is_from_device(self, rx: RxFrame) -> bool:
         return not rx.is_ours and not rx.frame.is_error and self._has_device_id(rx)

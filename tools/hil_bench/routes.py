@@ -39,6 +39,19 @@ class Route:
         return path
 
 
+def scale(one: Route, *, length: float, speed: float, fastest_mps: float) -> Route:
+    """The same route for another vehicle: smaller and slower, no faster than `fastest_mps`, and with as much time."""
+    speed = min(speed, fastest_mps / max(map(abs, one.speed_mps)))
+    return Route(
+        one.name,
+        [t * length / speed for t in one.time_s],
+        [x * length for x in one.x_m],
+        [y * length for y in one.y_m],
+        one.heading_rad,
+        [v * speed for v in one.speed_mps],
+    )
+
+
 def route(
     name: str,
     segments: Sequence[Segment],

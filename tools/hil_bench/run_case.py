@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
-from vehicle_bus_contract.judge import examine
 from vehicle_bus_contract.reference import S
 
 from hil_bench import figures, host, judge
@@ -19,6 +18,7 @@ from hil_bench.case import Case, Then
 from hil_bench.device import Commands
 from hil_bench.expect import Observation
 from hil_bench.faults.base import inject_nothing
+from hil_bench.peer.build import examine
 from hil_bench.result import CaseResult, Event, EventKind, Evidence, Verdict
 from hil_bench.rig import Rig
 from hil_bench.routes import Route
@@ -58,7 +58,7 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
     """Raises `RigError` and `OSError` where the bench, not the device, is at fault."""
     name = case.name if repetition == 1 else f"{case.name}-{repetition}"
     route = case.route()
-    trajectory = route.write(config.folder / f"{name}.csv", case.frame_id)
+    trajectory = route.write(config.folder / f"{name}.csv", config.wire.frame_id)
     if case.breaks is not None:
         trajectory.write_text(case.breaks(trajectory.read_text()))
     channel, device_channel = (host.BENCH_END, host.DEVICE_END) if case.on_vxcan else (config.channel, config.channel)
@@ -81,6 +81,7 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
         rig = Rig(
             config.wire, channel, config.commands, config.folder, placeholders, config.seed + repetition - 1, case.name
         )
+        rig.vehicle.drives_to(route.x_m[-1], route.y_m[-1])
         rig.device.log = config.folder / f"{name}.log"
         try:
             _run_phases(rig, case)
@@ -179,7 +180,8 @@ def _inject(rig: Rig, case: Case) -> None:
         rig.run_for(case.for_s)
         if case.samples:
             count = len(rig.vehicle.history) + case.samples
-            rig.wait_for(lambda: len(rig.vehicle.history) >= count, case.samples / 50.0, "the samples")
+            longest_s = 2.0 * case.samples * rig.wire.period_s
+            rig.wait_for(lambda: len(rig.vehicle.history) >= count, longest_s, "the samples")
         rig.end_ns = time.monotonic_ns()
     rig.end_ns = max(rig.end_ns, time.monotonic_ns())
 
@@ -245,7 +247,7 @@ def _clean_up(rig: Rig, case: Case) -> list[str]:
 
 
 def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list[str], repetition: int) -> CaseResult:
-    record = examine(rig.judged_frames(), rig.wire)
+    record = examine(rig.wire, rig.judged_frames())
     frames = rig.device_frames()
     observed = Observation(
         begin_ns=rig.begin_ns,
@@ -254,12 +256,13 @@ def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list
         then_ns=rig.then_ns,
         samples_ns=[sample.stamp_ns for sample in record.samples],
         pairs=record.pairs,
-        decoded=[one for one in record.decoded if one.name not in (*rig.wire.sample, "VEHICLE_STATUS")],
+        decoded=[one for one in record.decoded if one.name in rig.wire.of_device],
         frames=frames,
         history=rig.vehicle.history,
         exit_status=rig.exit_status,
         exit_ns=rig.exit_ns,
         route=route,
+        wire=rig.wire,
     )
     checks = judge.check_alive(case, observed, rig) + judge.check_preparation(case, observed, rig)
     events: list[Event] = []

@@ -104,8 +104,10 @@ class Vehicle:
         self._pairs = 0
         self._counters: Counter[str] = Counter()
         self._tick = 0
-        self._modes = [self.wire.number("MODE", name) for name in MODES]
-        self._gears = [self.wire.number("GEAR", name) for name in GEARS] if self.wire.has("GEAR") else []
+        self._number_names()
+        self.period_ns = PERIOD_NS
+        """Between two ticks."""
+        self.watchdog_ns = WATCHDOG_NS
 
     def make_ready(self) -> None:
         """The driver releases pedals and wheel, acknowledges faults, and selects READY."""
@@ -165,14 +167,11 @@ class Vehicle:
         values = self._values()
         for fault in self.faults:
             fault.values(values)
-        outgoing = []
-        if self._tick % STATUS_EVERY == 0:
-            outgoing.append(self._pack_next("VEHICLE_STATUS", values["VEHICLE_STATUS"]))
-        outgoing += [self._pack_next(name, values[name]) for name in self.wire.sample]
+        outgoing = self._due_frames(values)
         frames = [tx.frame for tx in outgoing]
         for fault in self.faults:
             frames = fault.frames(outgoing)
-            outgoing = [TxFrame(self.wire.names.get(f.can_id, ""), -1, f) for f in frames]
+            outgoing = [TxFrame(self.wire.name_of(f) or "", -1, f) for f in frames]
         self._tick += 1
         return frames
 
@@ -195,6 +194,25 @@ class Vehicle:
         """True at rest."""
         return abs(self.plant.speed_mps) < 0.01
 
+    @property
+    def is_driven(self) -> bool:
+        """True while it is autonomous and its last command is no stop."""
+        drive = self.commands.get(self.wire.command[0])
+        return self.mode == AUTONOMOUS and drive is not None and not drive["SAFE_STOP"] and bool(drive["ENABLE"])
+
+    @property
+    def has_arrived(self) -> bool:
+        """True once the device reports the end of its route and the vehicle is at rest."""
+        drive = self.commands.get(self.wire.command[0])
+        return drive is not None and drive.reason.startswith("PAST_END") and self.is_standing
+
+    def drives_to(self, x_m: float, y_m: float) -> None:
+        """Its route ends there, which this vehicle need not know: the device reports the end."""
+
+    def _number_names(self) -> None:
+        self._modes = [self.wire.number("MODE", name) for name in MODES]
+        self._gears = [self.wire.number("GEAR", name) for name in GEARS] if self.wire.has("GEAR") else []
+
     def _reset_pairs(self) -> None:
         self._pairs, self._received_of = 0, set()
 
@@ -209,7 +227,7 @@ class Vehicle:
         if self.fault_code:
             self.mode = FAULT
         oldest_ns = min(self._seen_ns.get(name, 0) for name in self.wire.command)
-        if self.has_watchdog and self.mode == AUTONOMOUS and now_ns - oldest_ns > WATCHDOG_NS:
+        if self.has_watchdog and self.mode == AUTONOMOUS and now_ns - oldest_ns > self.watchdog_ns:
             self.mode = FAULT
             self._reset_pairs()
 
@@ -225,12 +243,26 @@ class Vehicle:
         push = self.plant.speed_mps if abs(self.plant.speed_mps) > ROLLS_MPS else self._requested("ACCEL_REQUEST")
         return -1 if push < 0.0 else 1
 
+    def _due_frames(self, values: SignalValues) -> list[TxFrame]:
+        outgoing = []
+        if self._tick % STATUS_EVERY == 0:
+            outgoing.append(self._pack_next("VEHICLE_STATUS", values["VEHICLE_STATUS"]))
+        return outgoing + [self._pack_next(name, values[name]) for name in self.wire.sample]
+
     def _requested(self, signal_name: str) -> float:
         return next((decoded[signal_name] for decoded in self.commands.values() if signal_name in decoded.signals), 0.0)
 
     def _values(self) -> SignalValues:
+        values: SignalValues = {name: {} for name in (*self.wire.sample, *self.wire.status)}
+        for signal_name, value in self._fields().items():
+            if self.wire.has(signal_name):
+                values[self.wire.part_of(signal_name)][signal_name] = float(value)
+        return values
+
+    def _fields(self) -> dict[str, float]:
+        """What the vehicle measures and reports, by the names of its signals."""
         plant, wire = self.plant, self.wire
-        signal_values = {
+        return {
             "POS_X": plant.x_m,
             "POS_Y": plant.y_m,
             "HEADING": plant.heading_rad,
@@ -249,11 +281,6 @@ class Vehicle:
             "DRIVER_STEER_TORQUE": self.driver_torque_nm,
             "FAULT_CODE": self.fault_code,
         }
-        values: SignalValues = {name: {} for name in (*wire.sample, "VEHICLE_STATUS")}
-        for signal_name, value in signal_values.items():
-            if wire.has(signal_name):
-                values[wire.part_of(signal_name)][signal_name] = float(value)
-        return values
 
     def _pack_next(self, name: str, values: dict[str, float]) -> TxFrame:
         self._counters[name] += 1

@@ -4,18 +4,13 @@ Every signal has the name that the reference vehicle gives it (`ENABLE`, `POS_X`
 cases and judge use one vocabulary. Messages of a state sample keep their own names.
 """
 
-import hashlib
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
-import cantools
 from cantools.database.can import Database, Message
-from cantools.database.errors import Error as CantoolsError
 from vehicle_bus_contract.reference import (
     DRIVE,
+    GREATEST_STEP,
     NEUTRAL,
     NO_REQUEST,
     PARK,
@@ -23,78 +18,15 @@ from vehicle_bus_contract.reference import (
     REVERSE,
     DecodedFrame,
     Frame,
-    Limits,
     checksum,
 )
 from vehicle_bus_contract.reference_fd import checksum as checksum_fd
 
-from hil_bench.places import PROFILES
-
-SIGNAL_NAMES = {
-    "state": {
-        "x_m": "POS_X",
-        "y_m": "POS_Y",
-        "heading_rad": "HEADING",
-        "speed_mps": "SPEED",
-        "accel_mps2": "ACCEL",
-        "yaw_rate_radps": "YAW_RATE",
-        "lateral_speed_mps": "LATERAL_SPEED",
-        "front_wheel_angle_rad": "FRONT_WHEEL_ANGLE",
-        "rear_wheel_angle_rad": "REAR_WHEEL_ANGLE",
-        "pose_frame": "POSE_FRAME",
-        "pose_valid": "POSE_VALID",
-    },
-    "status": {
-        "mode": "MODE",
-        "gear": "GEAR",
-        "driver_brake": "DRIVER_BRAKE",
-        "driver_throttle": "DRIVER_THROTTLE",
-        "driver_steer_torque_nm": "DRIVER_STEER_TORQUE",
-        "fault_code": "FAULT_CODE",
-    },
-    "command": {
-        "enable": "ENABLE",
-        "safe_stop": "SAFE_STOP",
-        "accel_mps2": "ACCEL_REQUEST",
-        "speed_mps": "SPEED_REQUEST",
-        "front_wheel_angle_rad": "FRONT_WHEEL_ANGLE_REQUEST",
-        "rear_wheel_angle_rad": "REAR_WHEEL_ANGLE_REQUEST",
-        "reason": "REASON",
-        "gear_request": "GEAR_REQUEST",
-    },
-    "body": {"hazard_lights": "HAZARD_LIGHTS"},
-    "report": {
-        "state": "STATE",
-        "reason": "REASON",
-        "ref_spatial_index": "REF_SPATIAL_INDEX",
-        "ref_temporal_index": "REF_TEMPORAL_INDEX",
-        "deadline_misses": "DEADLINE_MISSES",
-    },
-}
-"""Table `[PART.signals]` of a profile: key → the reference vehicle's name of the signal."""
+from hil_bench.profile import ProfileError, read_files, read_limits
+from hil_bench.vocabulary import PERIOD_S, SIGNAL_NAMES, Wait
 
 WHEEL_COUNT_RAD = 0.002
 """Rounding differences up to this are no finding, however fine the signal is."""
-JUDGED_BY = {
-    "limits": (
-        "front_wheel_angle_rad",
-        "front_wheel_rate_radps",
-        "front_wheel_deviation_rad",
-        "lateral_accel_mps2",
-        "lateral_jerk_mps3",
-        "accel_min_mps2",
-        "accel_max_mps2",
-        "accel_rate_mps3",
-        "speed_max_mps",
-        "gear_change_speed_mps",
-    ),
-    "limits.while_engaging": ("front_wheel_rate_radps", "accel_max_mps2"),
-    "behavior": ("safe_deceleration_mps2", "stop_jerk_mps3"),
-    "geometry": ("wheelbase_m",),
-}
-"""The keys of a profile that commands are judged by."""
-OLD_KEYS = (("limits", "engaging", "while_engaging"), ("timing", "answer_age_s", "max_command_age_s"))
-"""Table, name in version 0.1, name: profiles may have either."""
 REQUIRED = {"command": ("enable", "safe_stop", "accel_mps2", "front_wheel_angle_rad", "reason"), "status": ("mode",)}
 """Signals that a vehicle must have to be tested."""
 
@@ -103,8 +35,16 @@ REASON_NUMBERS = {name: number for number, name in enumerate(REASONS)}
 GEAR_NUMBERS = {"PARK": PARK, "REVERSE": REVERSE, "NEUTRAL": NEUTRAL, "DRIVE": DRIVE, "NO_REQUEST": NO_REQUEST}
 
 
-class ProfileError(Exception):
-    """The profile cannot be used by the bench, and why."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Protection:
+    """What a receiver can see of a message beside its content."""
+
+    has_checksum: bool
+    covers_identity: bool
+    """The checksum also covers which message it is."""
+    counters: int
+    """Values of the counter; 0 without one."""
+    max_step: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,36 +60,55 @@ class _Layout:
 class Wire:
     """One vehicle's bus. Raises `ProfileError` for a profile that does not exist or that cannot be judged."""
 
+    tells_reasons = True
+    """False: commands have no signal for their reason."""
+    has_stop_signal = True
+    """False: a stop is inferred from what is commanded."""
+    commands_acceleration = True
+    """False: a speed is commanded instead."""
+    commands_angle = True
+    """False: a yaw rate is commanded, which is no angle at low speed."""
+    accel_slack_mps2, engaging_slack_mps2, speed_slack_mps = 0.002, 1e-9, 0.0
+    """Tolerances of commanded values, for rounding."""
+    can_reverse = True
+    watchdog_s = 0.1
+    """The vehicle stops itself when a command is missing for this long."""
+    speed_share = length_share = 1.0
+    """By which the speeds and lengths of the cases' routes are multiplied for this vehicle."""
+    ticks_per_command = ticks_per_sample = 1
+    unjudged: Mapping[str, str] = {}
+    """The kinds of `judge.KINDS` that this vehicle's bus has nothing for, and what it lacks."""
+    is_counted = True
+    """The messages of a sample share a counter."""
+    frame_id = "map"
+    loses_its_place = False
+    """Its position is dead reckoning, which ends with a gap in its state."""
+
     def __init__(self, profile: str) -> None:
-        path = Path(profile).resolve() if profile.endswith(".toml") else PROFILES / f"{profile}.toml"
-        try:
-            text = path.read_bytes()
-            self.profile: dict[str, Any] = tomllib.loads(text.decode())
-            for table, old, new in OLD_KEYS:
-                if old in self.profile.get(table, {}):
-                    self.profile[table].setdefault(new, self.profile[table][old])
-            dbc = path.parent / self.profile["dbc"]
-            database = cantools.database.load_file(dbc, strict=True)
-        except (OSError, ValueError, KeyError, CantoolsError) as error:
-            raise ProfileError(f"{path}: {error}") from error
-        if not isinstance(database, Database):
-            raise ProfileError(f"{dbc}: is no CAN database")
-        self.path, self.dbc = path, dbc
-        self.hash = hashlib.sha256(text + dbc.read_bytes()).hexdigest()
+        files = read_files(profile)
+        self.path, self.dbc, self.profile, self.hash = files.path, files.dbc, files.profile, files.hash
+        path = files.path
         try:
             self.name = str(self.profile["name"])
             self.is_fd = bool(self.profile["bus"]["fd"])
-            self._bind(database)
+            self._bind(files.database)
             self._protect()
-            self.limits = self._limits()
+            self.limits = read_limits(self.profile, self.path)
         except KeyError as error:
             raise ProfileError(f"{path}: {error} is missing") from None
         self.names = {layout.message.frame_id: name for name, layout in self._layouts.items()}
         self.ids = {name: layout.message.frame_id for name, layout in self._layouts.items()}
         self.lengths = {name: layout.message.length for name, layout in self._layouts.items()}
-        self.reports = tuple(name for name in ("BODY_COMMAND", "CONTROLLER_STATUS") if name in self.ids)
+        self.reports: tuple[str, ...] = tuple(
+            name for name in ("BODY_COMMAND", "CONTROLLER_STATUS") if name in self.ids
+        )
         """What a device sends besides its commands; optional."""
-        self.of_device = (*self.command, *self.reports)
+        self.of_device: tuple[str, ...] = (*self.command, *self.reports)
+        self.status: tuple[str, ...] = ("VEHICLE_STATUS",)
+        """The messages outside the sample that say who drives."""
+        self.period_s = self.command_period_s = PERIOD_S
+        self.later_s = dict.fromkeys(Wait, 0.0)
+        """How much later than the reference vehicle's a reaction may come."""
         self._numbers = self._enumerations()
 
     def pack(self, name: str, counter: int, **values: float) -> Frame:
@@ -168,6 +127,18 @@ class Wire:
         owner = self._data_ids[self.names[frame.can_id]] if data_id is None else data_id
         crc = self._checksum(owner, frame.data).to_bytes(self.crc_bytes, "little")
         return replace(frame, data=crc + frame.data[self.crc_bytes :])
+
+    def name_of(self, frame: Frame) -> str | None:
+        """The message of a frame's identifier, whatever its content."""
+        return None if frame.is_extended else self.names.get(frame.can_id)
+
+    def break_checksum(self, frame: Frame) -> Frame:
+        """Flip one bit of the checksum."""
+        return replace(frame, data=bytes((frame.data[0] ^ 0x10,)) + frame.data[1:])
+
+    def covered_bits(self, frame: Frame) -> list[int]:
+        """The bits (8 · byte + bit) that the checksum covers."""
+        return list(range(8 * self.crc_bytes, 8 * len(frame.data)))
 
     def is_well_formed(self, frame: Frame) -> bool:
         """True if a frame with a known identifier has the right kind and length."""
@@ -219,6 +190,27 @@ class Wire:
         raw = (1 << signal.length - signal.is_signed) - 1
         most_of_bits = float(signal.scale * raw + signal.offset)
         return (most_of_bits if signal.maximum is None else float(signal.maximum)), most_of_bits
+
+    def has_spare(self, signal_name: str, number: int) -> bool:
+        """True if an enumeration has no name for a number that its bits can carry."""
+        return self.greatest(signal_name)[1] >= number and number not in self._numbers[signal_name].values()
+
+    def can_report(self, mode: str) -> bool:
+        """True if the vehicle can say that it is in this mode."""
+        return mode in self._numbers["MODE"]
+
+    def protection_of(self, name: str) -> Protection:  # noqa: ARG002
+        """How a message is protected."""
+        return Protection(has_checksum=True, covers_identity=True, counters=self.counters, max_step=GREATEST_STEP)
+
+    def lights_in(self, decoded: DecodedFrame) -> bool | None:
+        """Whether a frame of the device switches the hazard lights on; None for other frames."""
+        return bool(decoded["HAZARD_LIGHTS"]) if "HAZARD_LIGHTS" in decoded.signals else None
+
+    @property
+    def has_lights(self) -> bool:
+        """True if the vehicle has hazard lights."""
+        return self.has("HAZARD_LIGHTS")
 
     def part_of(self, signal_name: str) -> str:
         """The message of sample or status that carries a signal. Raises `ProfileError` if none does."""
@@ -288,22 +280,6 @@ class Wire:
             raise ProfileError(
                 f"{self.path}: the bench checks end-to-end profiles 1 (BOTH) and 5, not {kind[0]} ({kind[1]})"
             )
-
-    def _limits(self) -> Limits:
-        own = self.profile["limits"]
-        for table, keys in JUDGED_BY.items():
-            numbers = self.profile
-            for part in table.split("."):
-                numbers = numbers[part]
-            for key in keys:
-                if key not in numbers:
-                    raise ProfileError(f"{self.path}: [{table}] {key} is missing: commands cannot be judged without it")
-        return Limits(
-            steer_rad=own["front_wheel_angle_rad"],
-            steer_rate_radps=own["front_wheel_rate_radps"],
-            accel_range_mps2=(own["accel_min_mps2"], own["accel_max_mps2"]),
-            gear_change_mps=own["gear_change_speed_mps"],
-        )
 
     def _enumerations(self) -> dict[str, dict[str, int]]:
         numbers: dict[str, dict[str, int]] = {}

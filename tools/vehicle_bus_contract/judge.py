@@ -159,9 +159,9 @@ def examine(frames: Iterable[Frame], contract: Judged = REFERENCE) -> Record:
     accepted = _judge_counters(contract, record)
     _find_samples(accepted, contract, record)
     _find_pairs(contract, record)
-    _judge_answers(record)
+    judge_answers(record)
     _judge_values(record, contract.limits)
-    _judge_rates(record, contract.limits)
+    judge_wheel_rates(record, contract.limits)
     _judge_lights_and_reports(record)
     return record
 
@@ -301,7 +301,7 @@ def _said_first(halves: Sequence[DecodedFrame], contract: Judged) -> str:
     return min(usual, key=lambda name: usual[name], default=contract.command[0])
 
 
-def _judge_answers(record: Record) -> None:
+def judge_answers(record: Record) -> None:
     """One pair for each complete sample, in each stretch of commanding."""
     pairs = record.pairs
     begin = 0
@@ -396,7 +396,7 @@ def _wrong_values(pair: Pair, speed_mps: float, limits: Limits, *, is_firm: bool
         yield f"GEAR_REQUEST {gear:.0f} at {speed_mps:.2f} m/s"
 
 
-def _judge_rates(record: Record, limits: Limits) -> None:
+def judge_wheel_rates(record: Record, limits: Limits) -> None:
     """The wheels' rate over every stretch of enabled commands, however short or long, not only from frame to frame."""
     rate_radps = limits.steer_rate_radps
     slack_rad = rate_radps * JITTER_NS / S + 1e-4

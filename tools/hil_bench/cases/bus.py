@@ -4,6 +4,7 @@ from hil_bench.case import Case, Need, Then
 from hil_bench.cases.common import ANY, BAD_CABLE, BROKEN_LINK, CABLE, INVALID, LINK, STALE
 from hil_bench.expect import DrivesOn, FallsSilent, MomentaryAtMost, Refuses, StaysOut, Stops, WatchdogActs
 from hil_bench.faults import base, link, traffic
+from hil_bench.parts import Part
 
 BUS = (
     Case(
@@ -110,6 +111,7 @@ BUS = (
         inject=traffic.flood(traffic.damaged_sample, 10),
         for_s=0.8,
         after_s=1.2,
+        about=(Part.CHECKSUM,),
         see=(Stops(STALE, until_end=False),),
         then=Then.REARM,
         allow=ANY,
@@ -124,6 +126,10 @@ BUS = (
         inject=traffic.add_second_vehicle(),
         for_s=0.8,
         after_s=1.2,
+        about=(
+            Part.COUNTER,
+            Part.POSITION,
+        ),
         see=(Stops((*STALE, *INVALID), within_s=0.25, until_end=False),),
         then=Then.REARM,
         allow=ANY,
@@ -162,6 +168,7 @@ BUS = (
             proves=f"{what} on the cable, in both directions: the device stops only when the state becomes stale.",
             injected=f"netem on both ends of the cable for 3 s: {' '.join(words)}",
             on_vxcan=True,
+            about=(Part.CHECKSUM,) if name == "damages" else (),
             inject=base.combine(link.shape_queue("netem", *words), link.shape_queue("netem", *words, at="{bench}")),
             for_s=3.0,
             see=(MomentaryAtMost(STALE, most),),

@@ -4,6 +4,7 @@ from hil_bench import routes
 from hil_bench.case import Case, Then
 from hil_bench.expect import Standstill, Stops
 from hil_bench.faults import vehicle
+from hil_bench.parts import Part
 
 DEVIATION = (
     Case(
@@ -14,6 +15,7 @@ DEVIATION = (
         injected="the vehicle drifts to the left at 4 m/s, whatever the steering",
         inject=vehicle.change_vehicle(plant_drift_mps=4.0),
         for_s=3.0,
+        about=(Part.POSITION,),
         see=(Stops(("DEVIATION",), within_s=2.5), Standstill(5.5)),
         then=Then.HOLDS,
         after_s=1.0,
@@ -27,6 +29,7 @@ DEVIATION = (
         route=routes.u_turn,
         inject=vehicle.change_vehicle(plant_wheel_rate_limit_radps=0.0),
         for_s=5.0,
+        about=(Part.WHEELS,),
         see=(Stops(("DEVIATION",), within_s=4.5), Standstill(7.0)),
         then=Then.HOLDS,
         after_s=2.0,

@@ -4,6 +4,7 @@ from hil_bench.case import Case, Need, Then
 from hil_bench.cases.common import ANY, DROPPED
 from hil_bench.expect import DrivesOn, GivesUp, LetsGo, NeverEnables, StaysOut
 from hil_bench.faults import vehicle
+from hil_bench.parts import Part
 
 DRIVER = (
     *(
@@ -16,16 +17,17 @@ DRIVER = (
             inject=vehicle.change_until_ready(**changed),
             for_s=0.3,
             after_s=1.5,
+            about=(part,),
             see=(LetsGo(("DRIVER_OVERRIDE",), within_s=0.06), StaysOut()),
             then=Then.REARM,
             allow=DROPPED,
             needs=(Need.REARM,),
         )
-        for name, what, changed in (
-            ("brakes", "brakes", {"driver_brake": True}),
-            ("accelerates", "accelerates", {"driver_throttle": True}),
-            ("steers-left", "steers to the left", {"driver_torque_nm": 3.5}),
-            ("steers-right", "steers to the right", {"driver_torque_nm": -3.5}),
+        for name, what, part, changed in (
+            ("brakes", "brakes", Part.BRAKE, {"driver_brake": True}),
+            ("accelerates", "accelerates", Part.THROTTLE, {"driver_throttle": True}),
+            ("steers-left", "steers to the left", Part.STEERING, {"driver_torque_nm": 3.5}),
+            ("steers-right", "steers to the right", Part.STEERING, {"driver_torque_nm": -3.5}),
         )
     ),
     Case(
@@ -35,6 +37,7 @@ DRIVER = (
         proves="A steering torque below the threshold is no override.",
         injected="a steering torque of 2.9 N·m for 0.5 s",
         inject=vehicle.change_vehicle(driver_torque_nm=2.9),
+        about=(Part.TORQUE,),
         see=(DrivesOn(),),
     ),
     Case(
@@ -46,6 +49,7 @@ DRIVER = (
         inject=vehicle.change_and_make_ready(driver_brake=True),
         for_s=0.2,
         after_s=2.5,
+        about=(Part.BRAKE,),
         see=(LetsGo(("DRIVER_OVERRIDE", "NOT_ENGAGED"), within_s=0.06), StaysOut()),
         then=Then.REARM,
         needs=(Need.REARM,),
@@ -59,7 +63,7 @@ DRIVER = (
         at_mps=-1.0,
         inject=vehicle.change_vehicle(can_engage=False),
         for_s=12.0,
-        see=(GivesUp(3.0),),
+        see=(GivesUp(),),
         then=Then.REARM,
         needs=(Need.REARM, Need.START),
         answers_in_time=False,
@@ -73,6 +77,7 @@ DRIVER = (
         at_mps=-1.0,
         inject=vehicle.change_until_ready(mode=0),
         for_s=8.0,
+        about=(Part.MANUAL,),
         see=(NeverEnables(),),
         then=Then.REARM,
         needs=(Need.REARM, Need.START),
@@ -87,6 +92,7 @@ DRIVER = (
         inject=vehicle.change_until_ready(mode=0),
         for_s=0.5,
         after_s=1.0,
+        about=(Part.MANUAL,),
         see=(LetsGo(("VEHICLE_NOT_AUTONOMOUS", "NOT_ENGAGED", "DRIVER_OVERRIDE"), within_s=0.2), StaysOut()),
         then=Then.REARM,
         allow=DROPPED,
@@ -101,6 +107,7 @@ DRIVER = (
         inject=vehicle.change_until_ready(fault_code=5),
         for_s=0.5,
         after_s=1.2,
+        about=(Part.FAULT,),
         see=(LetsGo(("VEHICLE_FAULT",), within_s=0.15), StaysOut()),
         then=Then.REARM,
         allow=ANY,
@@ -115,6 +122,7 @@ DRIVER = (
         inject=vehicle.change_until_ready(mode=4),
         for_s=0.5,
         after_s=1.2,
+        about=(Part.EMERGENCY_STOP,),
         see=(LetsGo(("VEHICLE_FAULT", "VEHICLE_NOT_AUTONOMOUS"), within_s=0.15), StaysOut()),
         then=Then.REARM,
         allow=ANY,

@@ -4,6 +4,7 @@ from hil_bench.case import Case, Need, Then
 from hil_bench.cases.common import ANY, DROPPED, INVALID, STALE
 from hil_bench.expect import Answers, DrivesOn, HazardLights, MomentaryAtMost, StaysOut, Stops
 from hil_bench.faults import frames, signals
+from hil_bench.parts import Part
 
 FRAMES = (
     *(
@@ -14,6 +15,7 @@ FRAMES = (
             proves=f"Frames {what} are dropped; the vehicle is driven by the sound frames.",
             injected=f"after each frame of the sample another one, {what}, for 0.5 s",
             inject=frames.change_frames(frames.add_to_sound_frame(change)),
+            about=(Part.SHORT_ID,) if name == "extended" else (),
             see=(DrivesOn(),),
         )
         for name, what, change in (
@@ -33,6 +35,7 @@ FRAMES = (
             injected=f"every frame of the sample {what}, for 0.4 s",
             inject=frames.change_frames(change),
             for_s=0.4,
+            about=(Part.SHORT_ID,) if name == "extended" else (),
             see=(Stops(STALE), HazardLights()),
             allow=ANY,
         )
@@ -49,7 +52,8 @@ FRAMES = (
         tags=("frames", "e2e"),
         proves="One wrong checksum costs one sample and nothing else.",
         injected="one frame with a wrong checksum",
-        inject=frames.change_frames(frames.break_crc, count=1, of=()),
+        inject=frames.change_frames(frames.break_crc, count=1),
+        about=(Part.CHECKSUM,),
         see=(DrivesOn(),),
         allow=DROPPED,
     ),
@@ -60,6 +64,7 @@ FRAMES = (
         proves="Four wrong checksums in a row cause a stop of at most 150 ms.",
         injected="four samples with wrong checksums",
         inject=frames.change_frames(frames.break_crc, count=4),
+        about=(Part.CHECKSUM,),
         see=(MomentaryAtMost(STALE, 0.15),),
         allow=ANY,
     ),
@@ -72,6 +77,7 @@ FRAMES = (
         inject=frames.change_frames(frames.break_crc),
         for_s=0.8,
         after_s=1.2,
+        about=(Part.CHECKSUM,),
         see=(Stops(STALE, until_end=False), HazardLights(), StaysOut()),
         then=Then.REARM,
         allow=ANY,
@@ -85,6 +91,7 @@ FRAMES = (
         injected="one random bit is flipped in one frame of ten, for 2 s",
         inject=frames.change_frames(frames.with_probability(0.1, frames.flip_bit)),
         for_s=2.0,
+        about=(Part.CHECKSUM,),
         see=(MomentaryAtMost(STALE, 1.0),),
         allow=ANY,
     ),
@@ -96,6 +103,7 @@ FRAMES = (
         injected="every sample with the same counter for 0.4 s",
         inject=frames.change_counter(lambda counter: 7),  # noqa: ARG005
         for_s=0.4,
+        about=(Part.COUNTER,),
         see=(Stops(STALE, within_s=0.2),),
         allow=ANY,
     ),
@@ -106,6 +114,7 @@ FRAMES = (
         proves="Two lost samples are tolerated.",
         injected="the counter skips two values",
         inject=frames.skip_counters(2),
+        about=(Part.SKIPS,),
         see=(DrivesOn(),),
         allow=DROPPED,
     ),
@@ -117,6 +126,7 @@ FRAMES = (
         injected="the counter jumps by six after every tenth sample for 1 s",
         inject=frames.skip_counters(6, every=10),
         for_s=1.0,
+        about=(Part.LONG_COUNTER,),
         see=(MomentaryAtMost(STALE, 0.1), Answers(0.75, 0.94)),
         allow=ANY,
     ),
@@ -128,6 +138,7 @@ FRAMES = (
         injected="the counter runs from 0 to 7 for 0.6 s",
         inject=frames.change_counter(lambda counter: counter % 8),
         for_s=0.6,
+        about=(Part.LONG_COUNTER,),
         see=(MomentaryAtMost(STALE, 0.3), Answers(0.7, 0.94)),
         allow=ANY,
     ),
@@ -139,6 +150,7 @@ FRAMES = (
         injected="fifteen samples are lost",
         inject=frames.change_frames(frames.drop, count=15),
         for_s=0.3,
+        about=(Part.COUNTER,),
         see=(Stops(STALE, until_end=False),),
         allow=ANY,
     ),
@@ -150,6 +162,7 @@ FRAMES = (
         injected="every frame of the sample has the checksum of another data id for 0.4 s",
         inject=frames.change_frames(frames.seal_as_another),
         for_s=0.4,
+        about=(Part.IDENTITY,),
         see=(Stops(STALE),),
         allow=ANY,
     ),
@@ -161,6 +174,7 @@ FRAMES = (
         injected="POSE_FRAME = 3, which has no name, for 0.4 s",
         inject=signals.set_signals(POSE_FRAME=3),
         for_s=0.4,
+        about=(Part.POSE_FRAME,),
         see=(Stops((*STALE, "FRAME_MISMATCH", *INVALID)),),
         allow=ANY,
     ),
@@ -172,6 +186,7 @@ FRAMES = (
         injected="a speed above the DBC's maximum for 0.4 s",
         inject=signals.exceed_range("SPEED"),
         for_s=0.4,
+        about=(Part.SPEED_RANGE,),
         see=(Stops(STALE),),
         allow=ANY,
     ),
@@ -183,6 +198,7 @@ FRAMES = (
         injected="mode 7 for 0.6 s",
         inject=signals.set_signals(MODE=7),
         for_s=0.6,
+        about=(Part.SPARE_MODE,),
         see=(Stops((*STALE, *INVALID, "VEHICLE_NOT_AUTONOMOUS", "VEHICLE_FAULT"), within_s=0.25, until_end=False),),
         after_s=1.0,
         then=Then.REARM,
@@ -197,6 +213,7 @@ FRAMES = (
         injected="the last message of one sample, the others of the next, and so on for 0.4 s: no sample is complete",
         inject=frames.mix_cycles(),
         for_s=0.4,
+        about=(Part.SHARED_COUNTER,),
         see=(Stops(STALE),),
         allow=ANY,
     ),

@@ -7,8 +7,11 @@ from hil_bench.case import Case, Need, Then
 from hil_bench.cases.common import ANY, DROPPED, INVALID, STALE
 from hil_bench.expect import DrivesOn, HazardLights, Stops
 from hil_bench.faults import frames, signals
+from hil_bench.parts import Part
 from hil_bench.rig import Rig
 from hil_bench.vehicle import TxFrame
+
+PLACED = (Part.POSITION,)
 
 PLAUSIBILITY = (
     Case(
@@ -18,6 +21,7 @@ PLAUSIBILITY = (
         proves="One implausible position is dropped.",
         injected="one sample is 30 m to the side",
         inject=signals.offset_signals(1, POS_Y=30.0),
+        about=(Part.POSITION,),
         see=(DrivesOn(),),
         allow=DROPPED,
     ),
@@ -29,6 +33,7 @@ PLAUSIBILITY = (
         injected="samples 30 m to the left and to the right in turn, for 0.4 s",
         inject=lambda rig: frames.change_frames(lambda r, u: [_move_sideways(r, u)])(rig),
         for_s=0.4,
+        about=(Part.POSITION,),
         see=(Stops((*INVALID, *STALE), until_end=False),),
         allow=ANY,
     ),
@@ -41,6 +46,7 @@ PLAUSIBILITY = (
         at_mps=4.0,
         inject=signals.freeze_sample(),
         for_s=1.0,
+        about=(Part.POSITION,),
         see=(Stops((*INVALID, *STALE), within_s=0.2, until_end=False),),
         after_s=1.2,
         then=Then.REARM,
@@ -57,6 +63,7 @@ PLAUSIBILITY = (
         at_mps=1.5,
         inject=signals.freeze_signal("SPEED"),
         for_s=3.0,
+        about=(Part.POSITION,),
         see=(Stops(INVALID, within_s=2.5, until_end=False),),
         after_s=1.2,
         then=Then.REARM,
@@ -74,22 +81,36 @@ PLAUSIBILITY = (
             at_mps=at_mps,
             inject=inject,
             for_s=3.0,
+            about=about,
             see=(Stops(INVALID, within_s=2.5, until_end=False),),
             after_s=0.5,
             then=Then.HOLDS,
             exit_status=(4,),
             allow=frozenset({*ANY, "command", "dynamics", "brakes"}),
         )
-        for name, injected, at_mps, inject in (
-            ("speed-low", "SPEED is 0.7 m/s too low", 4.0, signals.offset_signals(SPEED=-0.68)),
-            ("position-scaled", "POS_X is scaled by 1.25", 1.0, signals.scale_signals(POS_X=1.25)),
-            ("heading-off", "HEADING is off by 0.19 rad", 4.0, signals.offset_signals(HEADING=0.19)),
-            ("yaw-rate-off", "YAW_RATE is off by 0.3 rad/s", 4.0, signals.offset_signals(YAW_RATE=0.3)),
-            ("acceleration-off", "ACCEL is off by 3 m/s²", 4.0, signals.offset_signals(ACCEL=3.0)),
+        for name, injected, at_mps, about, inject in (
+            ("speed-low", "SPEED is 0.7 m/s too low", 4.0, PLACED, signals.offset_signals(SPEED=-0.68)),
+            ("position-scaled", "POS_X is scaled by 1.25", 1.0, PLACED, signals.scale_signals(POS_X=1.25)),
+            ("heading-off", "HEADING is off by 0.19 rad", 4.0, PLACED, signals.offset_signals(HEADING=0.19)),
+            (
+                "yaw-rate-off",
+                "YAW_RATE is off by 0.3 rad/s",
+                4.0,
+                (Part.YAW_RATE, Part.WHEELS),
+                signals.offset_signals(YAW_RATE=0.3),
+            ),
+            (
+                "acceleration-off",
+                "ACCEL is off by 3 m/s²",
+                4.0,
+                (Part.ACCEL,),
+                signals.offset_signals(ACCEL=3.0),
+            ),
             (
                 "wheel-off",
                 "FRONT_WHEEL_ANGLE is off by 0.25 rad",
                 4.0,
+                (Part.WHEELS, Part.YAW_RATE),
                 signals.offset_signals(FRONT_WHEEL_ANGLE=0.25),
             ),
         )
@@ -103,13 +124,14 @@ PLAUSIBILITY = (
             injected=f"{injected} in one sample of {every} for 1 s",
             inject=signals.alternate_signals(every, **changed),
             for_s=1.0,
+            about=(part,),
             see=(Stops(reasons), HazardLights()),
             after_s=1.0,
             allow=DROPPED,
         )
-        for name, injected, reasons, changed in (
-            ("pose-invalid", "POSE_VALID = 0", INVALID, {"POSE_VALID": 0.0}),
-            ("other-frame", "POSE_FRAME = ODOM", ("FRAME_MISMATCH",), {"POSE_FRAME": 0.0}),
+        for name, injected, reasons, part, changed in (
+            ("pose-invalid", "POSE_VALID = 0", INVALID, Part.POSE_VALID, {"POSE_VALID": 0.0}),
+            ("other-frame", "POSE_FRAME = ODOM", ("FRAME_MISMATCH",), Part.POSE_FRAME, {"POSE_FRAME": 0.0}),
         )
         for every in (2, 3)
     ),
@@ -121,6 +143,7 @@ PLAUSIBILITY = (
         injected="GEAR = REVERSE while the vehicle drives forwards",
         inject=signals.set_signals(GEAR=1.0),
         for_s=1.0,
+        about=(Part.GEAR,),
         see=(Stops(INVALID, within_s=0.35),),
         then=Then.HOLDS,
         exit_status=(4,),

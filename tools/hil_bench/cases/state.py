@@ -15,6 +15,8 @@ from hil_bench.expect import (
     WatchdogActs,
 )
 from hil_bench.faults import frames, vehicle
+from hil_bench.parts import Part
+from hil_bench.vocabulary import Wait
 
 STATE = (
     Case(
@@ -37,7 +39,12 @@ STATE = (
         inject=frames.change_frames(frames.drop),
         for_s=1.2,
         after_s=1.2,
-        see=(Stops(STALE, until_end=False), FallsSilent(0.6), WatchdogActs(0.75), StaysOut()),
+        see=(
+            Stops(STALE, until_end=False),
+            FallsSilent(0.6, Wait.SILENCE),
+            WatchdogActs(0.75, Wait.SILENCE),
+            StaysOut(),
+        ),
         then=Then.REARM,
         allow=ANY,
         needs=(Need.REARM,),
@@ -65,6 +72,7 @@ STATE = (
         at_mps=12.0,
         inject=vehicle.change_vehicle(pose_valid=False),
         for_s=7.0,
+        about=(Part.POSE_VALID,),
         see=(Stops(INVALID), Standstill(6.0), HazardLights()),
         after_s=3.0,
         allow=DROPPED,
@@ -75,9 +83,10 @@ STATE = (
         tags=("state", "driver"),
         proves="Without the vehicle's status the driver's actions are unknown: the vehicle is stopped.",
         injected="no status for 0.6 s",
-        inject=frames.change_frames(frames.drop, of=("VEHICLE_STATUS",)),
+        inject=frames.change_frames(frames.drop, of_status=True),
         for_s=0.6,
-        see=(Stops((*STALE, "VEHICLE_NOT_AUTONOMOUS"), within_s=0.25, until_end=False),),
+        about=(Part.STATUS,),
+        see=(Stops((*STALE, "VEHICLE_NOT_AUTONOMOUS"), 0.25, until_end=False, waits_for=Wait.STATUS_LOST),),
         allow=ANY,
     ),
     Case(
@@ -88,6 +97,7 @@ STATE = (
         injected="every second sample is lost for 1 s",
         inject=frames.drop_samples(2),
         for_s=1.0,
+        about=(Part.PATIENCE,),
         see=(DrivesOn(),),
         allow=DROPPED,
     ),
@@ -119,6 +129,7 @@ STATE = (
         injected="POSE_VALID = 0 for 0.3 s",
         inject=vehicle.change_vehicle(pose_valid=False),
         for_s=0.3,
+        about=(Part.POSE_VALID,),
         see=(Stops(INVALID), HazardLights()),
         allow=DROPPED,
     ),
@@ -131,6 +142,7 @@ STATE = (
         route=routes.bend,
         at_mps=6.5,
         inject=vehicle.change_vehicle(pose_valid=False),
+        about=(Part.POSE_VALID,),
         see=(Stops(INVALID), HazardLights()),
         allow=DROPPED,
     ),
@@ -142,6 +154,7 @@ STATE = (
         injected="the pose is in ODOM for 0.3 s",
         inject=vehicle.change_vehicle(pose_frame="ODOM"),
         for_s=0.3,
+        about=(Part.POSE_FRAME,),
         see=(Stops(("FRAME_MISMATCH", *INVALID)),),
         allow=DROPPED,
     ),
@@ -151,7 +164,7 @@ STATE = (
         tags=("state", "timing"),
         proves="Frames that a gateway delayed are not answered in a burst.",
         injected="a gateway holds the frames of 0.3 s, then sends them all at once",
-        inject=frames.delay_in_gateway(30),
+        inject=frames.delay_in_gateway(0.3),
         for_s=0.5,
         see=(Stops(STALE, until_end=False),),
         after_s=1.0,
@@ -166,6 +179,7 @@ STATE = (
         injected="after every tenth sample the one of 80 ms before is repeated, for 1 s",
         inject=frames.repeat_old_sample(10),
         for_s=1.0,
+        about=(Part.COUNTER,),
         see=(MomentaryAtMost(STALE, 0.3), Answers(0.75, 1.04)),
         allow=ANY,
     ),

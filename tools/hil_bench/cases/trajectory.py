@@ -4,6 +4,7 @@ from hil_bench import routes
 from hil_bench.case import Case, Then
 from hil_bench.expect import DrivesOn, ReachesEnd
 from hil_bench.faults import base
+from hil_bench.parts import Part
 
 TRAJECTORY = (
     Case(
@@ -24,6 +25,7 @@ TRAJECTORY = (
         injected="a trajectory whose time ends long before the vehicle can reach its end",
         route=lambda: routes.route("hurried", [(60.0, 0.0)], 5.0, slack=0.4),
         setup={"drive_limit_mps2": 0.8},
+        about=(Part.REASON,),
         see=(ReachesEnd(("PAST_END_TIME",)),),
         then=Then.END_OF_ROUTE,
     ),

@@ -1,6 +1,6 @@
 """The vocabulary of expectations: what must be observed of a device in a case."""
 
-from hil_bench.expect.base import Expectation, Observation, check
+from hil_bench.expect.base import Expectation, Observation, check, not_applicable
 from hil_bench.expect.commands import (
     Answers,
     DrivesOn,
@@ -37,4 +37,5 @@ __all__ = [
     "Stops",
     "WatchdogActs",
     "check",
+    "not_applicable",
 ]

@@ -10,6 +10,8 @@ from vehicle_bus_contract.reference import DecodedFrame, Frame, S
 from hil_bench.result import Check, Event, Verdict
 from hil_bench.routes import Route
 from hil_bench.vehicle import Instant
+from hil_bench.vocabulary import Wait
+from hil_bench.wire import Wire
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +36,16 @@ class Observation:
     exit_status: int | None
     exit_ns: int
     route: Route
+    wire: Wire
+    """The vehicle's bus."""
+
+    def later_s(self, waits_for: Wait) -> float:
+        """How much later than with the reference vehicle a reaction may come."""
+        return self.wire.later_s[waits_for]
+
+    def has_reason(self, pair: Pair, reasons: Sequence[str]) -> bool:
+        """Whether a command has one of these reasons, as far as the vehicle has a signal for it."""
+        return not self.wire.tells_reasons or pair.reason in reasons
 
     def at_s(self, stamp_ns: int) -> float:
         """On the case's time line."""
@@ -69,6 +81,11 @@ def check(text: str, wrong: Iterable[str], measured: float | None = None, limit:
         unit="" if measured is None and limit is None else "ms",
         found=found[:8],
     )
+
+
+def not_applicable(text: str, why: str) -> Check:
+    """A requirement that this vehicle has nothing for."""
+    return Check(text=text, verdict=Verdict.NOT_APPLICABLE, found=[why])
 
 
 def describe(observed: Observation, pair: Pair) -> str:

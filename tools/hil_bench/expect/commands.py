@@ -8,9 +8,10 @@ from vehicle_bus_contract.reference import S
 from hil_bench.expect.base import Observation, check, describe
 from hil_bench.result import Check, Event, EventKind
 from hil_bench.vehicle import WATCHDOG_NS
+from hil_bench.vocabulary import Wait
 
 STOP_S = 0.150
-PERIOD_S = 0.010
+GAP_PERIODS = 5
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,15 @@ class Stops:
     reasons: tuple[str, ...]
     within_s: float = STOP_S
     until_end: bool = True
+    waits_for: Wait = Wait.STATE
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
-        text = f"a stop with {' or '.join(self.reasons)} within {self.within_s * 1e3:.0f} ms"
+        within_s = self.within_s + observed.later_s(self.waits_for)
+        with_reason = f" with {' or '.join(self.reasons)}" if observed.wire.tells_reasons else ""
+        text = f"a stop{with_reason} within {within_s * 1e3:.0f} ms"
         begin_ns = observed.inject_ns
         after = [pair for pair in observed.pairs if pair.stamp_ns >= begin_ns and pair.is_enabled]
-        stops = [pair for pair in after if pair.is_stop and pair.reason in self.reasons]
+        stops = [pair for pair in after if pair.is_stop and observed.has_reason(pair, self.reasons)]
         if not stops:
             others = sorted({pair.reason for pair in after if pair.is_stop})
             return check(text, [f"no such stop; other stops: {', '.join(others) or 'none'}"]), []
@@ -42,7 +46,7 @@ class Stops:
             Event(at_s=at_s, kind=EventKind.DETECTION, text=first.reason),
             Event(at_s=at_s, kind=EventKind.REACTION, text=f"SAFE_STOP, {first.drive['ACCEL_REQUEST']:.2f} m/s²"),
         ]
-        return check(text, wrong, observed.since_s(first.stamp_ns), self.within_s), events
+        return check(text, wrong, observed.since_s(first.stamp_ns), within_s), events
 
 
 @dataclass(frozen=True)
@@ -50,16 +54,16 @@ class FallsSilent:
     """No command after this time, until the operator acts."""
 
     within_s: float = STOP_S
+    waits_for: Wait = Wait.NOTHING
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
-        text = f"silence within {self.within_s * 1e3:.0f} ms, until armed again"
-        late_ns = observed.inject_ns + round(self.within_s * S)
+        within_s = self.within_s + observed.later_s(self.waits_for)
+        text = f"silence within {within_s * 1e3:.0f} ms, until armed again"
+        late_ns = observed.inject_ns + round(within_s * S)
         wrong = [
             f"{observed.at_s(decoded.stamp_ns):.3f} s: {decoded.name}"
             for decoded in observed.decoded
-            if decoded.name.endswith("COMMAND")
-            and decoded.name != "BODY_COMMAND"
-            and late_ns <= decoded.stamp_ns < observed.then_ns
+            if decoded.name in observed.wire.command and late_ns <= decoded.stamp_ns < observed.then_ns
         ]
         last = observed.between(observed.inject_ns, late_ns)
         silent_ns = last[-1].stamp_ns if last else observed.inject_ns
@@ -68,7 +72,7 @@ class FallsSilent:
             events.append(
                 Event(at_s=observed.at_s(silent_ns), kind=EventKind.REACTION, text="the last command before silence")
             )
-        return check(text, wrong, None if wrong else observed.since_s(silent_ns), self.within_s), events
+        return check(text, wrong, None if wrong else observed.since_s(silent_ns), within_s), events
 
 
 @dataclass(frozen=True)
@@ -77,18 +81,21 @@ class LetsGo:
 
     reasons: tuple[str, ...]
     within_s: float = STOP_S
+    waits_for: Wait = Wait.STATUS
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
-        text = f"ENABLE = 0 with {' or '.join(self.reasons)} within {self.within_s * 1e3:.0f} ms, until armed again"
+        within_s = self.within_s + observed.later_s(self.waits_for)
+        with_reason = f" with {' or '.join(self.reasons)}" if observed.wire.tells_reasons else ""
+        text = f"ENABLE = 0{with_reason} within {within_s * 1e3:.0f} ms, until armed again"
         after = observed.between(observed.inject_ns, observed.then_ns)
-        released = [pair for pair in after if not pair.is_enabled and pair.reason in self.reasons]
+        released = [pair for pair in after if not pair.is_enabled and observed.has_reason(pair, self.reasons)]
         if not released:
             found = sorted({pair.reason for pair in after if not pair.is_enabled})
             return check(text, [f"no such command; other ENABLE = 0: {', '.join(found) or 'none'}"]), []
         first = released[0]
         wrong = [describe(observed, p) for p in after if p.is_enabled and p.stamp_ns > first.stamp_ns]
         event = Event(at_s=observed.at_s(first.stamp_ns), kind=EventKind.REACTION, text=f"ENABLE = 0, {first.reason}")
-        return check(text, wrong, observed.since_s(first.stamp_ns), self.within_s), [event]
+        return check(text, wrong, observed.since_s(first.stamp_ns), within_s), [event]
 
 
 @dataclass(frozen=True)
@@ -99,7 +106,7 @@ class StaysOut:
     """
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
-        settled_ns = observed.end_ns + round(0.05 * S)
+        settled_ns = observed.end_ns + round((0.05 + observed.later_s(Wait.STATUS)) * S)
         wrong = [describe(observed, pair) for pair in observed.between(settled_ns, observed.then_ns) if pair.is_enabled]
         at_once = [pair for pair in observed.between(observed.end_ns, settled_ns) if pair.is_enabled]
         if len(at_once) > 1 and not observed.between(observed.end_ns - round(STOP_S * S), observed.end_ns):
@@ -121,7 +128,7 @@ class DrivesOn:
         wrong += [
             f"{observed.at_s(a):.3f} s: no command for {(b - a) / S:.3f} s"
             for a, b in pairwise((observed.inject_ns, *(pair.stamp_ns for pair in pairs), end_ns))
-            if b - a > WATCHDOG_NS
+            if b - a > max(WATCHDOG_NS, GAP_PERIODS * observed.wire.period_s * observed.wire.ticks_per_command * S)
         ]
         return check(text, wrong), []
 
@@ -133,10 +140,10 @@ class FollowsGaps:
     Without gaps, a device that answers late by whole periods looks like one that answers at once.
     """
 
-    gap_s: tuple[float, float] = (1.5 * PERIOD_S, 3.0 * PERIOD_S)
+    gap_periods: tuple[float, float] = (1.5, 3.0)
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
-        shortest_ns, longest_ns = (round(limit * S) for limit in self.gap_s)
+        shortest_ns, longest_ns = (round(limit * observed.wire.period_s * S) for limit in self.gap_periods)
         commands = [
             len(observed.between(before_ns, after_ns))
             for before_ns, after_ns in pairwise(observed.samples_ns)
@@ -156,15 +163,16 @@ class MomentaryAtMost:
     most_s: float
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
-        text = f"at most {self.most_s * 1e3:.0f} ms of stopping ({', '.join(self.reasons)}), no ENABLE = 0"
+        most_s = self.most_s + observed.later_s(Wait.STATE)
+        text = f"at most {most_s * 1e3:.0f} ms of stopping ({', '.join(self.reasons)}), no ENABLE = 0"
         pairs = observed.between(observed.inject_ns, observed.then_ns)
         wrong = [
             describe(observed, pair)
             for pair in pairs
-            if not pair.is_enabled or (pair.is_stop and pair.reason not in self.reasons)
+            if not pair.is_enabled or (pair.is_stop and not observed.has_reason(pair, self.reasons))
         ]
-        stopped_s = sum(pair.is_stop for pair in pairs) * PERIOD_S
-        return check(text, wrong, stopped_s, self.most_s), []
+        stopped_s = sum(pair.is_stop for pair in pairs) * observed.wire.command_period_s
+        return check(text, wrong, stopped_s, most_s), []
 
 
 @dataclass(frozen=True)
@@ -180,12 +188,17 @@ class Answers:
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
         text = f"from {self.least:.0%} to {self.most:.0%} of the samples in this time are answered"
-        due = sum(observed.inject_ns <= instant.at_ns < observed.end_ns for instant in observed.history)
+        ticks = sum(observed.inject_ns <= instant.at_ns < observed.end_ns for instant in observed.history)
+        due = ticks / observed.wire.ticks_per_command
         pairs = [
-            pair for pair in observed.between(observed.inject_ns, observed.end_ns) if pair.reason not in self.reasons
+            pair
+            for pair in observed.between(observed.inject_ns, observed.end_ns)
+            if not observed.wire.tells_reasons or pair.reason not in self.reasons
         ]
         share = len(pairs) / due if due else 0.0
-        wrong = [] if self.least <= share <= self.most else [f"{len(pairs)} commands for {due} samples ({share:.0%})"]
+        wrong = (
+            [] if self.least <= share <= self.most else [f"{len(pairs)} commands for {due:.0f} samples ({share:.0%})"]
+        )
         return check(text, wrong), []
 
 
@@ -207,20 +220,20 @@ class NeverEnables:
 
 @dataclass(frozen=True)
 class GivesUp:
-    """Requests engagement for this long, then not again until the operator acts."""
+    """Requests engagement for as long as the profile has it, then not again until the operator acts."""
 
-    after_s: float
     slack_s: float = 0.3
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
-        text = f"requests engagement for {self.after_s:.0f} s, then not again until armed"
+        after_s = float(observed.wire.profile["timing"]["engage_timeout_s"])
+        text = f"requests engagement for {after_s:.0f} s, then not again until armed"
         asked = [pair for pair in observed.between(observed.begin_ns, observed.then_ns) if pair.is_enabled]
         if not asked:
             return check(text, ["it never requested it"]), []
         first_ns, last_ns = asked[0].stamp_ns, asked[-1].stamp_ns
         asked_s = (last_ns - first_ns) / S
-        wrong = [f"gave up after {asked_s:.2f} s"] if asked_s < self.after_s - self.slack_s else []
+        wrong = [f"gave up after {asked_s:.2f} s"] if asked_s < after_s - self.slack_s else []
         if observed.then_ns - last_ns < S:
             wrong.append("it still requested it at the end")
         event = Event(at_s=observed.at_s(last_ns), kind=EventKind.REACTION, text="the last ENABLE = 1")
-        return check(text, wrong, asked_s, self.after_s + self.slack_s), [event]
+        return check(text, wrong, asked_s, after_s + self.slack_s + observed.later_s(Wait.STATUS)), [event]

@@ -6,6 +6,7 @@ from vehicle_bus_contract.reference import S
 
 from hil_bench.expect.base import Observation, check, describe
 from hil_bench.result import Check, Event, EventKind
+from hil_bench.vocabulary import Wait
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,9 @@ class EndsOrderly:
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
         text = "stop commands until standstill, then ENABLE = 0, then nothing"
-        pairs = observed.between(observed.inject_ns + round(0.1 * S), observed.then_ns + 60 * S)
+        pairs = observed.between(
+            observed.inject_ns + round((0.1 + observed.later_s(Wait.STATE)) * S), observed.then_ns + 60 * S
+        )
         wrong = [describe(observed, pair) for pair in pairs if pair.is_enabled and not pair.is_stop]
         if not pairs or pairs[-1].is_enabled:
             wrong.append("the last command has ENABLE = 1" if pairs else "no command at all")

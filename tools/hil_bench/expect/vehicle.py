@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from vehicle_bus_contract.judge import Pair
 from vehicle_bus_contract.reference import AUTONOMOUS, FAULT, S
 
-from hil_bench.expect.base import Observation, check, describe
+from hil_bench.expect.base import Observation, check, describe, not_applicable
 from hil_bench.result import Check, Event, EventKind
+from hil_bench.vocabulary import Wait
 
 AT_END_M, AT_END_S = 1.5, 1.0
+WATCHDOG_S = 0.1
+"""Of the reference vehicle."""
 
 
 @dataclass(frozen=True)
@@ -33,14 +36,16 @@ class WatchdogActs:
     """The vehicle's own watchdog reacts to silence: mode FAULT within the time."""
 
     within_s: float = 0.25
+    waits_for: Wait = Wait.NOTHING
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
-        text = f"the vehicle's watchdog trips within {self.within_s * 1e3:.0f} ms"
+        within_s = self.within_s + observed.later_s(self.waits_for) + observed.wire.watchdog_s - WATCHDOG_S
+        text = f"the vehicle's watchdog trips within {within_s * 1e3:.0f} ms"
         at = next((i for i in observed.history if i.at_ns >= observed.inject_ns and i.mode == FAULT), None)
         if at is None:
             return check(text, ["it never tripped"]), []
         event = Event(at_s=observed.at_s(at.at_ns), kind=EventKind.DETECTION, text="the vehicle's watchdog")
-        return check(text, [], observed.since_s(at.at_ns), self.within_s), [event]
+        return check(text, [], observed.since_s(at.at_ns), within_s), [event]
 
 
 @dataclass(frozen=True)
@@ -48,11 +53,9 @@ class HazardLights:
     """On within 500 ms of the injection, as at every stop but the end of a trajectory."""
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
-        on = [
-            t
-            for t in observed.decoded
-            if t.name == "BODY_COMMAND" and t.stamp_ns > observed.inject_ns and t["HAZARD_LIGHTS"]
-        ]
+        if not observed.wire.has_lights:
+            return not_applicable("hazard lights on within 500 ms", "the vehicle has no hazard lights on its bus"), []
+        on = [t for t in observed.decoded if t.stamp_ns > observed.inject_ns and observed.wire.lights_in(t)]
         if not on:
             return check("hazard lights on", ["never on"]), []
         return check("hazard lights on within 500 ms", [], observed.since_s(on[0].stamp_ns), 0.5), []
@@ -65,6 +68,8 @@ class ReachesEnd:
     reasons: tuple[str, ...] = ("PAST_END_SPACE",)
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        if not observed.wire.tells_reasons:
+            return self._judge_place(observed)
         text = f"reaches the end: {' or '.join(self.reasons)}, at rest"
         stops = [pair for pair in observed.pairs if pair.is_stop and pair.reason in self.reasons]
         if not stops:
@@ -76,18 +81,39 @@ class ReachesEnd:
             for p in observed.between(observed.begin_ns, first_ns)
             if p.is_stop and _is_moving(observed, p)
         ]
-        lights = [
-            decoded
-            for decoded in observed.decoded
-            if decoded.name == "BODY_COMMAND" and first_ns < decoded.stamp_ns < observed.then_ns
-        ]
-        if any(decoded["HAZARD_LIGHTS"] for decoded in lights[1:]):
+        told = [t for t in observed.decoded if first_ns < t.stamp_ns < observed.then_ns]
+        lights = [on for one in told if (on := observed.wire.lights_in(one)) is not None]
+        if any(lights[1:]):
             wrong.append("hazard lights at the end of the trajectory")
         wrong += self._too_early(observed, first_ns, stops[0].reason)
         rest = [i for i in observed.history if first_ns < i.at_ns < observed.then_ns]
         if not rest or abs(rest[-1].speed_mps) > 0.02:
             wrong.append("it is not at rest at the end")
         event = Event(at_s=observed.at_s(first_ns), kind=EventKind.REACTION, text=stops[0].reason)
+        return check(text, wrong), [event]
+
+    def _judge_place(self, observed: Observation) -> tuple[Check, list[Event]]:
+        """Of a vehicle that is told no reason: at rest where the route ends, and enabled until then."""
+        near_m = AT_END_M * min(1.0, observed.wire.length_share)
+        text = f"reaches the end: at rest within {near_m:.2f} m of it, and enabled until then"
+        driven = [i for i in observed.history if i.at_ns < observed.then_ns]
+        if not any(i.mode == AUTONOMOUS for i in driven):
+            return check(text, ["it was never driven"]), []
+        last, route = driven[-1], observed.route
+        left_m = math.hypot(route.x_m[-1] - last.x_m, route.y_m[-1] - last.y_m)
+        wrong = (
+            [] if left_m <= near_m else [f"{observed.at_s(last.at_ns):.3f} s: {left_m:.2f} m from the end of the route"]
+        )
+        if abs(last.speed_mps) > 0.02:
+            wrong.append("it is not at rest at the end")
+        first = next(i for i in driven if i.mode == AUTONOMOUS)
+        moving = [
+            i for i in driven if i.at_ns > first.at_ns and abs(i.speed_mps) > 0.3 * min(1.0, observed.wire.speed_share)
+        ]
+        if any(i.mode != AUTONOMOUS for i in moving):
+            wrong.append("it was not autonomous all the way")
+        rest = next((i for i in driven if moving and i.at_ns > moving[-1].at_ns and abs(i.speed_mps) <= 0.02), last)
+        event = Event(at_s=observed.at_s(rest.at_ns), kind=EventKind.STANDSTILL, text="at rest")
         return check(text, wrong), [event]
 
     def _too_early(self, observed: Observation, first_ns: int, reason: str) -> Iterable[str]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 
-from vehicle_bus_contract.reference import Frame
+from vehicle_bus_contract.reference import Frame, S
 
 from hil_bench.faults.base import ALWAYS, Injection, NotApplicableError, call_each_tick, with_fault
 from hil_bench.rig import Rig
@@ -32,11 +32,12 @@ class _ChangedFrames(Fault):
         return out
 
 
-def change_frames(change: Change, *, of: Sequence[str] = (), count: int = ALWAYS) -> Injection:
-    """Change the next `count` frames of each message in `of` (default: those of the state sample)."""
+def change_frames(change: Change, *, of_status: bool = False, count: int = ALWAYS) -> Injection:
+    """Change the next `count` frames of each message of the state sample, or of the status."""
 
     def inject(rig: Rig) -> AbstractContextManager[None]:
-        return with_fault(rig, _ChangedFrames(of or rig.wire.sample, count, lambda tx: change(rig, tx)))
+        names = rig.wire.status if of_status else rig.wire.sample
+        return with_fault(rig, _ChangedFrames(names, count, lambda tx: change(rig, tx)))
 
     return inject
 
@@ -49,16 +50,16 @@ def drop(_rig: Rig, _tx: TxFrame) -> list[Frame]:
     return []
 
 
-def break_crc(_rig: Rig, tx: TxFrame) -> list[Frame]:
+def break_crc(rig: Rig, tx: TxFrame) -> list[Frame]:
     """Flip one bit of the checksum."""
-    data = tx.frame.data
-    return [replace(tx.frame, data=bytes((data[0] ^ 0x10,)) + data[1:])]
+    return [rig.wire.break_checksum(tx.frame)]
 
 
 def flip_bit(rig: Rig, tx: TxFrame) -> list[Frame]:
     """Flip one random bit of the payload and keep the checksum."""
     data = bytearray(tx.frame.data)
-    data[rig.random.randrange(rig.wire.crc_bytes, len(data))] ^= 1 << rig.random.randrange(8)
+    place = rig.random.choice(rig.wire.covered_bits(tx.frame))
+    data[place // 8] ^= 1 << place % 8
     return [replace(tx.frame, data=bytes(data))]
 
 
@@ -140,13 +141,13 @@ def skip_counters(by: int, every: int = ALWAYS) -> Injection:
 
 
 class _MixedCycles(Fault):
-    def __init__(self) -> None:
-        self._tick = 0
+    def __init__(self, sample: Sequence[str]) -> None:
+        self._sample, self._tick = sample, 0
 
     def frames(self, outgoing: list[TxFrame]) -> list[Frame]:
         self._tick += 1
         last = outgoing[-1].name
-        return [tx.frame for tx in outgoing if tx.name == "VEHICLE_STATUS" or (tx.name == last) is bool(self._tick % 2)]
+        return [tx.frame for tx in outgoing if tx.name not in self._sample or (tx.name == last) is bool(self._tick % 2)]
 
 
 def mix_cycles() -> Injection:
@@ -155,7 +156,7 @@ def mix_cycles() -> Injection:
     def inject(rig: Rig) -> AbstractContextManager[None]:
         if len(rig.wire.sample) < 2:
             raise NotApplicableError("a sample of this vehicle is one message: its parts cannot be mixed")
-        return with_fault(rig, _MixedCycles())
+        return with_fault(rig, _MixedCycles(rig.wire.sample))
 
     return inject
 
@@ -191,23 +192,23 @@ class _DelayedSamples(Fault):
         return released
 
 
-def delay_in_gateway(samples: int) -> Injection:
-    """Hold back this many samples, then send all of them at once."""
-    return lambda rig: with_fault(rig, _DelayedSamples(samples))
+def delay_in_gateway(hold_s: float) -> Injection:
+    """Hold back the frames of this time, then send all of them at once."""
+    return lambda rig: with_fault(rig, _DelayedSamples(round(hold_s * S / rig.vehicle.period_ns)))
 
 
 class _DroppedSamples(Fault):
-    def __init__(self, every: int) -> None:
-        self._every, self._tick = every, 0
+    def __init__(self, every: int, sample: Sequence[str]) -> None:
+        self._every, self._sample, self._count = every, sample, 0
 
     def frames(self, outgoing: list[TxFrame]) -> list[Frame]:
-        self._tick += 1
-        return [tx.frame for tx in outgoing if tx.name == "VEHICLE_STATUS" or self._tick % self._every]
+        self._count += any(tx.name in self._sample for tx in outgoing)
+        return [tx.frame for tx in outgoing if tx.name not in self._sample or self._count % self._every]
 
 
 def drop_samples(every: int) -> Injection:
     """Drop every n-th sample. The commands must show the same gaps, delayed by the device's reaction time."""
-    return lambda rig: with_fault(rig, _DroppedSamples(every))
+    return lambda rig: with_fault(rig, _DroppedSamples(every, rig.wire.sample))
 
 
 def delay_randomly(most_s: float) -> Injection:

@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
 
 from vehicle_bus_contract.reference import GREATEST_STEP, Frame, S
 
@@ -41,8 +42,7 @@ def flood(make: Callable[[Rig, int], Frame], per_tick: int) -> Injection:
 def damaged_sample(rig: Rig, number: int) -> Frame:
     """A frame with an identifier of the sample, and random data."""
     name = rig.wire.sample[number % len(rig.wire.sample)]
-    data = rig.random.randbytes(rig.wire.lengths[name])
-    return Frame(0, rig.wire.ids[name], data, is_fd=rig.wire.is_fd)
+    return replace(rig.wire.pack(name, 0), data=rig.random.randbytes(rig.wire.lengths[name]))
 
 
 def rival_command(rig: Rig, number: int) -> Frame:

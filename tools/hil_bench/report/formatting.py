@@ -20,7 +20,7 @@ SHOWS = {
 }
 """What a class of evidence does and does not prove."""
 
-_WORST_FIRST = (Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.PASS)
+_WORST_FIRST = (Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.PASS, Verdict.NOT_APPLICABLE)
 
 
 def clean(text: str) -> str:

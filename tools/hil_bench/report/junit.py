@@ -8,12 +8,12 @@ from hil_bench.result import CaseResult, Run, Verdict
 
 
 def write(run: Run, path: Path) -> None:
-    """NOT EXECUTED is `skipped` with its reason; what a failure found is in its text."""
+    """NOT EXECUTED and NOT APPLICABLE are `skipped` with their reason; what a failure found is in its text."""
     counts = {
         "tests": str(len(run.cases)),
         "failures": str(count(run, Verdict.FAIL)),
         "errors": "0",
-        "skipped": str(count(run, Verdict.NOT_EXECUTED)),
+        "skipped": str(count(run, Verdict.NOT_EXECUTED) + count(run, Verdict.NOT_APPLICABLE)),
         "time": _seconds(run.duration_s),
     }
     root = ElementTree.Element("testsuites", {"name": "hil", **counts})
@@ -55,6 +55,8 @@ def _case(suite: ElementTree.Element, case: CaseResult, name: str, profile: str)
         failure.text = _checks(case)
     elif case.verdict is Verdict.NOT_EXECUTED:
         ElementTree.SubElement(element, "skipped", {"message": clean(case.why)})
+    elif case.verdict is Verdict.NOT_APPLICABLE:
+        ElementTree.SubElement(element, "skipped", {"message": clean(f"{case.verdict}: {case.why}")})
     if case.verdict is not Verdict.FAIL and case.checks:
         ElementTree.SubElement(element, "system-out").text = _checks(case)
 

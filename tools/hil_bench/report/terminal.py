@@ -21,7 +21,12 @@ REFRESHES_PER_S = 4
 TIGHTEST = 5
 """At most this many passed cases are listed at the end, those closest to a limit."""
 
-_COLOURS = {Verdict.PASS: "green", Verdict.FAIL: "bold red", Verdict.NOT_EXECUTED: "yellow"}
+_COLOURS = {
+    Verdict.PASS: "green",
+    Verdict.FAIL: "bold red",
+    Verdict.NOT_EXECUTED: "yellow",
+    Verdict.NOT_APPLICABLE: "dim",
+}
 
 
 class Progress:
@@ -97,12 +102,13 @@ class _Current:
 
 
 def _verdict(verdict: Verdict) -> Text:
-    return Text(f"{verdict:<12}", _COLOURS[verdict])
+    return Text(f"{verdict:<14}", _COLOURS[verdict])
 
 
 def _not_passed(run: Run) -> list[CaseResult]:
     """Failed ones last, nearest to the reader's eye."""
-    left = [group.worst for group in groups(run) if group.verdict is not Verdict.PASS]
+    passed = (Verdict.PASS, Verdict.NOT_APPLICABLE)
+    left = [group.worst for group in groups(run) if group.verdict not in passed]
     return left[::-1]
 
 
@@ -137,9 +143,11 @@ def _describe(case: CaseResult) -> str:
 
 def _conclusion(run: Run) -> Text:
     failed, left, passed = (count(run, v) for v in (Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.PASS))
+    others = count(run, Verdict.NOT_APPLICABLE)
+    absent = f", {others} not applicable" if others else ""
     return Text.assemble(
         (str(run.verdict), _COLOURS[run.verdict]),
-        f"  {passed} passed, {failed} failed, {left} not executed in {duration(run.duration_s)}"
+        f"  {passed} passed, {failed} failed, {left} not executed{absent} in {duration(run.duration_s)}"
         f"{', ' + run.interrupted if run.interrupted else ''}\n",
         ("Evidence: ", "dim"),
         clean(run.evidence),

@@ -1,0 +1,79 @@
+"""The catalogue for one vehicle: which cases apply to it, and how fast and how far they drive."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from hil_bench import routes
+from hil_bench.case import Case, Need, Then
+from hil_bench.expect import Expectation, FallsSilent, LetsGo, MomentaryAtMost, Stops, WatchdogActs
+from hil_bench.parts import Part, parts_of
+from hil_bench.routes import Route
+from hil_bench.wire import Wire
+
+STALE = {"STATE_STALE"}
+FASTEST_SHARE = 0.9
+"""Of the profile's speed limit."""
+
+
+def find_inapplicable(case: Case, wire: Wire, parts: frozenset[Part] | None = None) -> str:
+    """Why a case does not apply to a vehicle; empty if it does. `parts` are the vehicle's, if known already."""
+    there = parts_of(wire) if parts is None else parts
+    lacking = [part.value for part in case.about if part not in there]
+    if lacking:
+        return f"needs {' and '.join(lacking)}, which this vehicle does not have"
+    if case.profile is not None:
+        texts = wire.path.read_text(), wire.dbc.read_text(errors="replace")
+        if case.profile(*texts) == texts:
+            return "the vehicle's files have nothing that this case could spoil"
+    return ""
+
+
+def adapt(case: Case, wire: Wire) -> Case:
+    """The case as it is driven with this vehicle; the reference vehicle drives it as it is written.
+
+    A vehicle with odometry has lost its place when its state was stale: it stays stopped until it is armed again.
+    """
+    if wire.speed_share == wire.length_share == 1.0 and not any(wire.later_s.values()):
+        return case
+    route = case.route()
+    driven = scale_for(route, wire)
+    share = max(map(abs, driven.speed_mps)) / max(map(abs, route.speed_mps))
+    waited = [
+        wire.later_s[one.waits_for] for one in case.see if isinstance(one, Stops | LetsGo | FallsSilent | WatchdogActs)
+    ]
+    then, needs = case.then, case.needs
+    if wire.loses_its_place and then is Then.GOES_ON and any(STALE & set(_reasons(one)) for one in case.see):
+        then, needs = Then.REARM, tuple(dict.fromkeys([*needs, Need.REARM]))
+    error_m = None if case.max_path_error_m is None else case.max_path_error_m * wire.length_share
+    return replace(
+        case,
+        route=_always(driven),
+        at_mps=case.at_mps * share if case.at_mps > 0.0 else case.at_mps,
+        for_s=case.for_s + max(waited, default=0.0),
+        max_path_error_m=error_m,
+        then=then,
+        needs=needs,
+        setup={name: value * (wire.length_share if name == "y_m" else 1.0) for name, value in case.setup.items()},
+    )
+
+
+def scale_for(route: Route, wire: Wire) -> Route:
+    """A route of the catalogue as this vehicle drives it."""
+    fastest_mps = FASTEST_SHARE * float(wire.profile["limits"]["speed_max_mps"])
+    if wire.speed_share == wire.length_share == 1.0 and max(map(abs, route.speed_mps)) <= fastest_mps:
+        return route
+    return routes.scale(
+        route,
+        length=wire.length_share,
+        speed=wire.speed_share,
+        fastest_mps=fastest_mps if math.isfinite(fastest_mps) else math.inf,
+    )
+
+
+def _reasons(expectation: Expectation) -> tuple[str, ...]:
+    return expectation.reasons if isinstance(expectation, Stops | MomentaryAtMost) else ()
+
+
+def _always(route: Route) -> Callable[[], Route]:
+    return lambda: route

@@ -1,0 +1,60 @@
+"""What a profile's periods, counts and limits change of the reference vehicle's times, tolerances and routes."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hil_bench.peer.command import CommandReader
+from hil_bench.peer.roles import Roles
+from hil_bench.vocabulary import PERIOD_S, Wait
+
+INFER_S = 0.15
+"""A stop that is inferred shows within this time; one that is told shows at once."""
+REFERENCE_TURN_M, USUAL_MPS, ACROSS_MPS2 = 3.95, 5.0, 3.0
+"""Of the reference vehicle: smallest turning radius, speed of most routes, lateral acceleration."""
+ALONG_SHARE, BRAKE_SHARE, SPEED_SHARE = 0.4, 0.35, 0.8
+"""Of the limits, used by routes; the brake's is below what makes a command a stop."""
+SHORTEST_SHARE = 0.2
+TABLE_SHARE, FEEDBACK_SHARE = 0.05, 0.35
+"""Of the greatest acceleration: what a pedal's table and its feedback may make of one."""
+
+
+def later_s(profile: Mapping[str, Any], roles: Roles, reader: CommandReader) -> dict[Wait, float]:
+    """How much later than the reference vehicle's reactions may come."""
+    timing = profile["timing"]
+    period_s = float(timing["sample_period_s"])
+    late_s = 2.0 * max(0.0, period_s - PERIOD_S)
+    infer_s = 0.0 if reader.has_stop else INFER_S
+    slow_s = max(0.0, max((roles.periods_s[name] for name in roles.status), default=period_s) - 0.02)
+    enabling = [send for send in profile.get("send", ()) if send["message"] in reader.enabling_messages]
+    enable_s = max((float(send.get("period_s", 0.0)) for send in enabling), default=0.0)
+    return {
+        Wait.NOTHING: late_s,
+        Wait.STATE: late_s + max(0.0, timing["state_stale_s"] - 0.05) + infer_s,
+        Wait.STATUS: late_s + slow_s + enable_s,
+        Wait.STATUS_LOST: late_s + slow_s + max(0.0, timing["status_stale_s"] - 0.1) + infer_s,
+        Wait.SILENCE: late_s + max(0.0, timing["state_silent_s"] - 0.5),
+    }
+
+
+def accel_slack_mps2(profile: Mapping[str, Any], reader: CommandReader) -> float:
+    """Tolerance of commanded accelerations: one count, and what pedals make of them."""
+    count = max(reader.count(key) for key in ("accel_mps2", "drive_mps2", "brake_mps2"))
+    pedals = profile["command"].get("pedals")
+    share = 0.0 if pedals is None else FEEDBACK_SHARE if "feedback" in pedals else TABLE_SHARE
+    return float(0.002 + count + share * profile["limits"]["accel_max_mps2"])
+
+
+def length_share(profile: Mapping[str, Any]) -> float:
+    """How much smaller routes are, by the smallest turning radius."""
+    turn_m = profile["geometry"]["wheelbase_m"] / math.tan(profile["limits"]["front_wheel_angle_rad"])
+    return float(max(SHORTEST_SHARE, turn_m / REFERENCE_TURN_M))
+
+
+def speed_share(profile: Mapping[str, Any], length: float) -> float:
+    """How much slower routes are, by the limits of speed, acceleration and braking."""
+    limits, brake_mps2 = profile["limits"], profile["behavior"]["safe_deceleration_mps2"]
+    along_mps2 = min(ALONG_SHARE * limits["accel_max_mps2"], BRAKE_SHARE * brake_mps2)
+    across = limits["lateral_accel_mps2"] / ACROSS_MPS2
+    usual = SPEED_SHARE * limits["speed_max_mps"] / USUAL_MPS
+    return float(min(1.0, usual, math.sqrt(length * along_mps2), math.sqrt(length * across)))

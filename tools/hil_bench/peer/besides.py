@@ -1,0 +1,63 @@
+"""What is sent besides the fields of commands: fixed values, counts, complements and echoes."""
+
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping
+
+from vehicle_bus_contract.reference import DecodedFrame, S
+
+from hil_bench.peer.signals import initial_of, sent_values
+from hil_bench.peer.wire import PeerWire
+
+ECHO_NS = round(0.5 * S)
+"""An echo may be of any value that the vehicle sent within this time."""
+
+
+class Besides:
+    """Fed with every sound frame in the order of time; `find_faults` judges one of the device's."""
+
+    def __init__(self, wire: PeerWire) -> None:
+        self._wire = wire
+        self._values = sent_values(wire.profile)
+        self._echoed: dict[str, deque[tuple[int, float]]] = {
+            str(value["echo"]): deque()
+            for value in self._values.values()
+            if isinstance(value, Mapping) and "echo" in value
+        }
+        self._counts: dict[str, float] = {}
+
+    def note(self, decoded: DecodedFrame) -> None:
+        """A frame of the vehicle."""
+        for dotted, sent in self._echoed.items():
+            if dotted in decoded.signals:
+                sent.append((decoded.stamp_ns, decoded[dotted]))
+                while sent[0][0] < decoded.stamp_ns - ECHO_NS:
+                    sent.popleft()
+
+    def find_faults(self, decoded: DecodedFrame) -> Iterator[str]:
+        """Values that are not the profile's."""
+        for dotted, wanted in self._values.items():
+            if dotted.startswith(f"{decoded.name}.") and dotted in decoded.signals:
+                value = decoded[dotted]
+                if not self._fits(dotted, wanted, value, decoded):
+                    yield f"{dotted} is {value:g}, where the profile has {wanted}"
+
+    def _fits(self, dotted: str, wanted: object, value: float, decoded: DecodedFrame) -> bool:
+        signal = self._wire.signals[dotted]
+        slack = signal.count / 2.0 + 1e-9
+        if isinstance(wanted, int | float):
+            return abs(value - wanted) <= slack
+        if isinstance(wanted, str):
+            before, self._counts[dotted] = self._counts.get(dotted), value
+            states = 1 << signal.signal.length
+            return before is None or abs((value - before) / signal.count % states - 1.0) < 1e-6
+        if not isinstance(wanted, Mapping):
+            return True
+        if "complement" in wanted:
+            other = decoded.signals.get(
+                f"{decoded.name}.{wanted['complement']}", decoded.signals.get("COUNTER", math.nan)
+            )
+            return int(value) == ~int(other) & (1 << signal.signal.length) - 1
+        if "echo" in wanted:
+            return any(abs(value - sent) <= slack for _, sent in self._echoed[str(wanted["echo"])])
+        return min(abs(value - float(wanted["value"])), abs(value - initial_of(signal.signal))) <= slack

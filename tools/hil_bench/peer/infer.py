@@ -1,0 +1,55 @@
+"""Which commands are stops, where no signal says so: those that take the speed away at least half as hard as a stop."""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+
+from vehicle_bus_contract.reference import MS, S
+
+from hil_bench.peer.wire import PeerWire
+
+WINDOW_NS = 100 * MS
+SHARE = 0.4
+"""Of the safe deceleration; what brakes less may be the route's own."""
+SLOW_S = 0.2
+STANDS_MPS = 0.05
+
+
+class InferredStop:
+    """Fed with each command in the order of time."""
+
+    def __init__(self, wire: PeerWire) -> None:
+        self._has_signal = wire.has_stop_signal
+        self._is_speed = wire.reader.longitudinal == "speed"
+        self._least_mps2 = SHARE * float(wire.profile["behavior"]["safe_deceleration_mps2"])
+        self._slow_mps = SLOW_S * float(wire.profile["behavior"]["safe_deceleration_mps2"])
+        """Below this speed the brake may be released."""
+        self._count = max(1e-6, wire.reader.count("speed_mps"))
+        self._lately: deque[tuple[int, float]] = deque()
+
+    def is_stop(self, asked: Mapping[str, float], *, speed_mps: float, at_ns: int) -> bool:
+        """Whether this command stops the vehicle, or holds it at standstill."""
+        if self._has_signal:
+            return bool(asked["SAFE_STOP"])
+        if self._is_speed:
+            return self._is_slower(asked["SPEED_REQUEST"], at_ns)
+        accel_mps2 = asked["ACCEL_REQUEST"]
+        if abs(speed_mps) < STANDS_MPS:
+            return accel_mps2 <= 0.0
+        if abs(speed_mps) < self._slow_mps:
+            return accel_mps2 * speed_mps < 0.0
+        return -math.copysign(1.0, speed_mps) * accel_mps2 >= self._least_mps2
+
+    def slope_mps2(self) -> float:
+        """How fast the commanded speed changes, over the last 0.1 s."""
+        (first_ns, first), (last_ns, last) = self._lately[0], self._lately[-1]
+        return (abs(last) - abs(first)) / (last_ns - first_ns) * S if last_ns > first_ns else 0.0
+
+    def _is_slower(self, commanded_mps: float, at_ns: int) -> bool:
+        self._lately.append((at_ns, commanded_mps))
+        while len(self._lately) > 2 and self._lately[1][0] <= at_ns - WINDOW_NS:
+            self._lately.popleft()
+        if abs(commanded_mps) < self._count / 2.0:
+            return True
+        slope_mps2 = self.slope_mps2()
+        return slope_mps2 <= -self._least_mps2 or (slope_mps2 < 0.0 and abs(commanded_mps) < self._slow_mps)

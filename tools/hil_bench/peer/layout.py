@@ -1,0 +1,83 @@
+"""The messages that a profile names: identifiers, lengths, signals and protection."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from cantools.database.can import Message
+from vehicle_bus_contract.reference import Frame
+
+from hil_bench.peer.protection import Protection, UnknownProtectionError, read_protection
+from hil_bench.peer.signals import PeerSignal, field_signals, read_signal, received_signals, sent_values, sources_of
+from hil_bench.profile import ProfileError, ProfileFiles
+
+EXTENDED = 1 << 31
+"""Marks an identifier of 29 bits."""
+ANY_SENDER = 1 << 32
+"""Marks a J1939 group whose sender does not matter."""
+GROUP, SENDER = 0x3FFFF00, 0xFF
+OWN_UNIT = ("throttle", "brake")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Everything by the name of the message, or MESSAGE.SIGNAL."""
+
+    messages: Mapping[str, Message]
+    signals: Mapping[str, PeerSignal]
+    protections: Mapping[str, Protection]
+    used: Mapping[str, tuple[str, ...]]
+    """The signals that the profile names, of each message."""
+    ids: Mapping[str, int]
+    names: Mapping[int, str]
+    """Identifier, with `EXTENDED` → message."""
+    groups: Mapping[int, str]
+    """J1939: group and sender, or group with `ANY_SENDER` → message."""
+
+    def name_of(self, frame: Frame) -> str | None:
+        """The message of a frame's identifier; of a J1939 message whatever its priority."""
+        name = self.names.get(frame.can_id | EXTENDED * frame.is_extended)
+        if name is None and frame.is_extended:
+            group = frame.can_id & GROUP
+            name = self.groups.get(group | frame.can_id & SENDER) or self.groups.get(group | ANY_SENDER)
+        return name
+
+
+def read_layout(files: ProfileFiles) -> Layout:
+    """Raises `ProfileError` for what the bench cannot play, and `KeyError` for what the DBC does not have."""
+    profile, database = files.profile, files.database
+    fields, values = field_signals(profile), sent_values(profile)
+    reported = (profile.get(part, {}).get("signals", {}).values() for part in ("body", "report"))
+    named = [*received_signals(profile), *(name for names in fields.values() for name in names), *values]
+    named += [name for forms in reported for form in forms for name in sources_of(form)]
+    own = {*values, *(name for key in OWN_UNIT for name in fields.get(key, ()))}
+    signals = {name: read_signal(database, profile, name, own_unit=name in own) for name in dict.fromkeys(named)}
+    owners = [*(name.partition(".")[0] for name in signals), *profile["state"]["sample"]]
+    owners += [str(send["message"]) for send in profile.get("send", ())]
+    messages = {name: database.get_message_by_name(name) for name in dict.fromkeys(owners)}
+    for name, message in messages.items():
+        if message.is_multiplexed():
+            raise ProfileError(f"{files.path}: {name} is multiplexed, which the bench does not play")
+    try:
+        protections = {name: read_protection(profile, message) for name, message in messages.items()}
+    except UnknownProtectionError as error:
+        raise ProfileError(f"{files.path}: the bench has no code of its own for {error}") from None
+    ids = {name: message.frame_id | EXTENDED * message.is_extended_frame for name, message in messages.items()}
+    return Layout(
+        messages=messages,
+        signals=signals,
+        protections=protections,
+        used={one: tuple(name.partition(".")[2] for name in signals if name.startswith(f"{one}.")) for one in messages},
+        ids=ids,
+        names={can_id: name for name, can_id in ids.items()},
+        groups=_read_groups(profile, messages),
+    )
+
+
+def _read_groups(profile: Mapping[str, Any], messages: Mapping[str, Message]) -> dict[int, str]:
+    groups = {}
+    for name, message in messages.items():
+        note = profile.get("messages", {}).get(name, {}).get("j1939")
+        if note is not None:
+            groups[message.frame_id & GROUP | note.get("source_address", ANY_SENDER)] = name
+    return groups
