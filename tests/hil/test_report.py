@@ -230,6 +230,27 @@ def test_an_empty_run_has_a_page(tmp_path: Path) -> None:
         words_of(made_up.run_of(cases))
 
 
+def test_what_does_not_apply_is_shown_with_its_reason_and_never_counts_as_passed(tmp_path: Path) -> None:
+    absent = case("gear", Verdict.NOT_APPLICABLE, why="needs a gear on its bus, which this vehicle does not have")
+    for cases, verdict in (
+        ([absent], Verdict.NOT_APPLICABLE),
+        ([absent, case()], Verdict.PASS),
+        ([absent, case(verdict=Verdict.NOT_EXECUTED)], Verdict.NOT_EXECUTED),
+        ([absent, case(verdict=Verdict.FAIL)], Verdict.FAIL),
+    ):
+        assert result.verdict_of(cases) is verdict
+    run = made_up.run_of([absent, case("other")])
+    assert "1 passed, 0 failed, 0 not executed, 1 not applicable" in words_of(run)
+    page = page_of(run, tmp_path)
+    assert "1 NOT APPLICABLE" in page.text
+    assert absent.why in page.text
+    junit.write(run, tmp_path / "junit.xml")
+    suite = ElementTree.parse(tmp_path / "junit.xml").getroot().find("testsuite")
+    assert suite is not None
+    assert suite.get("skipped") == "1"
+    assert [one.get("message") for one in suite.iterfind("testcase/skipped")] == [f"NOT APPLICABLE: {absent.why}"]
+
+
 def test_only_files_in_the_folder_are_linked(tmp_path: Path) -> None:
     folder = tmp_path / "report"
     (folder / "a b").mkdir(parents=True)
@@ -448,7 +469,7 @@ def test_without_a_terminal_each_case_is_a_plain_line(run: Run) -> None:
     lines = words_of(run).splitlines()
     assert not [line for line in lines if "\x1b" in line]
     assert lines[0].startswith(" 1/84 PASS            link_down ")
-    assert "10/84 FAIL          flood_of_foreign_ids" in lines[9]
+    assert "10/84 FAIL            flood_of_foreign_ids" in lines[9]
     assert sum("/84 " in line for line in lines) == 84
     assert lines[-2].startswith("FAIL  81 passed, 1 failed, 2 not executed in ")
     assert lines[-1] == "Evidence: virtual bus, simulated vehicle"

@@ -12,6 +12,8 @@ from hil_bench.routes import Route
 from hil_bench.wire import Wire
 
 STALE = {"STATE_STALE"}
+LEAST_ERROR_SHARE = 0.5
+"""Errors of a path shrink less than the path: a controller looks ahead as far as it does."""
 FASTEST_SHARE = 0.9
 """Of the profile's speed limit."""
 
@@ -45,7 +47,9 @@ def adapt(case: Case, wire: Wire) -> Case:
     then, needs = case.then, case.needs
     if wire.loses_its_place and then is Then.GOES_ON and any(STALE & set(_reasons(one)) for one in case.see):
         then, needs = Then.REARM, tuple(dict.fromkeys([*needs, Need.REARM]))
-    error_m = None if case.max_path_error_m is None else case.max_path_error_m * wire.length_share
+    error_m = (
+        None if case.max_path_error_m is None else case.max_path_error_m * max(LEAST_ERROR_SHARE, wire.length_share)
+    )
     return replace(
         case,
         route=_always(driven),

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 
 from vehicle_bus_contract.reference import DecodedFrame, S
 
-from hil_bench.peer.signals import initial_of, sent_values
+from hil_bench.peer.signals import echoed_signals, initial_of, sent_values
 from hil_bench.peer.wire import PeerWire
 
-ECHO_NS = round(0.5 * S)
-"""An echo may be of any value that the vehicle sent within this time."""
+ECHO_NS = round(0.15 * S)
+"""An echo is of a value that the vehicle still sent within this time before it."""
 
 
 class Besides:
@@ -19,11 +19,7 @@ class Besides:
     def __init__(self, wire: PeerWire) -> None:
         self._wire = wire
         self._values = sent_values(wire.profile)
-        self._echoed: dict[str, deque[tuple[int, float]]] = {
-            str(value["echo"]): deque()
-            for value in self._values.values()
-            if isinstance(value, Mapping) and "echo" in value
-        }
+        self._echoed: dict[str, deque[tuple[int, float]]] = {name: deque() for name in echoed_signals(wire.profile)}
         self._counts: dict[str, float] = {}
 
     def note(self, decoded: DecodedFrame) -> None:
@@ -37,10 +33,8 @@ class Besides:
     def find_faults(self, decoded: DecodedFrame) -> Iterator[str]:
         """Values that are not the profile's."""
         for dotted, wanted in self._values.items():
-            if dotted.startswith(f"{decoded.name}.") and dotted in decoded.signals:
-                value = decoded[dotted]
-                if not self._fits(dotted, wanted, value, decoded):
-                    yield f"{dotted} is {value:g}, where the profile has {wanted}"
+            if dotted in decoded.signals and not self._fits(dotted, wanted, decoded[dotted], decoded):
+                yield f"{dotted} is {decoded[dotted]:g}, where the profile has {wanted}"
 
     def _fits(self, dotted: str, wanted: object, value: float, decoded: DecodedFrame) -> bool:
         signal = self._wire.signals[dotted]
@@ -54,9 +48,8 @@ class Besides:
         if not isinstance(wanted, Mapping):
             return True
         if "complement" in wanted:
-            other = decoded.signals.get(
-                f"{decoded.name}.{wanted['complement']}", decoded.signals.get("COUNTER", math.nan)
-            )
+            own = f"{decoded.name}.{wanted['complement']}"
+            other = decoded.signals.get(own, decoded.signals.get("COUNTER", math.nan))
             return int(value) == ~int(other) & (1 << signal.signal.length) - 1
         if "echo" in wanted:
             return any(abs(value - sent) <= slack for _, sent in self._echoed[str(wanted["echo"])])

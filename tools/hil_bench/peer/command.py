@@ -112,10 +112,9 @@ class CommandReader:
 
 
 def between(table: Sequence[tuple[float, float]], at: float) -> float:
-    """Linear between rows, constant outside."""
+    """Linear between rows, and beyond the last one: a pedal may be pressed further than the table goes."""
     if not table or at <= table[0][0]:
         return table[0][1] if table else 0.0
-    for (x0, y0), (x1, y1) in pairwise(table):
-        if at <= x1:
-            return y0 + (y1 - y0) * (at - x0) / (x1 - x0) if x1 > x0 else y1
-    return table[-1][1]
+    rows = [(low, high) for low, high in pairwise(table) if high[0] > low[0]]
+    (x0, y0), (x1, y1) = next((row for row in rows if at <= row[1][0]), rows[-1])
+    return y0 + (y1 - y0) * (at - x0) / (x1 - x0)

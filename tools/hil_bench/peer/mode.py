@@ -88,7 +88,11 @@ class Conditions:
             ways = [goals for one in modes if (goals := self._mode_goals(one)) is not None] or [[]]
             more = [(self.valid, is_valid)] if self.valid is not None else []
             more += [(condition, on) for (_, condition), on in zip(self.signs, signs, strict=True)]
-            wishes = [*([*driver, *way, *more] for way in ways), driver, []]
+            ready = [(self.when["ready"], True)] if mode == AUTONOMOUS and "ready" in self.when else []
+            wishes = [
+                *([*driver, *way, *more, *ready] for way in ways)
+            ]  # an autonomous vehicle is ready, too, if it can
+            wishes += [*([*driver, *way, *more] for way in ways), driver, []]
             found = (next(satisfy_all(goals, given, self._candidates, self._number), None) for goals in wishes)
             self._chosen[key] = next(values for values in found if values is not None)
         return self._chosen[key]

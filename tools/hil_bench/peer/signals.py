@@ -116,9 +116,13 @@ def received_signals(profile: Mapping[str, Any]) -> Iterator[str]:
     for table in ("when", "driver"):
         for condition in status.get(table, {}).values():
             yield from signals_of(condition)
-    for value in sent_values(profile).values():
-        if isinstance(value, Mapping) and "echo" in value:
-            yield str(value["echo"])
+    yield from echoed_signals(profile)
+
+
+def echoed_signals(profile: Mapping[str, Any]) -> list[str]:
+    """The signals of the vehicle that the device sends back."""
+    values = sent_values(profile).values()
+    return [str(value["echo"]) for value in values if isinstance(value, Mapping) and "echo" in value]
 
 
 def sent_values(profile: Mapping[str, Any]) -> dict[str, object]:

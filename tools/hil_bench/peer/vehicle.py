@@ -4,10 +4,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from vehicle_bus_contract.reference import AUTONOMOUS, DRIVE, READY, REVERSE, DecodedFrame, Frame, S
+from vehicle_bus_contract.reference import AUTONOMOUS, DRIVE, PARK, READY, REVERSE, DecodedFrame, Frame, S
 
 from hil_bench.peer.infer import InferredStop
-from hil_bench.peer.signals import sent_values
+from hil_bench.peer.signals import echoed_signals, sent_values
 from hil_bench.peer.wire import LONGEST_TICK_S, MODE_NUMBERS, PeerWire
 from hil_bench.plant import Plant
 from hil_bench.profile import ProfileError
@@ -18,6 +18,8 @@ SPEED_LAG_S = 0.3
 SPEED_DRIVE_MPS2, SPEED_BRAKE_MPS2, SPEED_HOLD_MPS2 = 2.5, 4.0, 0.3
 NEAR_M, ARRIVED_S = 1.5, 1.5
 """A vehicle that is told no reason has arrived when it has been at rest for this long near the end of its route."""
+ECHO_CHANGES_NS, ECHO_STATES = S // 2, 16
+"""A signal that the device must send back changes this often, between at most so many values."""
 COMMAND = "COMMAND"
 
 
@@ -28,7 +30,7 @@ class PeerVehicle(Vehicle):
 
     def __init__(self, wire: PeerWire, plant: Plant) -> None:
         super().__init__(wire, plant)
-        self.gear = DRIVE
+        self.gear = PARK if wire.reader.has_gear else DRIVE
         ticks = math.ceil(wire.period_s / LONGEST_TICK_S)
         self.period_ns = round(wire.period_s / ticks * S)
         self._every = {name: max(1, round(period_s * S / self.period_ns)) for name, period_s in wire.periods_s.items()}
@@ -40,6 +42,7 @@ class PeerVehicle(Vehicle):
         self._stood_s = 0.0
         self._stop = InferredStop(wire)
         self._asked: Mapping[str, float] = {}
+        self._echoes = echoed_signals(wire.profile)
         self._expected = _expected_values(wire.profile)
         self._seen_sends: set[str] = set()
 
@@ -155,6 +158,9 @@ class PeerVehicle(Vehicle):
 
     def _due_frames(self, values: SignalValues) -> list[TxFrame]:
         flat = {signal: value for message in values.values() for signal, value in message.items()}
+        for dotted in self._echoes:
+            states = min(ECHO_STATES, 1 << self.wire.signals[dotted].signal.length)
+            flat[dotted] = float(self._tick * self.period_ns // ECHO_CHANGES_NS % states)
         return [self._pack_next(name, flat) for name, every in self._every.items() if self._tick % every == 0]
 
     def _pack_next(self, name: str, values: dict[str, float]) -> TxFrame:

@@ -1,0 +1,259 @@
+"""The bench's own reading of any profile: signals, conditions, protection, places, and what follows for the cases."""
+
+import itertools
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hil_bench import cli
+from hil_bench.applicable import adapt, find_inapplicable, scale_for
+from hil_bench.case import Need, Then
+from hil_bench.cases import CATALOGUE
+from hil_bench.parts import Part, parts_of
+from hil_bench.peer.build import open_wire
+from hil_bench.peer.conditions import holds, satisfy_all
+from hil_bench.peer.infer import InferredStop
+from hil_bench.peer.place import Place
+from hil_bench.peer.protection import Protection, read_bits, write_bits
+from hil_bench.peer.units import size_of
+from hil_bench.peer.wire import PeerWire
+from hil_bench.profile import ProfileError
+from hil_bench.vocabulary import Wait
+from hil_bench.wire import Wire
+from scenes import WIRE, named
+from vehicle_bus_contract.reference import AUTONOMOUS, MS, Frame
+
+ROOT = Path(__file__).resolve().parents[2]
+ROVER = ROOT / "docs" / "examples" / "06_own_vehicle" / "rover.toml"
+NINE = b"123456789"
+
+
+def checksum(kind: str, width: int, more: Mapping[str, object], data: bytes = NINE) -> int:
+    """Over the bytes before it."""
+    places = list(range(8 * len(data), 8 * len(data) + width))
+    own = Protection(checksum_bits=places, checksum_signal="SUM", kind=kind, **more)  # type: ignore[arg-type]
+    sealed = own.seal(0x1F8, data + bytes((width + 7) // 8))
+    return read_bits(sealed, places)
+
+
+@pytest.mark.parametrize(
+    ("kind", "width", "more", "expected"),
+    [
+        ("crc8", 8, {"poly": 0x1D, "init": 0xFF, "xor_out": 0xFF}, 0x4B),  # CRC-8/SAE-J1850
+        ("crc8", 8, {"poly": 0x31, "reflect": True}, 0xA1),  # CRC-8/MAXIM
+        ("crc16", 16, {"poly": 0x1021, "init": 0xFFFF}, 0x29B1),  # CRC-16/CCITT-FALSE
+        ("crc16", 16, {"poly": 0x1021, "init": 0xFFFF, "xor_out": 0xFFFF, "reflect": True}, 0x906E),  # CRC-16/X-25
+        ("sum", 8, {}, sum(NINE) & 0xFF),
+        ("xor", 8, {"init": 0x5A}, 0x31 ^ 0x5A),
+        ("sum", 4, {}, sum(byte >> 4 for byte in NINE) + sum(byte & 15 for byte in NINE) & 15),
+        ("sum", 8, {"over": ("id", "length", "bytes")}, sum(NINE) + 0xF8 + 0x01 + 10 & 0xFF),
+    ],
+)
+def test_checksums_have_their_published_values(
+    kind: str, width: int, more: Mapping[str, object], expected: int
+) -> None:
+    assert checksum(kind, width, more) == expected
+
+
+def test_bits_are_written_where_they_are_read() -> None:
+    places = [12, 11, 10, 9, 23]
+    for number in range(32):
+        data = write_bits(b"\xff\xff\xff", places, number)
+        assert read_bits(data, places) == number
+        assert read_bits(data, [place for place in range(24) if place not in places]) == (1 << 19) - 1
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"),
+    [
+        ("km/h", 1 / 3.6),
+        ("Deg", math.radians(1)),
+        ("m / s", 1.0),
+        ("%", 0.01),
+        ("rpm", math.tau / 60),
+        ("furlong", 1.0),
+        (None, 1.0),
+    ],
+)
+def test_units_are_known_by_their_spellings(unit: str | None, size: float) -> None:
+    assert size_of(unit) == pytest.approx(size)
+
+
+CONDITIONS: list[str | Mapping[str, object]] = [
+    "A",
+    {"not": "A"},
+    {"signal": "A", "equals": 2},
+    {"signal": "A", "in": ["TWO", 1]},
+    {"signal": "B", "above": 3.0, "magnitude": True},
+    {"signal": "B", "below": -1.0},
+    {"all": ["A", {"not": {"signal": "B", "above": 0.0}}]},
+    {"any": [{"signal": "A", "equals": 1}, {"all": ["B", {"not": "A"}]}]},
+    {"all": []},
+]
+
+
+def number_of(_signal: str, number: object) -> float:
+    return 2.0 if number == "TWO" else float(str(number))
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+@pytest.mark.parametrize("condition", CONDITIONS, ids=str)
+def test_a_condition_is_met_in_every_way_that_there_is(condition: str | Mapping[str, object], wanted: bool) -> None:
+    values = {"A": (0.0, 1.0, 2.0), "B": (0.0, -4.0, 4.0)}
+    every = [{"A": a, "B": b} for a, b in itertools.product(*values.values())]
+    found = list(satisfy_all([(condition, wanted)], {}, values.__getitem__, number_of))
+    assert all(holds(condition, one, number_of) is wanted for one in found if one.keys() == {"A", "B"})
+    assert bool(found) is any(holds(condition, one, number_of) is wanted for one in every)
+    for fixed in every:
+        kept = next(satisfy_all([(condition, wanted)], fixed, values.__getitem__, number_of), None)
+        assert (kept == fixed) is (holds(condition, fixed, number_of) is wanted)
+
+
+def test_a_signal_without_a_value_fulfils_no_comparison() -> None:
+    assert not holds({"signal": "A", "below": 5.0}, {}, number_of)
+
+
+def test_an_antenna_is_measured_where_it_is() -> None:
+    place = Place(
+        source="geographic",
+        frame_id="map",
+        latitude_deg=52.0,
+        longitude_deg=5.0,
+        mount_x_m=2.0,
+        mount_y_m=0.0,
+        mount_rad=0.1,
+    )
+    told = place.measure(100.0, 0.0, math.pi / 2)
+    assert told["heading_rad"] == pytest.approx(math.pi / 2 + 0.1)
+    assert (told["latitude_deg"] - 52.0) * 111_267.0 == pytest.approx(2.0, abs=0.01)  # a degree of latitude at 52°
+    assert (told["longitude_deg"] - 5.0) * 68_677.0 == pytest.approx(100.0, abs=0.05)  # and of longitude
+
+
+def test_modes_are_reported_by_the_values_of_conditions() -> None:
+    wire = open_wire("pacmod3")
+    assert isinstance(wire, PeerWire)
+    for mode in range(4):
+        newest: dict[str, float] = {}
+        for name in wire.periods_s:
+            told = wire.intact(wire.pack(name, 0, MODE=mode, SPEED=3.0))
+            assert told is not None
+            newest.update(told.signals)
+        assert wire.mode_of(newest) == mode
+        assert wire.fields.read("speed_mps", newest) == pytest.approx(3.0)
+    assert not wire.can_report("EMERGENCY_STOP")
+
+
+@pytest.mark.parametrize(("slope_mps2", "is_stop"), [(0.0, False), (-0.3, False), (-1.2, True), (0.8, False)])
+def test_a_commanded_speed_that_falls_as_in_a_stop_is_one(slope_mps2: float, is_stop: bool) -> None:
+    wire = open_wire("agilex_hunter")
+    assert isinstance(wire, PeerWire)
+    stop = InferredStop(wire)
+    found = [
+        stop.is_stop({"SPEED_REQUEST": 1.0 + slope_mps2 * 0.02 * i}, speed_mps=1.0, at_ns=20 * MS * i)
+        for i in range(20)
+    ]
+    assert found[-1] is is_stop
+    assert stop.is_stop({"SPEED_REQUEST": 0.0}, speed_mps=0.5, at_ns=400 * MS)
+
+
+# Which cases apply
+
+
+def test_everything_applies_to_the_reference_vehicle_as_it_is_written() -> None:
+    assert parts_of(WIRE) == frozenset(Part)
+    for case in CATALOGUE:
+        assert find_inapplicable(case, WIRE) == "", case.name
+        assert adapt(case, WIRE) is case
+
+
+def test_the_fd_vehicle_has_no_sample_of_several_messages() -> None:
+    wire = Wire("reference_fd")
+    left_out = [case.name for case in CATALOGUE if find_inapplicable(case, wire)]
+    assert left_out == ["cycles-mixed"]
+
+
+@pytest.mark.parametrize("profile", ["agilex_hunter", "fs_ai_ads_dv", "pacmod3", str(ROVER)])
+def test_a_case_that_needs_what_a_vehicle_lacks_does_not_apply(profile: str) -> None:
+    wire = open_wire(profile)
+    there = parts_of(wire)
+    for case in CATALOGUE:
+        why = find_inapplicable(case, wire)
+        lacking = [part for part in case.about if part not in there]
+        assert all(part.value in why for part in lacking)
+        assert why or not lacking
+    assert not find_inapplicable(named("state-lost"), wire)
+    assert not find_inapplicable(named("killed"), wire)
+
+
+def test_the_hunter_has_neither_position_nor_protection() -> None:
+    there = parts_of(open_wire("agilex_hunter"))
+    assert not there & {Part.POSITION, Part.CHECKSUM, Part.COUNTER, Part.GEAR, Part.BRAKE, Part.REASON}
+    assert {Part.MANUAL, Part.FAULT, Part.EMERGENCY_STOP, Part.WHEELS, Part.STATUS, Part.REVERSE} <= there
+
+
+def test_a_smaller_vehicle_drives_smaller_and_slower_routes_in_its_own_frame() -> None:
+    wire = open_wire("agilex_hunter")
+    for case in CATALOGUE:
+        route, driven = case.route(), scale_for(case.route(), wire)
+        assert max(map(abs, driven.speed_mps)) <= 0.9 * wire.profile["limits"]["speed_max_mps"] + 1e-9
+        assert driven.heading_rad == route.heading_rad
+        share = max(map(abs, driven.speed_mps)) / max(map(abs, route.speed_mps))
+        assert driven.time_s[-1] * share == pytest.approx(route.time_s[-1] * wire.length_share)
+    assert wire.frame_id == "odom"
+
+
+def test_a_vehicle_that_reacts_later_is_given_the_time_and_odometry_is_armed_again() -> None:
+    wire, case = open_wire("agilex_hunter"), named("state-lost")
+    driven = adapt(case, wire)
+    assert driven.for_s == pytest.approx(case.for_s + wire.later_s[Wait.STATE])
+    assert (case.then, driven.then) == (Then.GOES_ON, Then.REARM)
+    assert Need.REARM in driven.needs
+    assert adapt(named("half-the-rate"), wire).then is Then.GOES_ON
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("[command.signals]", "[command.none]", "can only be watched"),
+        ('"MOTION_COMMAND.STEERING_ANGLE"', '"MOTION_COMMAND.ANGLE"', "ANGLE"),
+        ("lateral_jerk_mps3", "# lateral_jerk_mps3", "lateral_jerk_mps3 is missing"),
+    ],
+)
+def test_a_profile_that_the_bench_cannot_play_is_refused_with_the_reason(
+    old: str, new: str, why: str, tmp_path: Path
+) -> None:
+    files = open_wire("agilex_hunter")
+    text = files.path.read_text().replace(old, new)
+    (tmp_path / files.dbc.name).write_text(files.dbc.read_text())
+    (tmp_path / "mine.toml").write_text(text)
+    with pytest.raises(ProfileError, match=why):
+        open_wire(str(tmp_path / "mine.toml"))
+
+
+def test_the_list_says_what_does_not_apply(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["--list", "--profile", "agilex_hunter"]) == 0
+    said = capsys.readouterr().out
+    assert "NOT APPLICABLE to agilex_hunter: needs a gear on its bus" in said
+    assert "not applicable to agilex_hunter" in said.splitlines()[-1]
+    assert cli.main(["--list", "--json", "--profile", "agilex_hunter"]) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert "gear" in rows["gear-contradicts"]["not_applicable"]
+    assert "not_applicable" not in rows["state-lost"]
+    assert cli.main(["--list"]) == 0
+    assert capsys.readouterr().out.endswith(f"\n{len(CATALOGUE)} cases\n")
+
+
+def test_a_j1939_message_is_known_whatever_its_priority(tmp_path: Path) -> None:
+    text = ROVER.read_text() + "\n[messages.STATUS]\nj1939 = { source_address = 0x10 }\n"
+    (tmp_path / "rover.dbc").write_text(ROVER.with_name("rover.dbc").read_text())
+    (tmp_path / "rover.toml").write_text(text)
+    wire = open_wire(str(tmp_path / "rover.toml"))
+    frame = wire.pack("STATUS", 1, MODE=AUTONOMOUS)
+    other = replace(frame, can_id=frame.can_id ^ 0x0400_0000)
+    assert wire.name_of(other) == "STATUS"
+    assert wire.intact(wire.seal(other)) is not None
+    assert wire.name_of(replace(other, can_id=other.can_id ^ 1)) is None
+    assert wire.name_of(Frame(0, 0x123, b"")) is None
