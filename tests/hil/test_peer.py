@@ -175,7 +175,7 @@ def test_the_fd_vehicle_has_no_sample_of_several_messages() -> None:
     assert left_out == ["cycles-mixed"]
 
 
-@pytest.mark.parametrize("profile", ["agilex_hunter", "fs_ai_ads_dv", "pacmod3", str(ROVER)])
+@pytest.mark.parametrize("profile", ["agilex_hunter", "fs_ai_ads_dv", "new_eagle_raptor", "pacmod3", str(ROVER)])
 def test_a_case_that_needs_what_a_vehicle_lacks_does_not_apply(profile: str) -> None:
     wire = open_wire(profile)
     there = parts_of(wire)
@@ -257,3 +257,18 @@ def test_a_j1939_message_is_known_whatever_its_priority(tmp_path: Path) -> None:
     assert wire.intact(wire.seal(other)) is not None
     assert wire.name_of(replace(other, can_id=other.can_id ^ 1)) is None
     assert wire.name_of(Frame(0, 0x123, b"")) is None
+
+
+def test_a_command_has_the_signals_of_its_branch_only() -> None:
+    wire = open_wire("new_eagle_raptor")
+    told = [wire.intact(wire.pack("AKit_AccelPdlRequest", 0, **{f"AKit_AccelPdlRequest.{name}": value}))
+            for name, value in (("AKit_AccelReqType", 0.0), ("AKit_AccelReqType", 1.0))]  # fmt: skip
+    assert told[0] is not None
+    assert told[1] is not None
+    assert "AKit_AccelPdlRequest.AKit_AccelPdlReq" in told[0].signals
+    assert "AKit_AccelPdlRequest.AKit_AccelPdlReq" not in told[1].signals
+
+
+def test_a_vehicle_that_is_only_watched_cannot_be_judged() -> None:
+    with pytest.raises(ProfileError, match="can only be watched"):
+        open_wire("toyota_rav4")

@@ -12,7 +12,7 @@ from vehicle_bus_contract.reference import AUTONOMOUS, FAULT, MANUAL, READY, Fra
 from virtual_drive import Change, VirtualDrive
 
 ROVER = str(Path(__file__).resolve().parents[2] / "docs" / "examples" / "06_own_vehicle" / "rover.toml")
-PEERS = ("agilex_hunter", "fs_ai_ads_dv", "pacmod3", ROVER)
+PEERS = ("agilex_hunter", "fs_ai_ads_dv", "new_eagle_raptor", "pacmod3", ROVER)
 
 
 def cruising(profile: str, folder: Path, change: Change = lambda frame: [frame]) -> VirtualDrive:
@@ -119,7 +119,7 @@ def sometimes(value: float, every: int = 50) -> Callable[[float], float]:
     return to
 
 
-HUNTER, ADS_DV, PACMOD = "agilex_hunter", "fs_ai_ads_dv", "pacmod3"
+HUNTER, ADS_DV, PACMOD, RAPTOR = "agilex_hunter", "fs_ai_ads_dv", "pacmod3", "new_eagle_raptor"
 DEFECTS: dict[str, tuple[str, str, str, Callable[[float], float], str]] = {
     "a speed above the limit": (HUNTER, "MOTION_COMMAND", "LINEAR_VELOCITY", sometimes(2.0), "m/s asked for"),
     "wheels beyond their limit": (HUNTER, "MOTION_COMMAND", "STEERING_ANGLE", sometimes(0.6), "front wheels to 0.6"),
@@ -131,6 +131,7 @@ DEFECTS: dict[str, tuple[str, str, str, Callable[[float], float], str]] = {
     "a count that stands": (PACMOD, "GLOBAL_CMD", "COUNTER", lambda _: 3.0, "GLOBAL_CMD.COUNTER is 3"),
     "a wrong complement": (PACMOD, "GLOBAL_CMD", "COMPLEMENT", lambda _: 3.0, "GLOBAL_CMD.COMPLEMENT"),
     "a wrong constant": (ADS_DV, "AI2VCU_Drive_F", "FRONT_MOTOR_SPEED_MAX", lambda _: 751.0, "SPEED_MAX is 751"),
+    "another branch": (RAPTOR, "AKit_SteeringRequest", "AKit_SteeringReqType", lambda _: 2.0, "ReqType is 2"),
     "no echo": (ADS_DV, "AI2VCU_Status", "HANDSHAKE", lambda _: 0.0, "HANDSHAKE is 0"),
 }
 """Profile, message, signal, its other value, and what is found."""
@@ -145,7 +146,12 @@ def test_a_wrong_value_of_the_device_is_found(defect: str, tmp_path: Path) -> No
 
 @pytest.mark.parametrize(
     ("profile", "message", "must"),
-    [(ADS_DV, "AI2VCU_Steer", "alone"), (HUNTER, "MOTION_COMMAND", "unanswered"), (ROVER, "DRIVE", "counter: DRIVE")],
+    [
+        (ADS_DV, "AI2VCU_Steer", "alone"),
+        (HUNTER, "MOTION_COMMAND", "unanswered"),
+        (ROVER, "DRIVE", "counter: DRIVE"),
+        (RAPTOR, "AKit_BrakeRequest", "counter: AKit_BrakeRequest"),
+    ],
 )
 def test_a_lost_command_is_found(profile: str, message: str, must: str, tmp_path: Path) -> None:
     found = find_faults(profile, tmp_path, without_each_third(profile, message))

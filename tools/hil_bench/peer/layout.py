@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from cantools.database.can import Message
+from cantools.database.can import Message, Signal
 from vehicle_bus_contract.reference import Frame
 
 from hil_bench.peer.protection import Protection, UnknownProtectionError, read_protection
@@ -56,8 +56,8 @@ def read_layout(files: ProfileFiles) -> Layout:
     owners += [str(send["message"]) for send in profile.get("send", ())]
     messages = {name: database.get_message_by_name(name) for name in dict.fromkeys(owners)}
     for name, message in messages.items():
-        if message.is_multiplexed():
-            raise ProfileError(f"{files.path}: {name} is multiplexed, which the bench does not play")
+        if any(len(signal.multiplexer_ids or ()) > 1 or signal.is_multiplexer for signal in _inner(message)):
+            raise ProfileError(f"{files.path}: {name} has multiplexers in multiplexers, which the bench does not play")
     try:
         protections = {name: read_protection(profile, message) for name, message in messages.items()}
     except UnknownProtectionError as error:
@@ -72,6 +72,19 @@ def read_layout(files: ProfileFiles) -> Layout:
         names={can_id: name for name, can_id in ids.items()},
         groups=_read_groups(profile, messages),
     )
+
+
+def branches_of(message: Message) -> list[dict[str, int]]:
+    """The multiplexer's value of each branch, of a multiplexed message."""
+    chosen = {
+        (signal.multiplexer_signal, number) for signal in _inner(message) for number in signal.multiplexer_ids or ()
+    }
+    return [{str(name): number} for name, number in sorted(chosen, key=lambda one: one[1])]
+
+
+def _inner(message: Message) -> list[Signal]:
+    """The signals of branches."""
+    return [signal for signal in message.signals if signal.multiplexer_ids is not None]
 
 
 def _read_groups(profile: Mapping[str, Any], messages: Mapping[str, Message]) -> dict[int, str]:

@@ -165,8 +165,7 @@ class PeerVehicle(Vehicle):
 
     def _pack_next(self, name: str, values: dict[str, float]) -> TxFrame:
         self._counters[name] += 1
-        counter = self.counter_of(name)
-        return TxFrame(name, counter, self.wire.pack(name, counter, **values))
+        return TxFrame(name, self.counter_of(name), self.wire.pack(name, self._counters[name], **values))
 
     def _values(self) -> SignalValues:
         values: SignalValues = {name: {} for name in self.wire.periods_s}

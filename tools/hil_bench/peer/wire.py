@@ -10,7 +10,7 @@ from vehicle_bus_contract.reference import DecodedFrame, Frame
 from hil_bench.peer import allowances
 from hil_bench.peer.command import CommandReader
 from hil_bench.peer.fields import Fields
-from hil_bench.peer.layout import EXTENDED, read_layout
+from hil_bench.peer.layout import EXTENDED, branches_of, read_layout
 from hil_bench.peer.mode import ACTIONS, ORDER
 from hil_bench.peer.protection import write_bits
 from hil_bench.peer.roles import read_roles
@@ -57,6 +57,8 @@ class PeerWire(Wire):
         signals = {signal.name: initial_of(signal) for signal in message.signals}
         if name in self.periods_s:
             signals |= self.fields.write(name, values)
+            branches = branches_of(message)
+            signals |= branches[counter % len(branches)] if branches else {}
         for dotted, value in values.items():
             owner, _, short = dotted.partition(".")
             if owner == name:
@@ -104,7 +106,7 @@ class PeerWire(Wire):
         found = {}
         for short in self.layout.used[name]:
             signal = self.signals[f"{name}.{short}"]
-            if raw[short] not in signal.missing:
+            if short in raw and raw[short] not in signal.missing:
                 found[signal.dotted] = signal.from_raw(raw[short])
         if name in self.periods_s:
             found |= self.fields.read_alone(name, found)
