@@ -24,7 +24,7 @@ class _Fields(NamedTuple):
 
 
 class FrameKey(NamedTuple):
-    """What a frame is recognised by."""
+    """Identity of a frame: identifier, format and bus."""
 
     can_id: int
     is_extended: bool = False

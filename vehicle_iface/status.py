@@ -5,7 +5,7 @@ from enum import IntEnum
 
 
 class VehicleMode(IntEnum):
-    """Who drives; the numbers are those of the bus contract (signal MODE)."""
+    """The vehicle's mode: who drives. The numbers are those of the reference vehicle's signal MODE."""
 
     MANUAL = 0
     READY = 1
@@ -15,7 +15,7 @@ class VehicleMode(IntEnum):
 
 
 class Gear(IntEnum):
-    """The gear lever; the numbers are those of the bus contract (GEAR and GEAR_REQUEST)."""
+    """The gear. The numbers are those of the reference vehicle's signals GEAR and GEAR_REQUEST."""
 
     PARK = 0
     REVERSE = 1
@@ -26,7 +26,7 @@ class Gear(IntEnum):
 
 
 class ControllerState(IntEnum):
-    """What the controller says about itself; the numbers are those of the bus contract (signal STATE)."""
+    """The controller's state. The numbers are those of the reference vehicle's signal STATE."""
 
     STARTING = 0
     STANDBY = 1

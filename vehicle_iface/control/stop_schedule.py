@@ -1,14 +1,14 @@
 """Stops along a trajectory: where the vehicle must stand before it goes on.
 
 A stop is a dwell or a change of direction. A dwell is two or more points without speed at one place with
-times apart; a change of direction is the last point before the speed has the other sign. The vehicle goes on
-from either when the time of its last point has come and the vehicle stands. One that the vehicle is already
-at when it is first seen, like the standing start of a trajectory, asks for its time only.
+different times; a change of direction is the last point before the speed has the other sign. The vehicle goes
+on from a stop when the time of its last point has come and the vehicle stands. A stop that the vehicle is at
+when the trajectory begins, like a standing start, only waits for its time.
 
-Points without speed that are no dwell, and those after the last motion, are points like any other.
+Other points without speed, and those after the last motion, are ordinary points.
 
-All stops are found in one vectorised pass when a trajectory is first followed; afterwards going from one to
-the next costs a bisection.
+All stops are found in one vectorised pass when a trajectory is first followed; finding the next one then costs
+a bisection.
 """
 
 from bisect import bisect_left

@@ -13,14 +13,14 @@ MOST_PERIODS = 2
 
 
 class Arrival(Enum):
-    """What a sample's arrival says about its age."""
+    """Verdict on the age of a sample, by its arrival."""
 
     YOUNG = auto()
     """Drive by it."""
     DOUBTFUL = auto()
-    """It may be old: answer it with a stop."""
+    """The sample may be old: it is answered with a stop."""
     BURST = auto()
-    """It comes too soon after others: do not answer it."""
+    """The sample arrived too soon after others: it is not answered."""
 
 
 class ArrivalFilter:

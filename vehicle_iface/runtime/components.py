@@ -55,7 +55,7 @@ class LoopComponents:
     max_command_age_ns: int
     """No command is computed from an older sample."""
     command_ids: frozenset[FrameKey]
-    """What only we may send."""
+    """The frames that only this loop may send."""
     now_ns: Callable[[], int]
     feed_watchdog: Callable[[], None]
     """Called with each tick."""

@@ -7,29 +7,29 @@ from vehicle_iface.runtime.histogram import LatencyHistogram
 
 @dataclass(slots=True)
 class Counters:
-    """Grows only. The cause is in the name."""
+    """Counters that only increase."""
 
     samples: int = 0
     """Complete samples received."""
     samples_before_engagement: int = 0
-    """Of these, those without a command because another commander drove the vehicle, or might have."""
+    """Complete samples without a command because another commander drove the vehicle, or might have."""
     commands: int = 0
-    """Command pairs that left whole."""
+    """Commands of which all frames were sent."""
     commands_late: int = 0
     """Samples whose command was sent later than one command period after they were complete."""
     samples_expired: int = 0
     """Samples without a command because they had waited too long in this process."""
     samples_held_up: int = 0
-    """Samples that were not driven by because they had been held up before they got here, or may have been."""
+    """Samples not used because they were, or may have been, delayed before they reached this machine."""
     stops_on_stale_state: int = 0
-    """Stop commands sent because no sample came."""
+    """Stop commands sent because no sample arrived."""
     frames_sent: int = 0
     frames_not_sent: int = 0
     """Frames that the bus had no room for; they are lost, not kept."""
     commands_refused: int = 0
-    """Commands that were not sent because an earlier one still waited to leave."""
+    """Commands that were not sent because an earlier one still waited in the transmit queue."""
     messages_not_encoded: int = 0
-    """Commands and other messages that were not sent because a value or a checksum of theirs cannot be."""
+    """Commands and other messages that were not sent because a value or a checksum could not be encoded."""
     foreign_commands: int = 0
     """Frames of other nodes that carried an identifier of ours."""
     controller_errors: int = 0
@@ -39,7 +39,7 @@ class Counters:
     trajectories_rejected: int = 0
     link_losses: int = 0
     latency: LatencyHistogram = field(default_factory=LatencyHistogram)
-    """From the arrival of the message that completed a sample to the command's hand-over."""
+    """From the arrival of the message that completed a sample to the sending of the command."""
 
     @property
     def deadline_misses(self) -> int:

@@ -165,7 +165,7 @@ class TelemetryPublisher:
         return self._path
 
     def _lookahead_m(self) -> tuple[float, float] | None:
-        """Where the controller looks ahead to, x and y; None where it does not."""
+        """The controller's look-ahead point, x and y in m; None if it has none."""
         try:
             point = getattr(self._controller, "lookahead_point", None)
             if point is None:

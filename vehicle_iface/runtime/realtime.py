@@ -48,7 +48,7 @@ _BLAS_SETTERS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RealtimeSettings:
-    """What a loop would like to have."""
+    """The requested settings."""
 
     priority: int = FIFO_PRIORITY
     cpu: int | None = None
@@ -56,7 +56,7 @@ class RealtimeSettings:
 
 
 def apply_settings(priority: int = FIFO_PRIORITY, *, cpu: int | None = None) -> list[str]:
-    """Take what can be had for this thread and process; returns what is lacking, with the command that fixes it."""
+    """Apply the settings to this thread and process; return those that were refused, with the command that fixes it."""
     settings = RealtimeSettings(priority=priority, cpu=cpu)
     problems = (step(settings) for step in STEPS)
     return [problem for problem in problems if problem]
@@ -101,7 +101,7 @@ def may_lock() -> bool:
 
 
 def _freeze_start(_: RealtimeSettings) -> str:
-    """What exists by now is never looked at again."""
+    """Exclude all existing objects from garbage collection."""
     gc.collect()
     gc.freeze()
     return ""
@@ -140,7 +140,7 @@ def _wake_in_time(_: RealtimeSettings) -> str:
 
 
 def _lock_memory(_: RealtimeSettings) -> str:
-    """What was touched once stays in memory."""
+    """Keep each page in memory once it has been touched."""
     if not hasattr(os, "sched_setscheduler"):
         return "this system locks no memory: a pass can wait for the disk when memory runs short"
     libc = ctypes.CDLL(None, use_errno=True)
@@ -170,7 +170,7 @@ STEPS: tuple[Callable[[RealtimeSettings], str], ...] = (
     _lock_memory,
     _set_fifo,
 )
-"""In this order; each returns what is lacking, or nothing."""
+"""Applied in this order; each returns why it was refused, or an empty text."""
 
 
 def _blas_libraries() -> list[str]:

@@ -31,14 +31,14 @@ class TrajectoryUpdater:
         limits: Limits,
         wheelbase_m: float,
     ) -> None:
-        """What asks for more than `limits`, or steps back, is refused before the controller sees it."""
+        """Trajectories beyond `limits` or with a backward step are rejected before the controller gets them."""
         self._source, self._controller, self._counters = source, controller, counters
         self._limits, self._wheelbase_m = limits, wheelbase_m
         self._feasible: FloatArray | None = None
         self._has_raised = False
 
     def poll(self, now_ns: int, state: VehicleState, *, restart: bool) -> bool:
-        """Whether the controller has a new trajectory now; with `restart` the source's time begins now."""
+        """Pass on a new trajectory; return whether the controller took one. `restart` restarts the source now."""
         try:
             if restart:
                 self._source.restart()

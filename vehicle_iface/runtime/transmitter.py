@@ -22,17 +22,17 @@ log = logging.getLogger(__name__)
 
 
 class Outcome(Enum):
-    """What became of a command."""
+    """The outcome of sending a command."""
 
     SENT = auto()
-    """All frames that were due have left."""
+    """All frames that were due were sent."""
     NOT_DUE = auto()
-    """It was computed between two answers that are sent, or while there is nothing to be sent yet."""
+    """No frame was due: the sample lies between two sent commands, or nothing may be sent yet."""
     NOT_SENT = auto()
 
 
 class Transmitter:
-    """Encodes, sends and commits; each frame is handed over at most once."""
+    """Encodes, sends and commits; each frame is sent at most once."""
 
     def __init__(
         self,

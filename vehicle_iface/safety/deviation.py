@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 
 class DeviationKind(Enum):
-    """What is wrong; each but the first stops the vehicle."""
+    """Kinds of deviation; all but the first stop the vehicle."""
 
     BESIDE = "beside the path"
     """Further from it than the warning, to the side or along it; the vehicle may still come back."""

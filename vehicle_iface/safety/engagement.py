@@ -19,7 +19,7 @@ MAX_TRANSITIONS = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ModeRow:
-    """What a mode means. Compared by identity, so that modes with equal columns stay different modes."""
+    """The properties of a mode. Compared by identity, so that modes with equal columns stay different modes."""
 
     may_send: bool = False
     """Commands may be sent at all."""
@@ -121,7 +121,7 @@ class Mode(Enum):
 
 
 class Event(Enum):
-    """What changes the mode."""
+    """Events that change the mode."""
 
     ARMED = auto()
     NO_OTHER_DRIVER = auto()

@@ -17,7 +17,7 @@ CHORD_WHEELBASES = 0.5
 STEP_WHEELBASES = 0.125
 """Windows begin this far apart, or at each point where the points are farther apart than that."""
 SLACK = 1.1
-"""What coordinates that are rounded to a centimetre make the sharpest turn look like."""
+"""Factor on the limit: rounding of coordinates to a centimetre makes the sharpest turn look this much sharper."""
 
 
 def find_violation(trajectory: Trajectory, limits: Limits, wheelbase_m: float) -> str:

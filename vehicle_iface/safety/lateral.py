@@ -8,7 +8,7 @@ import math
 
 
 def curvature_per_m(front_rad: float, rear_rad: float, wheelbase_m: float) -> float:
-    """Of the path of the rear axle's centre, positive to the left."""
+    """Curvature of the path of the rear axle's centre, in 1/m, positive to the left. Angles in rad."""
     return (math.tan(front_rad) - math.tan(rear_rad)) / wheelbase_m
 
 

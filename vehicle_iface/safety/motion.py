@@ -82,7 +82,7 @@ class MotionCheck:
     """Integrates the accepted samples and compares each pair of sources. Time is that of the samples."""
 
     disagreement: LimitViolation | None
-    """What disagrees at present; None while all sources agree."""
+    """The present disagreement; None while all sources agree."""
     _disagreed_ns: int
     """The time of the last comparison that found a disagreement; set together with `disagreement`."""
     _due_ns: int
@@ -270,5 +270,5 @@ def _sign(value: float, noise: float) -> int:
 
 
 def _beyond(value: float, noise: float) -> float:
-    """What is left of a value beyond its noise."""
+    """The part of a value beyond its noise."""
     return math.copysign(max(0.0, abs(value) - noise), value)

@@ -31,7 +31,7 @@ RESTED_NS = 500 * NS_PER_MS
 
 
 class PlausibilityFault(Enum):
-    """What is wrong with a sample."""
+    """Why a sample is implausible."""
 
     RANGE = "out of range"
     """A value that this vehicle cannot have."""
