@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface.errors import InvalidValueError
-from vehicle_iface.safety.limits import Channel, clamp_interval, interpolate_by_speed, limit_raw, raw_range
+from vehicle_iface.safety.limits import Channel, clamp_interval, limit_raw, raw_range
 
 ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -133,17 +133,6 @@ def test_what_is_outside_the_interval_goes_there_as_fast_as_the_rate_lets_it() -
 
 def test_after_a_time_without_end_the_whole_range_is_one_step() -> None:
     assert limit_raw(channel(), 0.6, -6000, math.inf) == 6000
-
-
-@pytest.mark.parametrize(
-    ("speed_mps", "expected"),
-    [(0.0, 0.4), (-5.0, 0.4), (5.0, 0.4), (7.5, 0.3), (-10.0, 0.2), (15.0, 0.15), (99.0, 0.1)],
-)
-def test_a_table_holds_its_first_value_before_its_first_row_and_its_last_one_beyond_the_last(
-    speed_mps: float, expected: float
-) -> None:
-    table = ((5.0, 0.4), (10.0, 0.2), (20.0, 0.1))
-    assert interpolate_by_speed(table, speed_mps) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 from vehicle_iface.codec.binding import Binding
 from vehicle_iface.command_forms import WireRange
-from vehicle_iface.command_forms.pedals import interpolate
 from vehicle_iface.command_forms.speed_target import HORIZON_S
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.interpolation import interpolate
 from vehicle_iface.profile import Profile
 
 _SPEEDS = 500

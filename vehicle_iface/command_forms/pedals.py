@@ -1,11 +1,11 @@
 """Two unsigned commands, one for drive and one for the brake: pedals by tables, or both as accelerations."""
 
-import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from vehicle_iface.command import SafeCommand
 from vehicle_iface.command_forms.motion import LONGEST_STEP_S, MeasuredMotion, WireRange
+from vehicle_iface.interpolation import interpolate
 from vehicle_iface.profile import Limits
 from vehicle_iface.profile.command_forms import Feedback
 from vehicle_iface.standstill import STANDING_MPS
@@ -116,17 +116,6 @@ class PedalFormer:
 def identity_table(highest: float) -> Table:
     """A command that is the acceleration itself."""
     return ((0.0, 0.0), (highest, highest))
-
-
-def interpolate(table: Table, value: float) -> float:
-    """Linear between rows, constant beyond them."""
-    below, result = table[0]
-    if value <= below:
-        return result
-    for (low, before), (high, after) in itertools.pairwise(table):
-        if value < high:
-            return before + (after - before) * (value - low) / (high - low)
-    return table[-1][1]
 
 
 def _clamp(value: float, bound: float) -> float:

@@ -4,7 +4,8 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from vehicle_iface.command_forms.pedals import Table, interpolate
+from vehicle_iface.command_forms.pedals import Table
+from vehicle_iface.interpolation import interpolate
 from vehicle_iface.profile import Profile
 from vehicle_iface.standstill import STANDING_MPS
 

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from vehicle_iface.command import Command, SafeCommand
+from vehicle_iface.interpolation import interpolate
 from vehicle_iface.profile import Limits
 from vehicle_iface.reason import Reason
 from vehicle_iface.safety.lateral import curvature_per_m, front_angle_rad
-from vehicle_iface.safety.limits import Channel, clamp_interval, interpolate_by_speed, limit_raw, raw_range
+from vehicle_iface.safety.limits import Channel, clamp_interval, limit_raw, raw_range
 from vehicle_iface.safety.stop import StopShape, stop_accel_raw
 from vehicle_iface.standstill import CREEPING_MPS
 from vehicle_iface.state import VehicleState
@@ -179,7 +180,7 @@ class Gate:
         if abs(speed_mps) >= channels.speed_mps.highest and accel * speed_mps > 0.0:
             self.limited["overspeed"] += 1
             accel = 0.0
-        drive = interpolate_by_speed(limits.accel_max_by_speed, speed_mps)
+        drive = interpolate(limits.accel_max_by_speed, abs(speed_mps))
         if engaging:
             drive = min(drive, limits.while_engaging.accel_max_mps2)
         lowest, highest = (-drive, math.inf) if reversing else (-math.inf, drive)
@@ -199,7 +200,7 @@ class Gate:
         engaging: bool,
     ) -> int:
         channel, limits, last = self._channels.front_wheel_angle_rad, self._limits, self._last
-        at_speed = interpolate_by_speed(limits.front_wheel_angle_by_speed, speed_mps)
+        at_speed = interpolate(limits.front_wheel_angle_by_speed, abs(speed_mps))
         within = raw_range(channel, -at_speed, at_speed)
         apart = limits.front_wheel_deviation_rad
         if math.isfinite(measured) and apart < math.inf:

@@ -5,7 +5,6 @@ hold after it. A value is raw · lsb; raw 0 is 0 in SI units.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
@@ -127,19 +126,6 @@ def clamp_interval(inner: tuple[int, int], outer: tuple[int, int]) -> tuple[int,
 def floor_raw(channel: Channel, value: float) -> int:
     """The greatest raw value in range that does not exceed `value` (SI units, at least 0). NaN counts as +inf."""
     return _floor(min(float(channel.highest_raw), value / channel.lsb))
-
-
-def interpolate_by_speed(table: Sequence[tuple[float, float]], speed_mps: float) -> float:
-    """A limit from a table of speed (m/s, rising) and value: linear between rows, constant beyond them."""
-    speed_mps = abs(speed_mps)
-    slower_mps, before = table[0]
-    if speed_mps <= slower_mps:
-        return before
-    for faster_mps, after in table:
-        if speed_mps < faster_mps:
-            return before + (after - before) * (speed_mps - slower_mps) / (faster_mps - slower_mps)
-        slower_mps, before = faster_mps, after
-    return before
 
 
 def _floor(ratio: float) -> int:
