@@ -352,6 +352,14 @@ def test_the_drive_is_gentler_where_it_is_fast_and_the_brake_is_not(speed_mps: f
     assert braking[-1].accel_mps2 == pytest.approx(-sign * 6.0)
 
 
+@pytest.mark.parametrize("speed_mps", [15.0, -15.0])
+def test_the_wheels_turn_less_far_where_it_is_fast_in_either_direction(speed_mps: float) -> None:
+    gate = new_gate(front_wheel_angle_by_speed=((10.0, 0.02), (20.0, 0.01)), lateral_accel_mps2=100.0)
+    assert driven(gate, wish(front_wheel_angle_rad=0.6), speed_mps, 60)[-1].front_wheel_angle_rad == pytest.approx(
+        0.015
+    )
+
+
 @given(
     st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans(), st.booleans()), max_size=20),
     st.floats(allow_nan=False, allow_infinity=False),
