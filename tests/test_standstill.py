@@ -11,17 +11,20 @@ ROOT = Path(__file__).resolve().parents[1]
 CONFTEST = """
 from pathlib import Path
 
+from tests.vcan.claims import Claims
 from tests.vcan.standstill import Standstill
 
 NEWS = []
 
 def pytest_addoption(parser):
     parser.addoption("--defer-to", type=Path)
+    parser.addoption("--share", type=Path)
 
 def pytest_configure(config):
     defer_to = config.getoption("--defer-to")
     news = lambda: [NEWS.pop()] if NEWS else []
-    config.pluginmanager.register(Standstill(news, lambda item: item.path.name, defer_to))
+    claims = Claims(config.getoption("--share"), lambda item: item.nodeid)
+    config.pluginmanager.register(Standstill(news, lambda item: item.path.name, defer_to, claims))
 """
 TEST = """
 import pytest
@@ -102,3 +105,16 @@ def test_a_failed_test_is_deferred_only_if_the_machine_stood_still(
     assert all(part in done.stdout.splitlines()[-1] for part in said.split(", ")), done.stdout
     assert (file.read_text().splitlines() if file.exists() else []) == deferred
     assert done.stdout.count("deferred, the machine stood still for 55 ms") == len(deferred)
+
+
+def test_runs_that_share_the_tests_run_each_of_them_once(tmp_path: Path) -> None:
+    claims = tmp_path / "claims"
+    claims.mkdir()
+    share = ("--share", str(claims))
+    only_second = run_pytest(tmp_path, [], 1, *share, "-k", "second")
+    assert "1 passed, 2 deselected" in only_second.stdout
+    the_others = run_pytest(tmp_path, [], 1, *share, "-v")
+    assert "2 passed" in the_others.stdout.splitlines()[-1]
+    assert "test_first PASSED" in the_others.stdout
+    assert "test_second" not in the_others.stdout
+    assert "test_third PASSED" in the_others.stdout

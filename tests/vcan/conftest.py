@@ -19,6 +19,7 @@ import pytest
 from vehicle_bus_contract.cable import LOOP_END, VEHICLE_END, Cable
 
 from . import peer
+from .claims import Claims
 from .fork_server import Forked, ForkServer
 from .observer import CHANNEL, PATIENCE_S, Observer
 from .peer import Vehicle
@@ -191,7 +192,8 @@ def _link_is_up() -> bool:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--all-defects", action="store_true", help="try every defect of the bench, not one of a kind")
-    parser.addoption("--part", default="1/1", metavar="N/M", help="only every M-th test on vcan, from the N-th")
+    parser.addoption("--share", type=Path, metavar="FOLDER", help="leave out what another run has claimed there")
+    parser.addoption("--from-the-end", action="store_true", help="begin with the last of the tests that are shared")
     parser.addoption(
         "--defer-to", type=Path, metavar="FILE", help="where tests go that failed on a machine standing still"
     )
@@ -202,7 +204,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         witness = Witness()
         session.config.add_cleanup(witness.close)
         defer_to: Path | None = session.config.getoption("--defer-to")
-        session.config.pluginmanager.register(Standstill(lambda: [*witness.news(), *peer.news()], _unit, defer_to))
+        share: Path | None = session.config.getoption("--share")
+
+        def news() -> list[float]:
+            return [*witness.news(), *peer.news()]
+
+        session.config.pluginmanager.register(Standstill(news, _unit, defer_to, Claims(share, _claimed)))
     gc.disable()  # with all that a test has heard it takes 0.1 s, and for so long the test's own vehicle is silent
 
 
@@ -212,23 +219,29 @@ def pytest_runtest_logfinish() -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    part, parts = (int(number) for number in config.getoption("--part", "1/1").split("/"))
-    if not 1 <= part <= parts:
-        raise pytest.UsageError(f"--part {part}/{parts}: the first number must be from 1 to the second")
     units: dict[str, list[pytest.Item]] = {}
     for item in items:
-        units.setdefault(_unit(item), []).append(item)
-    kept = {item for unit in list(units.values())[part - 1 :: parts] for item in unit}
-    config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+        units.setdefault(_claimed(item), []).append(item)
+    order = reversed(units) if config.getoption("--from-the-end", default=False) else iter(units)
     # A browser holds up the other kernel, too, so that the bench there would find itself late: it comes last.
-    items[:] = sorted((item for item in items if item in kept), key=lambda item: item.path.name == WITH_BROWSER)
+    items[:] = sorted((item for unit in order for item in units[unit]), key=lambda item: item.path.name == WITH_BROWSER)
 
 
 def _unit(item: pytest.Item) -> str:
-    """What stays together: a test, or all tests of a module that share what one of them has set up."""
+    """What stands or falls together: a test, or all tests of a module that share what one of them has set up."""
+    return item.path.name if _of_module(item) else item.nodeid
+
+
+def _claimed(item: pytest.Item) -> str:
+    """What stays together on one kernel: the same, but that each kernel has its own interface."""
+    return item.path.name if _of_module(item) - {"vcan0"} else item.nodeid
+
+
+def _of_module(item: pytest.Item) -> set[str]:
+    """The names of fixtures that the test shares with others of its module."""
     assert isinstance(item, pytest.Function)
-    definitions = [found for name in item.fixturenames for found in item._fixtureinfo.name2fixturedefs.get(name, ())]
-    return item.path.name if any(found.scope == "module" for found in definitions) else item.nodeid
+    definitions = item._fixtureinfo.name2fixturedefs
+    return {name for name in item.fixturenames if any(one.scope == "module" for one in definitions.get(name, ()))}
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,8 @@ from pathlib import Path
 import pytest
 from _pytest.runner import runtestprotocol
 
+from .claims import Claims
+
 ATTEMPTS = 5
 _WITNESS = Path(__file__).with_name("witness.py")
 
@@ -55,10 +57,15 @@ class Standstill:
     """Runs a test again that failed in a unit of tests within which the machine stood still."""
 
     def __init__(
-        self, news: Callable[[], list[float]], unit: Callable[[pytest.Item], str], defer_to: Path | None = None
+        self,
+        news: Callable[[], list[float]],
+        unit: Callable[[pytest.Item], str],
+        defer_to: Path | None = None,
+        claims: Claims | None = None,
     ) -> None:
         """`unit` names what shares a setting-up: what went wrong there shows in a later test of it."""
         self._news, self._unit, self._defer_to = news, unit, defer_to
+        self._claims = claims or Claims(None, unit)
         self._now = ""
         self._longest_s = 0.0
         self._attempts = 0
@@ -67,7 +74,10 @@ class Standstill:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item, nextitem: pytest.Item | None) -> bool:
-        """Once; and the same test once more behind it when there is reason to."""
+        """Once; and the same test once more behind it when there is reason to. Not at all if it is another's."""
+        if not self._claims.is_ours(item):
+            return True
+        nextitem = self._claims.find_next(nextitem)
         seen_s = max(self._news(), default=0.0)
         if self._unit(item) != self._now:
             self._now, self._longest_s, self._attempts = self._unit(item), 0.0, 1
