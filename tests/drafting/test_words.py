@@ -17,7 +17,8 @@ from vehicle_iface.drafting.words import split_words
         ("WhlSpdRearLft WHEEL_SPEED_RL WheelSpeedRL", ("wheel", "speed", "rear", "left")),
         ("EStop E_STOP ESTOP EmgyStop EmergencyStop", ("emergency", "stop")),
         ("ChkSum CheckSum CHECKSUM Check_Sum CRC", ("checksum",)),
-        ("HDG Heading course", ("heading",)),
+        ("HDG Heading azimuth", ("heading",)),
+        ("COG Course", ("course",)),  # over ground: not where the body points
     ],
 )
 def test_spellings_of_one_name_are_the_same_words(names: str, words: tuple[str, ...]) -> None:
