@@ -4,8 +4,8 @@ import math
 import struct
 from collections.abc import Iterator
 
-import numpy as np
 import pytest
+from vehicle_bus_contract.judge import Sample, lateral_errors_m
 
 from tests import harness
 from tests.harness import Drive, Sent
@@ -17,7 +17,14 @@ from vehicle_iface.profile import load_profile
 from vehicle_iface.safety.engagement import Mode
 from vehicle_iface.trajectories.receding import RecedingRoute
 
-VEHICLES = {"agilex_hunter": 0.15, "fs_ai_ads_dv": 0.2, "new_eagle_raptor": 0.2, "pacmod3": 0.2}
+VEHICLES = {
+    "agilex_hunter": 0.15,
+    "fs_ai_ads_dv": 0.2,
+    "mqb_by_wire": 0.15,
+    "new_eagle_raptor": 0.2,
+    "pacmod3": 0.2,
+    "vbox_kart": 0.15,
+}
 """How far each may be from a route, in m."""
 MOTION_COMMAND, CONTROL_MODE_SETTING = 0x111, 0x421
 AI2VCU_STATUS, AI2VCU_DRIVE_F, AI2VCU_STEER, AI2VCU_BRAKE = 0x510, 0x511, 0x513, 0x514
@@ -54,14 +61,16 @@ def frames_of(drive: Drive, can_id: int) -> Iterator[bytes]:
 def test_a_shipped_vehicle_drives_a_route(name: str, route: str) -> None:
     drive, source = drive_of(name, route)
     drive.engage()
-    path, aside_m = source.route, 0.0
+    path, seen = source.route, list[Sample]()
     while source.progress_m < path.length_m - 2.0:
         drive.run_s(0.2)
         state = drive.vehicle.state
-        aside_m = max(aside_m, float(np.min(np.hypot(path.x_m - state.x_m, path.y_m - state.y_m))))
-        assert drive.mode() is Mode.ENGAGED
+        seen.append(Sample(drive.clock.t_ns, state.x_m, state.y_m, state.heading_rad, state.speed_mps))
+        assert drive.mode() is Mode.ENGAGED, drive.loop.reason
         assert drive.now_s < 120.0
-    assert aside_m < VEHICLES[name]
+    assert max(lateral_errors_m(seen, path.x_m.tolist(), path.y_m.tolist())) < VEHICLES[name]
+    measured, true = drive.state, drive.vehicle.state
+    assert math.hypot(measured.x_m - true.x_m, measured.y_m - true.y_m) < 0.3
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -86,6 +95,16 @@ def test_a_shipped_vehicle_is_let_go_when_a_person_takes_over_or_it_reports_a_fa
     drive.say(order)
     drive.run_s(0.3)
     assert drive.mode() is mode
+
+
+@pytest.mark.parametrize("name", ["vbox_kart"])
+def test_a_fix_that_its_receiver_doubts_stops_a_shipped_vehicle(name: str) -> None:
+    drive, _ = drive_of(name, "line")
+    drive.engage(1.0)
+    drive.say("pose_valid 0")
+    drive.run_s(0.1)
+    assert drive.loop.reason.name == "STATE_INVALID"
+    drive.run_until(lambda: abs(drive.vehicle.state.speed_mps) < 0.02, 3.0)
 
 
 def test_the_hunter_is_in_can_control_only_while_commands_are_enabled() -> None:
