@@ -18,7 +18,7 @@ from vehicle_bus_contract.socketcan import open_socket, receive_frames
 
 from vehicle_iface.sim.driver_socket import send_line
 
-from .conftest import ROOT, Programs
+from .conftest import ROOT, Program, Programs
 from .observer import CHANNEL, PATIENCE_S
 
 DBC = ROOT / "dbc"
@@ -53,6 +53,47 @@ VEHICLES = {
         sample="MOTION_STATE",
         stop_latches=True,
     ),
+    "fs_ai_ads_dv": Shipped(
+        speed="VCU2AI_Speeds.RL_WHEEL_SPEED",
+        fast=60.0,
+        drive="AI2VCU_Drive_F.FRONT_AXLE_TRQ_REQUEST",
+        enabled=("AI2VCU_Status.MISSION_STATUS", 2),
+        sample="VCU2AI_Speeds",
+        stop_latches=True,
+    ),
+    "mqb_by_wire": Shipped(
+        speed="WHEEL_SPEEDS.WHEEL_SPEED_RL",
+        fast=5.0,
+        drive="BY_WIRE_COMMAND.ACCEL_REQUEST",
+        enabled=("BY_WIRE_COMMAND.ENABLE", 1),
+        sample="WHEEL_SPEEDS",
+        protected="STEERING_WHEEL",
+        stop_latches=True,
+    ),
+    "new_eagle_raptor": Shipped(
+        speed="DBW_WheelSpeedReport.DBW_WhlSpd_RL",
+        fast=3.0,
+        drive="AKit_AccelPdlRequest.AKit_AccelPdlReq",
+        enabled=("AKit_GlobalEnbl.AKit_GlobalByWireEnblReq", 1),
+        sample="DBW_WheelSpeedReport",
+        stop_latches=True,
+    ),
+    "pacmod3": Shipped(
+        speed="VEHICLE_SPEED_RPT.VEHICLE_SPEED",
+        fast=1.0,
+        drive="ACCEL_CMD.ACCEL_CMD",
+        enabled=("ACCEL_CMD.ENABLE", 1),
+        sample="VEHICLE_SPEED_RPT",
+        stop_latches=True,
+    ),
+    "vbox_kart": Shipped(
+        speed="VBOX_307.LONGITUDINAL_SPEED",
+        fast=3.0,
+        drive="KART_COMMAND.DRIVE",
+        enabled=("KART_COMMAND.ENABLE", 1),
+        sample="VBOX_309",
+        protected="KART_STEERING",
+    ),
 }
 
 
@@ -86,10 +127,18 @@ class Watched:
                 assert isinstance(told, dict)
                 yield index + 1, float(str(told[signal_name]))
 
-    def wait_for(self, what: str, dotted: str, fits: Callable[[float], bool], since: int) -> int:
+    def wait_for(
+        self,
+        what: str,
+        dotted: str,
+        fits: Callable[[float], bool],
+        since: int,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> int:
         """The index after the first frame with such a value; fails, naming `what`, when it does not come."""
         deadline_s, newest = time.monotonic() + PATIENCE_S, None
         while time.monotonic() < deadline_s:
+            meanwhile()
             for since, newest in self.values(dotted, since):  # noqa: B020 (each frame is looked at once)
                 if fits(newest):
                     return since
@@ -102,25 +151,34 @@ class Watched:
             self.frames += receive_frames(self._raw)
 
 
-@dataclass(frozen=True)
+@dataclass
 class Driven:
     """A vehicle with its loop, and what their frames say."""
 
     vehicle: Shipped
     watched: Watched
+    loop: Program
     socket: str
+    halts: int = 0
+    """After so many latched stops it was armed again."""
 
     def say(self, line: str) -> None:
         """An order to the vehicle's driver."""
         assert send_line(self.socket, line, timeout_s=PATIENCE_S) == "ok"
 
     def drives(self, since: int) -> int:
-        """Commands are enabled, they drive, and the vehicle is fast."""
+        """Commands are enabled, they drive, and the vehicle is fast; armed again where its stops latch."""
         vehicle, wait_for = self.vehicle, self.watched.wait_for
         signal_name, value = vehicle.enabled
-        since = wait_for("commands are enabled", signal_name, lambda one: one == value, since)
-        since = wait_for("a command that drives", vehicle.drive, lambda one: one > 0.0, since)
-        return wait_for("the vehicle drives", vehicle.speed, lambda one: one >= vehicle.fast, since)
+        since = wait_for("commands are enabled", signal_name, lambda one: one == value, since, self._arm_again)
+        since = wait_for("a command that drives", vehicle.drive, lambda one: one > 0.0, since, self._arm_again)
+        return wait_for("the vehicle drives", vehicle.speed, lambda one: one >= vehicle.fast, since, self._arm_again)
+
+    def _arm_again(self) -> None:
+        halts = sum("HALTED (" in line for line in self.loop.lines)
+        if self.vehicle.stop_latches and halts > self.halts:
+            self.halts = halts
+            self.loop.tell(signal.SIGUSR1)
 
     def stops(self, since: int) -> int:
         """No command drives any more."""
@@ -158,16 +216,11 @@ def test_a_shipped_vehicle_drives_and_is_stopped_or_released_for_each_cause(
     programs = Programs(request.getfixturevalue("tmp_path"))
     request.addfinalizer(programs.kill_all)
     request.addfinalizer(lambda: print(programs.text))
-    driven = Driven(vehicle, watched, str(programs.folder / "driver.sock"))
-    programs.start("sim", "--profile", name, "--driver-socket", driven.socket)
+    socket = str(programs.folder / "driver.sock")
+    programs.start("sim", "--profile", name, "--driver-socket", socket)
     watched.wait_for("the vehicle's first sample", vehicle.speed, lambda _: True, 0)
     loop = programs.run("--profile", name, "--arm", "--route", "figure8")
-
-    def goes_on(since: int) -> int:
-        if vehicle.stop_latches:
-            loop.says(r"HALTED \(")
-            loop.tell(signal.SIGUSR1)
-        return driven.drives(since)
+    driven = Driven(vehicle, watched, loop, socket)
 
     now = driven.drives(0)
     assert loop.is_running
@@ -176,7 +229,7 @@ def test_a_shipped_vehicle_drives_and_is_stopped_or_released_for_each_cause(
     now = driven.stops(now)
     driven.say(f"mute {vehicle.sample} off")
     loop.says("reason: STATE_STALE")
-    now = goes_on(now)
+    now = driven.drives(now)
 
     if vehicle.protected:
         driven.say(f"corrupt {vehicle.protected} 15")
