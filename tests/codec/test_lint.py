@@ -136,6 +136,12 @@ IN_THE_PROFILE = [
     ("POSE = 0x110\n", "", "$.e2e.data_ids.POSE: missing", "[e2e.data_ids]"),
     ('ODOM = "odom"', 'ODO = "odom"', "$.state.frames.ODO: not in POSE.POSE_FRAME", "ODO ="),
     ('sample = ["POSE", "MOTION", "CHASSIS"]', 'sample = ["POSE", "POSE", "CHASSIS"]', "$.state.sample[1]: POSE is listed twice", "sample ="),
+    ('dbc = "reference.dbc"', 'dbc = ""', "$.dbc: '': must be a file's name", 'dbc = ""'),
+    ("[geometry]", '[signals."POSE.POS_X"]\nnot_available = [-16777215]\n[geometry]', "$.signals.POSE.POS_X.not_available: -16777215: must be a raw value of 24 bits, in [-8388608, 16777215]", "not_available ="),
+    ("[geometry]", '[signals."VEHICLE_STATUS.MODE"]\nnames = { one = "MANUAL", 9 = "READY" }\n[geometry]', "$.signals.VEHICLE_STATUS.MODE.names: 'one': must be a whole number", "names ="),
+    ("[geometry]", '[signals."VEHICLE_STATUS.MODE"]\nnames = { one = "MANUAL", 9 = "READY" }\n[geometry]', "$.signals.VEHICLE_STATUS.MODE.names: 9: must be a number of 3 bits, in [0, 7]", "names ="),
+    ('"STEER_COMMAND.ENABLE"]', '"STEER_COMMAND.ENABLE", "STEER_COMMAND.ENABLE"]', "$.command.signals.enable: STEER_COMMAND.ENABLE is listed twice", "enable ="),
+    ("command_period_s = 0.01", "command_period_s = inf", "$.timing.command_period_s: inf: must be finite", "command_period_s"),
     ('dbc = "reference.dbc"', 'dbc = "reference_fd.dbc"', "$.bus.fd: false, but VEHICLE_STATUS is an FD frame", "fd = false"),
 ]  # fmt: skip
 
@@ -200,7 +206,7 @@ def test_a_file_that_is_no_dbc_is_one_finding_or_two(tmp_path: Path, content: by
 
 @pytest.mark.parametrize(
     ("content", "text", "line"),
-    [("[limits", "not TOML", 1), ("a = 1\nb = = 2\n", "not TOML", 2), ("", "name is missing", 0)],
+    [("[limits", "not TOML", 1), ("a = 1\nb = = 2\n", "not TOML", 2), ("", "name is missing", 1)],
 )
 def test_a_file_that_is_no_profile_is_reported(tmp_path: Path, content: str, text: str, line: int) -> None:
     path = tmp_path / "bad.toml"

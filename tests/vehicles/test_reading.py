@@ -406,3 +406,17 @@ def test_odometry_begins_at_0_with_the_first_sample_after_a_reset(tmp_path: Path
         assert sample is not None
         way_m.append(sample.state.x_m)
     assert way_m == pytest.approx([0.0, 0.2, 0.0, 0.2])
+
+
+def test_the_sign_of_a_field_may_come_in_a_message_outside_the_sample(tmp_path: Path) -> None:
+    toml = (('speed_mps = "POSE.V"', 'speed_mps = { value = "POSE.V", negative_if = "STATUS.BRAKE" }'),)
+    reader = Reader(load_vehicle(tmp_path, toml=toml))
+    sample = reader.receive(272, pose(speed=500), 0.0)
+    assert sample is not None
+    assert not sample.others_fresh
+    for flag, speed_mps in ((0x08, -5.0), (0x00, 5.0)):
+        reader.receive(256, bytes((flag, 0)), 10.0)
+        sample = reader.receive(272, pose(speed=500), 20.0)
+        assert sample is not None
+        assert sample.others_fresh
+        assert sample.state.speed_mps == speed_mps

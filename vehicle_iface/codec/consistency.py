@@ -14,11 +14,11 @@ from vehicle_iface.codec.expressions import Place, unknown_names
 from vehicle_iface.codec.layout import Layout
 from vehicle_iface.codec.protection_faults import protection_faults, rule_faults
 from vehicle_iface.codec.send_faults import send_faults
-from vehicle_iface.codec.signal_view import unit_faults
+from vehicle_iface.codec.signal_view import note_faults, unit_faults
 from vehicle_iface.codec.usage import used_dbc_faults
 from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.profile.check import check_profile
-from vehicle_iface.profile.forms import FieldForm, signals_of
+from vehicle_iface.profile.forms import FieldForm, signals_of, value_of
 from vehicle_iface.profile.signals import ModeConditions, StatusSignals
 
 _COUNTS = ("ref_spatial_index", "ref_temporal_index", "deadline_misses")
@@ -112,9 +112,12 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
         elif profile.messages[name].j1939 is not None and not binding.messages[name].is_extended_frame:
             text = f"{name} has an identifier of 11 bits; those of J1939 have 29"
             yield binding.fault(f"$.messages.{name}.j1939", text)
-    for dotted in profile.signals:
-        if binding.find_signal(dotted) is None:
+    for dotted, notes in profile.signals.items():
+        if (signal := binding.find_signal(dotted)) is None:
             yield binding.missing_signal(dotted, f"$.signals.{dotted}")
+        else:
+            for text in note_faults(signal, notes):
+                yield binding.fault(*f"$.signals.{dotted}{text}".split(": ", 1))
     for place, names in (("$.ignored", profile.ignored), ("$.constants", tuple(profile.constants))):
         for dotted in names:
             if binding.find_signal(dotted) is None:
@@ -128,7 +131,7 @@ def _sample_faults(binding: Binding) -> Iterator[ConfigError]:
     """Values that mean nothing without one another are of one sample; frames of reference have usable names."""
     state = binding.profile.state
     for field in _ONE_SAMPLE:
-        for dotted in signals_of(getattr(state.signals, field)):
+        for dotted in signals_of(value_of(getattr(state.signals, field))):
             if dotted.partition(".")[0] not in state.sample:
                 text = f"{dotted}: must be in a message of the sample: {', '.join(state.sample)}"
                 yield binding.fault(f"$.state.signals.{field}", text)

@@ -167,7 +167,7 @@ class _TomlLines:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._lines: dict[str, int] = {"$": 0}
+        self._lines: dict[str, int] = {"$": 1}
         self._dbcs: list[str] = []
         table, rows = "$", dict[str, int]()
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
@@ -175,6 +175,7 @@ class _TomlLines:
                 table = f"$.{header[2].strip().replace(chr(34), '')}"
                 first = table.split(".")[1]
                 if header[1]:
+                    self._add(f"$.{first}", number)
                     rows[first] = rows.get(first, -1) + 1
                 if first in rows:
                     table = table.replace(first, f"{first}[{rows[first]}]", 1)

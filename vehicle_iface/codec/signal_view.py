@@ -8,7 +8,7 @@ from cantools.database import Signal
 
 from vehicle_iface.codec.layout import SignalRules
 from vehicle_iface.codec.quantities import find_unit, unit_of_field
-from vehicle_iface.profile.notes import SignalNotes
+from vehicle_iface.profile.notes import SignalNotes, is_whole_number
 
 ENUMERATED_FIELDS = {"mode", "gear", "gear_request", "reason", "state", "headlights", "turn_indicator", "pose_frame"}
 """Of these the program knows no number without a name."""
@@ -37,7 +37,7 @@ class SignalView:
         """
         names = {int(number): str(name) for number, name in (signal.choices or {}).items()}
         if notes.names is not None:
-            names = {int(number): name for number, name in notes.names.items()}
+            names = {int(number): name for number, name in notes.names.items() if is_whole_number(number)}
         low, high = _value_range(signal, notes.range)
         return cls(
             signal=signal,
@@ -122,6 +122,19 @@ def unit_faults(signal: Signal, notes: SignalNotes, field: str) -> Iterator[str]
             f"unit {spelling!r} is of {unit.quantity}: {field} must be in {wanted.name!r} or another unit of "
             f"{wanted.unit.quantity}, unless the profile gives a scale below [signals.…]"
         )
+
+
+def note_faults(signal: Signal, notes: SignalNotes) -> Iterator[str]:
+    """Numbers in the notes that the bits of the signal cannot be, each `.key: text`."""
+    half, most = 1 << signal.length - 1, (1 << signal.length) - 1
+    for number in notes.not_available:
+        least = -half if signal.is_signed else 0
+        if not least <= number <= most:
+            yield f".not_available: {number}: must be a raw value of {signal.length} bits, in [{least}, {most}]"
+    for text in filter(is_whole_number, notes.names or ()):
+        low, high = (-half, half - 1) if signal.is_signed else (0, most)
+        if not low <= int(text) <= high:
+            yield f".names: {text}: must be a number of {signal.length} bits, in [{low}, {high}]"
 
 
 def _unit_factor(signal: Signal, notes: SignalNotes, field: str) -> float:

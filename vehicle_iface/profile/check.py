@@ -2,8 +2,8 @@
 
 import itertools
 import math
-import re
 import typing
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 
@@ -14,7 +14,9 @@ from vehicle_iface.profile.check_command import check_command
 from vehicle_iface.profile.check_pose import check_pose
 from vehicle_iface.profile.check_sends import check_sends
 from vehicle_iface.profile.command_forms import needed_command_signals
-from vehicle_iface.profile.forms import SIGNAL_NAME, check_form, signals_of
+from vehicle_iface.profile.forms import SIGNAL_NAME, FieldForm, check_form, signals_of
+from vehicle_iface.profile.mismatch import describe_mismatch
+from vehicle_iface.profile.notes import is_whole_number
 from vehicle_iface.profile.schema import Profile
 from vehicle_iface.profile.signals import Command, State
 from vehicle_iface.profile.state_pose import needed_pose_signals
@@ -39,7 +41,7 @@ def check_document(document: dict[str, object]) -> Iterator[str]:
     tables = {f"$.buses.{name}": bus for name, bus in buses.items()} if isinstance(buses, dict) else {}
     for place, table in ({"$": document} | tables).items():
         dbc = table.get("dbc") if isinstance(table, dict) else None
-        if isinstance(dbc, str) and "\0" in dbc:
+        if isinstance(dbc, str) and (not dbc or "\0" in dbc):
             yield f"{place}.dbc: {dbc!r}: must be a file's name"
     yield from check_bus_tables(document)
 
@@ -81,9 +83,9 @@ def _check_value(
     needed: Mapping[str, str] = NOTHING_MORE,
 ) -> list[str]:
     """Put the part of a value that its type allows into `sound`; give the faults of the rest."""
-    named = typing.get_args(kind)[1] if typing.get_origin(kind) is dict else None
+    named = _type_of_values(kind)
     table = _table_type(named or kind)
-    if table is not None and named is not None and isinstance(value, dict):
+    if named is not None and isinstance(value, dict):
         tables: dict[str, object] = {}
         sound[key] = tables
         return [
@@ -104,8 +106,9 @@ def _check_value(
     try:
         msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
-        return [_with_place(str(error), place)]
-    sound[key] = value
+        return [describe_mismatch(str(error), value, kind, place)]
+    if all(math.isfinite(number) for _, number in _numbers(value, "")):
+        sound[key] = value
     return []
 
 
@@ -136,6 +139,12 @@ def _numbers(value: object, place: str) -> Iterator[tuple[str, float]]:
             yield from _numbers(inner, f"{place}[{index}]")
 
 
+def _type_of_values(kind: object) -> object:
+    """The type of the values of a table with keys of any name; None where the field is none and may not be one."""
+    tables = (one for one in (kind, *typing.get_args(kind)) if typing.get_origin(one) is dict)
+    return next((typing.get_args(table)[1] for table in tables), None)
+
+
 def _nearest(key: str, known: list[str]) -> str | None:
     """The known key that was probably meant."""
     import difflib  # only where there is a fault: it takes a while
@@ -147,12 +156,6 @@ def _table_type(kind: object) -> type[msgspec.Struct] | None:
     """The table that a field is, or may be."""
     kinds = (kind, *typing.get_args(kind))
     return next((one for one in kinds if isinstance(one, type) and issubclass(one, msgspec.Struct)), None)
-
-
-def _with_place(message: str, place: str) -> str:
-    """msgspec's message, after the place that it is about."""
-    text, _, inner = message.replace("`", "").replace("-0.0", "0.0").rpartition(" - at ")
-    return f"{place}{inner.removeprefix('$')}: {text}" if text else f"{place}: {inner}"
 
 
 def _check_names(profile: Profile) -> Iterator[str]:
@@ -171,10 +174,17 @@ def _check_names(profile: Profile) -> Iterator[str]:
     for place, names in named.items():
         if names == ():
             yield f"{place}: must name at least one signal"
+        yield from (f"{place}: {name} is listed twice" for name in _repeated(names))
         yield from check_form(names, place)
         for name in signals_of(names):
             if not SIGNAL_NAME.fullmatch(name):
                 yield f"{place}: {name!r}: must be MESSAGE.SIGNAL"
+
+
+def _repeated(names: object) -> list[str]:
+    """The signals that a list, a mean or a sum names more than once."""
+    parts = (names.mean or names.sum) if isinstance(names, FieldForm) else names if isinstance(names, tuple) else ()
+    return [name for name, count in Counter(parts or ()).items() if count > 1]
 
 
 def _check_status(profile: Profile) -> Iterator[str]:
@@ -195,7 +205,7 @@ def _check_notes(profile: Profile) -> Iterator[str]:
         if notes.range is not None and not notes.range[0] < notes.range[1]:
             yield f"{place}.range: {list(notes.range)}: the first number must be below the second"
         for number in notes.names or ():
-            if not re.fullmatch(r"-?\d+", number):
+            if not is_whole_number(number):
                 yield f"{place}.names: {number!r}: must be a whole number"
 
 

@@ -64,7 +64,7 @@ def inspect_profile(path: Path) -> Inspection:
 def _convert(sound: dict[str, object], path: Path) -> Profile | None:
     try:
         profile = msgspec.convert(sound, Profile)
-        if not profile.all_buses:
+        if not profile.all_buses or not all(bus.dbc for bus in profile.all_buses.values()):
             return None
         dbc = str((path.parent / profile.dbc).resolve()) if profile.bus is not None else ""
         buses = {

@@ -1,8 +1,14 @@
 """Notes on a vendor's DBC: what it leaves out or gets wrong about a signal or a message."""
 
+import re
 from typing import Annotated, Literal
 
 import msgspec
+
+
+def is_whole_number(text: str) -> bool:
+    """Whether a key of `names` is a number on the bus."""
+    return re.fullmatch(r"-?[0-9]{1,20}", text) is not None
 
 
 class SignalNotes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

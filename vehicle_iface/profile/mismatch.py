@@ -1,0 +1,38 @@
+"""What is wrong with a value that its type does not allow: msgspec's words, and what they leave out."""
+
+import difflib
+import re
+import typing
+
+
+def describe_mismatch(message: str, value: object, kind: object, place: str) -> str:
+    """msgspec's message after the place that it is about, with the value, or with the words that are allowed."""
+    text, _, inner = message.replace("`", "").replace("-0.0", "0.0").rpartition(" - at ")
+    text, path = (text, inner.removeprefix("$")) if text else (inner, "")
+    if text.startswith("Invalid enum value"):
+        allowed = [str(word) for word in _words_of(kind)]
+        wrong = _find(value, path)
+        near = difflib.get_close_matches(wrong, allowed, n=1) if isinstance(wrong, str) else []
+        text += f"; must be one of: {', '.join(allowed)}{f'; nearest: {near[0]}' if near else ''}"
+    elif ", got " not in text and isinstance(found := _find(value, path), int | float | str):
+        text += f", not {found!r}"
+    return f"{place}{path}: {text}"
+
+
+def _words_of(kind: object) -> list[object]:
+    """All that the enumerations in a type allow."""
+    if typing.get_origin(kind) is typing.Literal:
+        return list(typing.get_args(kind))
+    return [word for part in typing.get_args(kind) for word in _words_of(part)]
+
+
+def _find(value: object, path: str) -> object:
+    """The value at a path such as `[2][0]` below another one; None where the path does not say which it is."""
+    for step in re.findall(r"\[(.*?)\]|\.(\w+)", path):
+        if isinstance(value, list) and step[0].isdigit():
+            value = value[int(step[0])]
+        elif isinstance(value, dict) and step[1]:
+            value = value.get(step[1])
+        else:
+            return None
+    return value
