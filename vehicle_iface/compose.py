@@ -1,11 +1,10 @@
 """Builds a loop, or a simulated vehicle, from a profile and options."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 from vehicle_iface import clock
 from vehicle_iface.bus.base import Bus
-from vehicle_iface.bus.socketcan import SocketCanBus
-from vehicle_iface.codec.database import EXACT_ID, BoundMessage, VehicleDatabase
+from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.codec.sent_values import SendContext
@@ -13,8 +12,6 @@ from vehicle_iface.command_forms import CommandReader, build_former
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase, StopSteering
 from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
 from vehicle_iface.control.user_controller import load_controller
-from vehicle_iface.errors import ConfigError
-from vehicle_iface.frame import IdFilter
 from vehicle_iface.motion_sources import sources_of
 from vehicle_iface.profile import Profile
 from vehicle_iface.runtime.arrival import ArrivalFilter
@@ -52,41 +49,6 @@ from vehicle_iface.units import ns_from_s
 
 UNBOUND_LSB = 1e-6
 """Step of a command field that the vehicle does not take or takes as a float: finer than any actuator."""
-
-
-def open_bus(
-    interface: str,
-    channel: str,
-    profile: Profile,
-    *,
-    received: Iterable[BoundMessage],
-    sent: Iterable[BoundMessage] = (),
-    receive_timeout_ns: int | None = None,
-) -> Bus:
-    """The bus of that name, filtered to `received`; `BusError` with the command that fixes it when it cannot be used.
-
-    `sent` are confirmed where the bus can tell; `receive_timeout_ns` is for an event-driven reader (see
-    `SocketCanBus`).
-    """
-    kept, (bus, *others) = list(received), profile.all_buses.values()
-    if others:
-        raise ConfigError(f"profile {profile.name} has several buses, and only one can be opened")
-    can_ids = [message.can_id for message in kept if message.id_mask == EXACT_ID]
-    masked = [IdFilter(message.can_id, message.id_mask) for message in kept if message.id_mask != EXACT_ID]
-    if interface == "socketcan":
-        own_ids = [message.can_id for message in sent]
-        return SocketCanBus(
-            channel,
-            can_ids,
-            own_ids=own_ids,
-            masked=masked,
-            bitrate=bus.bitrate,
-            data_bitrate=bus.data_bitrate or bus.bitrate,
-            receive_timeout_ns=receive_timeout_ns,
-        )
-    from vehicle_iface.bus.python_can import PythonCanBus  # 0.2 s to import, and SocketCAN does not need it
-
-    return PythonCanBus(interface, channel, can_ids, masked=masked, bitrate=bus.bitrate, is_fd=bus.fd)
 
 
 def build_controller(name: str, profile: Profile) -> ControllerBase:

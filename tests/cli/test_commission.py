@@ -11,7 +11,7 @@ import pytest
 from tests.commission.walks import BEGINS, DeafBus, Person, write_profile
 from tests.harness import START_NS, Clock, reference
 from tests.review.drives import note
-from vehicle_iface import cli, compose
+from vehicle_iface import cli
 from vehicle_iface.arming import report_review
 from vehicle_iface.cli import commission as command
 from vehicle_iface.commission.readings import Moment
@@ -59,7 +59,7 @@ def vehicle(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Clock:
         return walk_and_review(binding, listener, person, record, **options, now_ns=clock.now_ns)  # type: ignore[arg-type]
 
     monkeypatch.setattr(command, "walk_and_review", walk)
-    monkeypatch.setattr(compose, "open_bus", lambda *_, **__: bus)
+    monkeypatch.setattr(command, "open_buses", lambda *_, **__: bus)
     monkeypatch.chdir(tmp_path)
     return clock
 

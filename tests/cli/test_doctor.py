@@ -190,13 +190,13 @@ def test_a_module_that_nobody_has_is_not_there() -> None:
 
 
 def test_another_system_is_told_what_does_not_apply_and_needs_nothing() -> None:
-    findings = doctor.examine("vcan0", CLASSICAL, system="darwin")
+    findings = doctor.examine({"vcan0": CLASSICAL}, system="darwin")
     assert is_ready(findings)
     assert [f.subject for f in findings if "does not apply to darwin" in f.text] == ["SocketCAN", "real time"]
 
 
 def test_every_finding_about_this_machine_is_one_line_and_has_a_command_unless_it_is_well() -> None:
-    findings = doctor.examine("vcan0", CLASSICAL)
+    findings = doctor.examine({"vcan0": CLASSICAL})
     assert {"SocketCAN", "SCHED_FIFO", "memory lock", "clock source", "Python", "viser"} <= set(by_subject(findings))
     for finding in findings:
         assert "\n" not in str(finding)
@@ -230,7 +230,7 @@ def test_an_unknown_profile_is_refused(capsys: pytest.CaptureFixture[str]) -> No
 
 def test_looking_changes_nothing() -> None:
     before = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority, _locked()
-    doctor.examine("vcan0", CLASSICAL)
+    doctor.examine({"vcan0": CLASSICAL})
     assert (os.sched_getscheduler(0), os.sched_getparam(0).sched_priority, _locked()) == before
 
 

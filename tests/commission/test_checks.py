@@ -130,7 +130,7 @@ def test_frames_of_every_kind_are_recorded_as_candump_does(tmp_path: Path) -> No
         CanFrame(0x112, b"", 1_800_000_000, is_remote=True),
     )
     path = tmp_path / "walk.log"
-    with FrameLog(path, "can 0", wall_offset_ns=10 * 10**9) as log:
+    with FrameLog(path, ["can 0"], wall_offset_ns=10 * 10**9) as log:
         log.write(frames[:2])
         log.write(frames[2:])
     assert path.read_text().splitlines() == [
@@ -145,5 +145,5 @@ def test_an_older_record_is_never_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "walk.log"
     path.write_text("old")
     with pytest.raises(ConfigError, match=r"--record .*walk.log: cannot be written: File exists"):
-        FrameLog(path, "can0", wall_offset_ns=0)
+        FrameLog(path, ["can0"], wall_offset_ns=0)
     assert path.read_text() == "old"

@@ -113,7 +113,7 @@ def walk_with(
         DeafBus(vehicle, clock.now_ns, clock.sleep_until),
         person,
         folder / "walk.log",
-        channel="can0",
+        channels={"": "can0"},
         step_timeout_s=step_timeout_s,
         now_ns=clock.now_ns,
     )

@@ -19,7 +19,8 @@ from vehicle_iface import cli
 from vehicle_iface.codec import MessageCodec
 from vehicle_iface.errors import ConfigError, SignalError
 from vehicle_iface.logs.bulk_codec import BulkCodec
-from vehicle_iface.logs.columns import Columns, DecodedLog, save, scan_log, summarize, to_arrays
+from vehicle_iface.logs.columns import DecodedLog, save, scan_log, summarize, to_arrays
+from vehicle_iface.logs.message_columns import Columns
 from vehicle_iface.logs.reading import open_candump
 
 from .conftest import CLASSICAL, FD, POSE, REGULAR, Decode

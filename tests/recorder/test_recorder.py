@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import socket
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,10 +13,13 @@ import numpy as np
 import pytest
 
 from vehicle_iface import Trajectory
+from vehicle_iface.bus.receive import SO_TIMESTAMPNS
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import load_profile
+from vehicle_iface.recorder import frame_tap
 from vehicle_iface.recorder.files import SNAPSHOT_HEADER, parse_snapshot
 from vehicle_iface.recorder.folder import RecordingRequest
+from vehicle_iface.recorder.frame_tap import FrameTaps
 from vehicle_iface.recorder.recorder import Recorder
 from vehicle_iface.telemetry import RING_LENGTH, SessionInfo, Snapshot, TelemetryWriter
 from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
@@ -44,9 +49,9 @@ def recording(tmp_path: Path) -> RecordingRequest:
     return RecordingRequest(
         folder=str(tmp_path / "folder"),
         telemetry=str(tmp_path / "loop"),
-        channel=None,
+        channels=[],
         profile=profile.file,
-        dbc=profile.dbc,
+        dbcs=[profile.dbc],
         command_line=["vehicle-iface", "run"],
     )
 
@@ -162,7 +167,7 @@ def test_the_folder_says_what_was_recorded_and_has_the_profile_with_its_hashes(
     assert {"python", "numpy", "kernel"} <= set(meta["versions"])
     copies = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (folder / "profile").iterdir()}
     assert copies == meta["sha256"]
-    assert (folder / "profile" / "reference.dbc").read_bytes() == Path(recording.dbc).read_bytes()
+    assert (folder / "profile" / "reference.dbc").read_bytes() == Path(recording.dbcs[0]).read_bytes()
     assert (folder / "profile" / "reference.toml").read_bytes() == Path(recording.profile).read_bytes()
 
 
@@ -196,3 +201,24 @@ def test_without_a_loop_there_is_nothing_to_record(recording: RecordingRequest, 
     with pytest.raises(ConfigError, match="cannot be recorded"):
         Recorder(recording, said.append)
     assert not Path(recording.folder).exists()
+
+
+def test_the_frames_of_two_buses_are_lines_in_the_order_of_their_stamps(monkeypatch: pytest.MonkeyPatch) -> None:
+    pairs = {name: socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM) for name in ("can0", "can1")}
+    for near, _ in pairs.values():
+        near.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+    monkeypatch.setattr(frame_tap, "open_socket", lambda channel, *_, **__: pairs[channel][0])
+    taps = FrameTaps(list(pairs), print)
+    for number, name in enumerate(("can1", "can0", "can1", "can0")):
+        pairs[name][1].send(struct.pack("=IB3x8s", 0x100, 1, bytes((number,))))
+    lines = taps.read(0)
+    assert [line.split(b" ", 1)[1] for line in lines] == [
+        b"can1 100#00\n",
+        b"can0 100#01\n",
+        b"can1 100#02\n",
+        b"can0 100#03\n",
+    ]
+    assert taps.lost == 0
+    taps.close()
+    for _, far in pairs.values():
+        far.close()

@@ -119,7 +119,7 @@ def review_profile(folder: Path, frames: Iterable[CanFrame], profile: str) -> Re
     (folder / "reference.dbc").write_bytes((DBC_FOLDER / "reference.dbc").read_bytes())
     (folder / "profile.toml").write_text(profile)
     log = write_log(folder / "drive.log", frames)
-    return review_drive(read_drive(log, load_profile(folder / "profile.toml"), channel=None))
+    return review_drive(read_drive(log, load_profile(folder / "profile.toml")))
 
 
 def note(signal: str, *lines: str) -> str:

@@ -118,7 +118,7 @@ def drive(folder: Path, late_ms: Mapping[str, int] | None = None) -> list[CanFra
 
 def review(folder: Path, notes: Mapping[str, str], late_ms: Mapping[str, int] | None = None) -> Review:
     log = write_log(folder / "drive.log", drive(folder, late_ms))
-    return review_drive(read_drive(log, load_profile(write_vehicle(folder, notes)), channel=None))
+    return review_drive(read_drive(log, load_profile(write_vehicle(folder, notes))))
 
 
 def texts(found: Review) -> list[str]:

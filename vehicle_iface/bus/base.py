@@ -4,6 +4,7 @@ from typing import Protocol, runtime_checkable
 
 from vehicle_iface.bus.controller_events import ControllerEvent
 from vehicle_iface.bus.traffic_monitor import TrafficSample
+from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
 
 MOST_AT_ONCE = 8
@@ -45,6 +46,16 @@ class Bus(Protocol):
     def close(self) -> None:
         """Close the bus. May be called twice."""
         ...
+
+
+def tell_bus(name: str, text: str) -> str:
+    """`text` about one of several buses; "" is the name of the only one."""
+    return f"bus {name}: {text}" if name else text
+
+
+def name_error(name: str, error: BusError) -> BusError:
+    """The same error, about the bus of that name."""
+    return type(error)(tell_bus(name, str(error))) if name else error
 
 
 @runtime_checkable

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 
 from vehicle_iface import clock
+from vehicle_iface.bus.base import name_error
 from vehicle_iface.bus.controller_events import ControllerEvent, parse_error_frame
 from vehicle_iface.bus.raw_socket import (
     ERR_FLAG,
@@ -24,6 +25,7 @@ from vehicle_iface.bus.raw_socket import (
 from vehicle_iface.bus.receive import BATCH, BatchReceiver, Packet
 from vehicle_iface.bus.traffic_monitor import TrafficMonitor, TrafficSample
 from vehicle_iface.bus.transmit import BatchSender
+from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame, IdFilter
 from vehicle_iface.units import NS_PER_MS
 
@@ -55,8 +57,12 @@ class SocketCanBus:
         bitrate: int,
         data_bitrate: int,
         receive_timeout_ns: int | None = None,
+        name: str = "",
+        number: int = 0,
     ) -> None:
         """Receive `can_ids` and `masked`; take note of `own_ids` when they were sent.
+
+        `name` and `number` are those of one of several buses: errors in use name it, its frames bear the number.
 
         The bit rates, in bits per second, are for the bus load only: the interface has its own.
 
@@ -65,6 +71,7 @@ class SocketCanBus:
         it, `wait` ends within 1 ms after `until_ns`.
         """
         self.channel = channel
+        self._name, self._number = name, number
         self.description = f"SocketCAN {channel}"
         self._counters = {
             "received": 0,
@@ -89,7 +96,7 @@ class SocketCanBus:
                 open_socket(channel, own_ids, receive_bytes=RECEIVE_BUFFER_BYTES, errors=True)
             )
             self._traffic = TrafficMonitor(
-                channel, bitrate=bitrate, data_bitrate=data_bitrate, now_ns=clock.monotonic_ns()
+                channel, bus=number, bitrate=bitrate, data_bitrate=data_bitrate, now_ns=clock.monotonic_ns()
             )
             unless_all_open.pop_all()
         self._sender = BatchSender(self._socket.fileno())
@@ -99,6 +106,10 @@ class SocketCanBus:
         if receive_timeout_ns is not None:
             timeout = _TIMEVAL.pack(*divmod(receive_timeout_ns // 1000, 1_000_000))
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, timeout)
+
+    def fileno(self) -> int:
+        """The socket that frames come on."""
+        return self._socket.fileno()
 
     def wait(self, until_ns: int) -> bool:
         """Sleep until a frame has come, or until `until_ns` (see the class for how exactly)."""
@@ -123,7 +134,7 @@ class SocketCanBus:
             if not unsent_bytes(self._socket):
                 return True
         except OSError as error:
-            raise gone_error(self.channel, error) from error
+            raise self._gone(error) from error
         self._counters["send_no_room"] += 1
         return False
 
@@ -132,7 +143,7 @@ class SocketCanBus:
         try:
             sent = self._sender.send([pack_frame(frame) for frame in frames])
         except OSError as error:
-            raise gone_error(self.channel, error) from error
+            raise self._gone(error) from error
         self._counters["sent"] += sent
         self._counters["send_no_room"] += sent < len(frames)
         return sent
@@ -161,7 +172,7 @@ class SocketCanBus:
         try:
             return self._traffic.poll(now_ns)
         except OSError as error:
-            raise gone_error(self.channel, error) from error
+            raise self._gone(error) from error
 
     def counters(self) -> dict[str, int]:
         """Frames received, sent, refused by a full queue, seen on the bus, dropped by the kernel; clock steps."""
@@ -182,7 +193,7 @@ class SocketCanBus:
 
     def _take(self, *, wait: bool) -> None:
         """Receive into the inbox until the kernel has no more."""
-        packets = self._receive(self._receiver, wait=wait)
+        packets, number = self._receive(self._receiver, wait=wait), self._number
         while packets:
             now_ns = clock.monotonic_ns()
             self._follow_wall_clock(now_ns - clock.wall_ns())
@@ -191,7 +202,7 @@ class SocketCanBus:
                 # Never later than now: a wall clock set forwards between the stamp and our reading of it would make
                 # an old frame look fresh.
                 stamp_ns = wall_ns + self._offset_ns if wall_ns else now_ns
-                self._inbox.append(unpack_frame(packet, stamp_ns if stamp_ns < now_ns else now_ns))
+                self._inbox.append(unpack_frame(packet, stamp_ns if stamp_ns < now_ns else now_ns, number))
                 if dropped:
                     self._counters["receive_overflow"] += (dropped - self._kernel_drops) & 0xFFFFFFFF
                     self._kernel_drops = dropped
@@ -202,7 +213,10 @@ class SocketCanBus:
         try:
             return receiver.receive(wait=wait)
         except OSError as error:
-            raise gone_error(self.channel, error) from error
+            raise self._gone(error) from error
+
+    def _gone(self, error: OSError) -> BusError:
+        return name_error(self._name, gone_error(self.channel, error))
 
     def _follow_wall_clock(self, offset_ns: int) -> None:
         """Kernel stamps are wall-clock time: map them by the offset that holds now."""

@@ -10,7 +10,8 @@ from contextlib import closing
 from datetime import date, datetime
 from pathlib import Path
 
-from vehicle_iface import clock, compose
+from vehicle_iface import clock
+from vehicle_iface.cli.channels import find_channels
 from vehicle_iface.cli.exit_status import CONTRADICTED, DONE, NOT_SEEN
 from vehicle_iface.cli.files import check_writable, write_text
 from vehicle_iface.cli.logging import CLEAR_LINE
@@ -25,6 +26,7 @@ from vehicle_iface.commission.report import WORDS, Commissioning, render_page, s
 from vehicle_iface.commission.steps import Step, build_steps
 from vehicle_iface.commission.walk import Listener, Presenter, StepResult, Walk
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.opening import Channels, open_buses, require_socketcan
 from vehicle_iface.profile import Profile, load_profile
 from vehicle_iface.profile.review_edit import require_editable, write_review
 from vehicle_iface.profile.review_record import ReviewRecord, find_changes, hash_dbcs, hash_file, hash_values
@@ -38,9 +40,11 @@ log = logging.getLogger("vehicle_iface")
 def commission(options: argparse.Namespace) -> int:
     """Guide the walk, write the report, and where all is well the record of it into the profile."""
     profile = load_profile(options.profile)
-    binding = load_binding(profile)
     if options.interface == EMBEDDED:
         raise ConfigError("--interface embedded: nobody can move that vehicle; for a try use vehicle-iface sim")
+    channels = find_channels(options.channels, profile, command="commission", interface=options.interface)
+    require_socketcan(options.interface, profile)
+    binding = load_binding(profile)
     if options.write:
         require_editable(Path(profile.file))
     for path, option in ((options.out, "--out"), (options.json, "--json")):
@@ -53,18 +57,16 @@ def commission(options: argparse.Namespace) -> int:
     on_end_signals(end.set)
     database = build_database(binding)
     with closing(
-        compose.open_bus(
+        open_buses(
             options.interface,
-            options.channel,
+            channels,
             profile,
             received=(*database.received, *database.sent),  # those sent, too: review compares them with the motion
         )
     ) as bus:
         log.info("%s: listening, nothing is sent; frames are recorded to %s", bus.description, record)
         presenter = TerminalPresenter(is_ended=lambda: end.is_set)
-        found = walk_and_review(
-            binding, bus, presenter, record, channel=options.channel, step_timeout_s=options.step_timeout
-        )
+        found = walk_and_review(binding, bus, presenter, record, channels=channels, step_timeout_s=options.step_timeout)
     on_end_signals(None)
     for line in summarize(found):
         print_safely(line)
@@ -82,23 +84,24 @@ def walk_and_review(
     presenter: Presenter,
     record: Path,
     *,
-    channel: str,
+    channels: Channels,
     step_timeout_s: float,
     now_ns: Callable[[], int] = clock.monotonic_ns,
 ) -> Commissioning:
     """Go through all steps for the profile, and let its log be reviewed."""
     readings = Readings(binding, build_database(binding))
     steps = build_steps(binding, readings.labels)
-    with FrameLog(record, channel, wall_offset_ns=clock.wall_ns() - clock.monotonic_ns()) as frame_log:
+    with FrameLog(record, channels.values(), wall_offset_ns=clock.wall_ns() - clock.monotonic_ns()) as frame_log:
         walk = Walk(bus, readings, frame_log.write, presenter, step_timeout_s=step_timeout_s, now_ns=now_ns)
         results = walk.go(steps)
     has_log = frame_log.count > 0
+    log_channels = dict(zip(channels, frame_log.channels, strict=True))
     return Commissioning(
         profile_name=binding.profile.name,
         log_name=record.name if has_log else "",
         log_sha256=hash_file(record) if has_log else "",
         steps=results,
-        review=review_drive(read_drive(record, binding.profile, channel=None)) if has_log else None,
+        review=review_drive(read_drive(record, binding.profile, channels=log_channels)) if has_log else None,
     )
 
 

@@ -4,13 +4,15 @@ import argparse
 import sys
 from pathlib import Path
 
+from vehicle_iface.cli.channels import find_log_channels
 from vehicle_iface.cli.exit_status import DONE
 from vehicle_iface.cli.progress import show_progress
 from vehicle_iface.cli.terminal import print_safely
+from vehicle_iface.codec.bus_files import read_dbcs
 from vehicle_iface.codec.dbc_file import DbcFile, read_dbc
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.logs.columns import DecodedLog, decode_log, save, summarize
-from vehicle_iface.profile import load_profile
+from vehicle_iface.logs.columns import DecodedLog, decode_buses, decode_log, save, summarize
+from vehicle_iface.profile import Profile, load_profile
 
 MAX_REFUSED_SHOWN = 20
 """Lines of a log that are named one by one."""
@@ -21,17 +23,16 @@ MAX_FAULTS_SHOWN = 5
 
 def decode(options: argparse.Namespace) -> int:
     """Write the arrays and print a summary; rejected lines of the log are named on standard error."""
-    dbc = Path(options.dbc or load_profile(options.profile).dbc)
-    file = read_dbc(dbc)
-    selected = file.select_messages(options.message)
-    _show_faults(file)
-    log = decode_log(Path(options.log), selected, checked=True, channel=options.channel, progress=show_progress)
+    profile = None if options.dbc else load_profile(options.profile)
+    file = read_dbcs(profile) if profile is not None else read_dbc(Path(options.dbc))
+    dbcs = options.dbc if profile is None else " and ".join(bus.dbc for bus in profile.all_buses.values())
+    log = _decode(options, file, profile)
     for refused in log.refused[:MAX_REFUSED_SHOWN]:
         print(f"{options.log}:{refused.line}: {refused.why}", file=sys.stderr)
     if len(log.refused) > MAX_REFUSED_SHOWN:
         print(f"… and {len(log.refused) - MAX_REFUSED_SHOWN} more lines", file=sys.stderr)
     if not log.decoded:
-        raise ConfigError(_explain_empty(log, options.log, dbc))
+        raise ConfigError(_explain_empty(log, options.log, dbcs))
     try:
         with open(options.out, "wb") as out:
             save(log, out)
@@ -42,7 +43,28 @@ def decode(options: argparse.Namespace) -> int:
     return DONE
 
 
-def _explain_empty(log: DecodedLog, path: str, dbc: Path) -> str:
+def _decode(options: argparse.Namespace, file: DbcFile, profile: Profile | None) -> DecodedLog:
+    """The messages on the channel that was chosen, or those of each bus on its own."""
+    path, selected = Path(options.log), file.select_messages(options.message)
+    _show_faults(file)
+    if profile is None:
+        if len(options.channels) > 1:
+            raise ConfigError(f"--channel: {len(options.channels)} were given, and --dbc is for one; give one of them")
+        channel = options.channels[0] if options.channels else None
+        return decode_log(path, selected, checked=True, channel=channel, progress=show_progress)
+    channels = find_log_channels(options.channels, profile, command=f"decode {options.log}")
+    if len(channels) == 1:
+        (channel,) = channels.values()
+        return decode_log(path, selected, checked=True, channel=channel, progress=show_progress)
+    by_channel = {
+        channel: [message for message in selected if file.part_of(message.name) is file.parts[bus]]
+        for bus, channel in channels.items()
+        if channel is not None
+    }
+    return decode_buses(path, by_channel, checked=True, progress=show_progress)
+
+
+def _explain_empty(log: DecodedLog, path: str, dbc: str) -> str:
     """Why none of the frames became values."""
     names = list(log.messages)
     wanted = ", ".join(names[:MAX_NAMES_SHOWN]) + (", …" if len(names) > MAX_NAMES_SHOWN else "")

@@ -163,7 +163,14 @@ def _add_demo(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_doctor(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--channel", default="vcan0", help="the SocketCAN interface to look at: vcan0, can0, …")
+    parser.add_argument(
+        "--channel",
+        dest="channels",
+        action="append",
+        default=[],
+        metavar="[BUS=]NAME",
+        help="the SocketCAN interface to look at: vcan0 (default), can0, …; of several buses each: ins=can1",
+    )
     parser.add_argument(
         "--profile", default="reference", help="the profile whose bit rate and frames the interface must carry"
     )
@@ -191,9 +198,7 @@ def _add_decode(parser: argparse.ArgumentParser) -> None:
         help="candump (with or without -L and -t), .asc, .trc, .blf, .csv of SavvyCAN or python-can; its stamps become "
         "MESSAGE:stamp_ns, nanoseconds",
     )
-    parser.add_argument(
-        "--channel", metavar="NAME", help="decode only this channel, as the log calls it; required if there are several"
-    )
+    _add_log_channels(parser)
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--profile", default="reference", help="profile of the vehicle: its name, or a .toml file")
     which.add_argument(
@@ -210,7 +215,7 @@ def _add_review(parser: argparse.ArgumentParser) -> None:
         "log", metavar="LOG", help="the log of a drive with turns and stops, of any kind that decode reads"
     )
     parser.add_argument("--profile", required=True, help="profile of the vehicle: its name, or a .toml file")
-    parser.add_argument("--channel", metavar="NAME", help="only this channel, as the log calls it")
+    _add_log_channels(parser)
     parser.add_argument("--html", metavar="FILE", help="write one page with plots to this file")
     parser.add_argument("--json", metavar="FILE", help="write all numbers and verdicts to this file")
     parser.epilog = "Exit status: 0 when nothing contradicts the profile, 1 when something does, 2 bad usage or file."
@@ -243,8 +248,28 @@ def _add_commission(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_log_channels(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--channel",
+        dest="channels",
+        action="append",
+        default=[],
+        metavar="[BUS=]NAME",
+        help="only this channel, as the log calls it; required if there are several. Of a profile with several buses "
+        "that of each: --channel vehicle=can0 --channel ins=can1 (default: channels with the names of the buses)",
+    )
+
+
 def _add_bus(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--channel", default="vcan0", help="the bus: vcan0, can0, or what the interface calls it")
+    parser.add_argument(
+        "--channel",
+        dest="channels",
+        action="append",
+        default=[],
+        metavar="[BUS=]NAME",
+        help="the bus: vcan0 (default), can0, or what the interface calls it; of a profile with several buses each, by "
+        "its name there: --channel vehicle=can0 --channel ins=can1",
+    )
     parser.add_argument(
         "--interface",
         type=_interface,

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from vehicle_iface.cli.channels import find_log_channels
 from vehicle_iface.cli.exit_status import CONTRADICTED, DONE
 from vehicle_iface.cli.files import write_text
 from vehicle_iface.cli.progress import show_progress
@@ -17,7 +18,9 @@ from vehicle_iface.review.series import read_drive
 def review(options: argparse.Namespace) -> int:
     """Print what was found and write the page; 1 when something contradicts the profile."""
     log = Path(options.log)
-    drive = read_drive(log, load_profile(options.profile), channel=options.channel, progress=show_progress)
+    profile = load_profile(options.profile)
+    channels = find_log_channels(options.channels, profile, command=f"review {options.log}")
+    drive = read_drive(log, profile, channels=channels, progress=show_progress)
     found = review_drive(drive)
     if options.html:
         write_text(options.html, render_page(found, log.name), "--html")

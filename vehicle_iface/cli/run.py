@@ -17,6 +17,7 @@ from msgspec import UNSET, UnsetType
 from vehicle_iface import clock, compose, drivable
 from vehicle_iface.arming import is_virtual, report_review, require_reviewed_profile
 from vehicle_iface.bus.base import Bus
+from vehicle_iface.cli.channels import find_channels
 from vehicle_iface.cli.exit_status import BAD_USAGE, DONE, LATCHED_FAULT
 from vehicle_iface.cli.frames import check_frame
 from vehicle_iface.cli.parser import DEFAULT_TELEMETRY, EMBEDDED
@@ -25,6 +26,7 @@ from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.motion_sources import cap_unconfirmed_speed
+from vehicle_iface.opening import Channels, describe_channels, open_buses, require_socketcan
 from vehicle_iface.profile import Profile, load_profile
 from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.loop import Loop
@@ -54,20 +56,27 @@ def run(options: argparse.Namespace) -> int:
     if options.summary:
         check_writable(options.summary)
     profile = load_profile(options.profile)
+    channels = find_channels(options.channels, profile, command="run", interface=options.interface)
+    if options.interface != EMBEDDED:
+        require_socketcan(options.interface, profile)
     if options.arm and profile.only_watches:
         raise ConfigError(f"--arm: profile {profile.name} has no [command], so it can only be watched; leave out --arm")
     if options.arm:
-        profile = require_reviewed_profile(
-            profile, interface=options.interface, channel=options.channel, speed_cap_mps=options.speed_cap
-        )
-    review = _log_review(options, profile)
+        for channel in channels.values():
+            profile = require_reviewed_profile(
+                profile, interface=options.interface, channel=channel, speed_cap_mps=options.speed_cap
+            )
+    review = _log_review(options, channels, profile)
     database = load_database(cap_unconfirmed_speed(profile))
     source = _build_source(options, database)
     controller = compose.build_controller(options.controller, database.profile)
-    open_bus = _bus_opener(options, database)
+    open_bus = _bus_opener(options, channels, database)
     if options.wait is not None and not _wait_for_bus(open_bus, options.wait, end):
         return _report_early_end()
-    with _telemetry(options, database) as telemetry, _recording(options, database) as recording:
+    with (
+        _telemetry(options, channels, database) as telemetry,
+        _recording(options, channels, database) as recording,
+    ):
         with Watchdog() as watchdog:
             loop = compose.build_loop(
                 database=database,
@@ -102,9 +111,9 @@ def run(options: argparse.Namespace) -> int:
     return LATCHED_FAULT if loop.shutdown.ended_in_fault else DONE if is_saved else BAD_USAGE
 
 
-def _log_review(options: argparse.Namespace, profile: Profile) -> str | UnsetType:
+def _log_review(options: argparse.Namespace, channels: Channels, profile: Profile) -> str | UnsetType:
     """The record of the profile's review, for an armed run on a real bus; a profile that has changed is warned of."""
-    if not options.arm or is_virtual(options.interface, options.channel):
+    if not options.arm or all(is_virtual(options.interface, channel) for channel in channels.values()):
         return UNSET
     review = report_review(profile)
     log.info("review of %s: %s", profile.name, review.text)
@@ -177,11 +186,11 @@ def _build_source(options: argparse.Namespace, database: VehicleDatabase) -> Tra
     )
 
 
-def _bus_opener(options: argparse.Namespace, database: VehicleDatabase) -> Callable[[], Bus]:
+def _bus_opener(options: argparse.Namespace, channels: Channels, database: VehicleDatabase) -> Callable[[], Bus]:
     if options.interface != EMBEDDED:
-        return lambda: compose.open_bus(
+        return lambda: open_buses(
             options.interface,
-            options.channel,
+            channels,
             database.profile,
             received=(*database.received, *database.sent),  # those sent, too, to notice another commander
             sent=database.sent,
@@ -195,11 +204,12 @@ def _bus_opener(options: argparse.Namespace, database: VehicleDatabase) -> Calla
 
 
 @contextmanager
-def _telemetry(options: argparse.Namespace, database: VehicleDatabase) -> Iterator[TelemetryWriter]:
+def _telemetry(options: argparse.Namespace, channels: Channels, database: VehicleDatabase) -> Iterator[TelemetryWriter]:
     embedded = options.interface == EMBEDDED
-    bus = f"{options.interface} {options.channel}"
+    channel = describe_channels(channels)
+    bus = f"{options.interface} {channel}"
     info = SessionInfo(
-        channel=options.channel,
+        channel=channel,
         bus="embedded bus (no SocketCAN used)" if embedded else bus.replace("socketcan", "SocketCAN"),
         bus_hint=EMBEDDED_HINT if embedded else "",
         profile=database.profile.name,
@@ -214,7 +224,9 @@ def _telemetry(options: argparse.Namespace, database: VehicleDatabase) -> Iterat
 
 
 @contextmanager
-def _recording(options: argparse.Namespace, database: VehicleDatabase) -> "Iterator[RecorderProcess | None]":
+def _recording(
+    options: argparse.Namespace, channels: Channels, database: VehicleDatabase
+) -> "Iterator[RecorderProcess | None]":
     """The running recorder, or None without `--record`. Started last, when all else has been checked."""
     if not options.record:
         yield None
@@ -225,9 +237,9 @@ def _recording(options: argparse.Namespace, database: VehicleDatabase) -> "Itera
     request = RecordingRequest(
         folder=options.record,
         telemetry=options.telemetry,
-        channel=options.channel if options.interface == "socketcan" else None,
+        channels=list(channels.values()) if options.interface == "socketcan" else [],
         profile=database.profile.file,
-        dbc=database.profile.dbc,
+        dbcs=[bus.dbc for bus in database.profile.all_buses.values()],
         command_line=[argument.encode(errors="replace").decode() for argument in sys.argv],
     )
     with RecorderProcess(request) as recording:

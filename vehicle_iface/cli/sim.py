@@ -4,8 +4,9 @@ import argparse
 import logging
 from contextlib import closing
 
-from vehicle_iface import clock, compose
+from vehicle_iface import clock
 from vehicle_iface.bus.base import Bus
+from vehicle_iface.cli.channels import find_channels
 from vehicle_iface.cli.exit_status import BAD_USAGE, DONE
 from vehicle_iface.cli.frames import check_frame
 from vehicle_iface.cli.parser import EMBEDDED
@@ -13,6 +14,7 @@ from vehicle_iface.cli.signals import Flag, on_end_signals
 from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec.database import load_database
 from vehicle_iface.errors import ConfigError, InvalidValueError
+from vehicle_iface.opening import open_buses, require_socketcan
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime import realtime
 from vehicle_iface.sim.driver_socket import DriverSocket, default_path, send_line
@@ -26,9 +28,12 @@ log = logging.getLogger("vehicle_iface")
 
 def run_simulator(options: argparse.Namespace) -> int:
     """Run the simulated vehicle until it is interrupted or `--duration` is over."""
-    database = load_database(load_profile(options.profile))
+    profile = load_profile(options.profile)
     if options.interface == EMBEDDED:
         raise ConfigError("--interface embedded: that bus has its vehicle in `run`; sim needs one of its own")
+    channels = find_channels(options.channels, profile, command="sim", interface=options.interface)
+    require_socketcan(options.interface, profile)
+    database = load_database(profile)
     frame_id = check_frame(options.frame, database)
     try:
         vehicle = simulated_vehicle(
@@ -39,13 +44,13 @@ def run_simulator(options: argparse.Namespace) -> int:
     end = Flag()
     on_end_signals(end.set)
     deadline_ns = clock.monotonic_ns() + ns_from_s(options.duration) if options.duration else None
-    path = options.driver_socket or default_path(options.channel)
+    path = options.driver_socket or default_path("-".join(channels.values()))
 
     def is_over() -> bool:
         return end.is_set or (deadline_ns is not None and clock.monotonic_ns() >= deadline_ns)
 
     def open_bus() -> Bus:
-        return compose.open_bus(options.interface, options.channel, database.profile, received=database.sent)
+        return open_buses(options.interface, channels, database.profile, received=database.sent)
 
     with closing(DriverSocket(path)) as driver:
         bus = open_bus()

@@ -1,7 +1,7 @@
 """The frames of a walk as a candump log."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -16,10 +16,12 @@ from vehicle_iface.recorder.frame_tap import format_frame
 class FrameLog:
     """Writes frames as `candump -L` does. `ConfigError` when that fails, and where the file exists already."""
 
-    def __init__(self, path: Path, channel: str, *, wall_offset_ns: int) -> None:
-        """`wall_offset_ns` is the wall clock's time less the monotonic clock's."""
+    def __init__(self, path: Path, channels: Iterable[str], *, wall_offset_ns: int) -> None:
+        """`channels` are those of the buses in their order; `wall_offset_ns` is the wall clock's time less the
+        monotonic clock's."""
         self.path, self.count = path, 0
-        self._channel, self._offset_ns = channel.replace(" ", "_") or "can", wall_offset_ns
+        self.channels = [channel.replace(" ", "_") or "can" for channel in channels]
+        self._offset_ns = wall_offset_ns
         try:
             self._file = open(path, "xb")  # noqa: SIM115  # closed by __exit__
         except OSError as error:
@@ -49,7 +51,7 @@ class FrameLog:
     def _format(self, frame: CanFrame) -> bytes:
         word = frame.can_id | (EFF_FLAG if frame.is_extended else 0) | (RTR_FLAG if frame.is_remote else 0)
         packet = (word, frame.data, frame.is_fd, frame.stamp_ns + self._offset_ns, 0, False)
-        return format_frame(self._channel, packet, CANFD_BRS if frame.is_fd else 0)
+        return format_frame(self.channels[frame.bus], packet, CANFD_BRS if frame.is_fd else 0)
 
     def _fault(self, error: OSError) -> ConfigError:
         return ConfigError(f"--record {self.path}: cannot be written: {error.strerror}")

@@ -3,7 +3,7 @@ what became of every line.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -12,40 +12,13 @@ from cantools.database import Message
 from numpy.typing import NDArray
 
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.logs.bulk_codec import BulkCodec, Column, Decoded
-from vehicle_iface.logs.frames import EXTENDED, Bools, Bytes, Chunk, Frames, Ints, RefusedLine
+from vehicle_iface.logs.frames import Chunk, Frames, Ints, RefusedLine
 from vehicle_iface.logs.kinds import READABLE
+from vehicle_iface.logs.message_columns import Columns, MessageGroup
 from vehicle_iface.logs.reading import OpenedLog, open_log
 
 Progress = Callable[[int, int], None]
 """Called with the bytes that are done and all of them."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Columns:
-    """The frames of one message, in the order of the log."""
-
-    lines: Ints
-    """(n,) Line of the log, from 1."""
-    stamps_ns: Ints
-    """(n,) As in the log."""
-    values: Mapping[str, Column]
-    """(n,) Of each signal, in the DBC's units. A signal that a multiplexer hides in some rows is a masked array:
-    a value that was not there is neither 0 nor NaN."""
-    out_of_range: Mapping[str, Bools]
-    """(n,) With `checked`: where a value is not finite, outside the DBC's range or not one of its VAL_ table. Signals
-    without such a row are left out."""
-
-    def __len__(self) -> int:
-        return len(self.stamps_ns)
-
-    @property
-    def in_range(self) -> Bools:
-        """(n,) Rows that a checked `MessageCodec` accepts; all of them unless they were `checked`."""
-        good = np.ones(len(self), bool)
-        for bad in self.out_of_range.values():
-            good &= ~bad
-        return good
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,10 +69,7 @@ def decode_log(
     Whether a frame was FD is not looked at, nor a checksum: a log shows what was on the bus.
     """
     log = scan_log(open_log(path), messages, checked=checked, channel=channel, progress=progress)
-    if not log.has_frames:
-        why = f"; line {log.refused[0].line}: {log.refused[0].why}" if log.refused else ""
-        ways = f"Logs that can be read: {READABLE}; python-can's can_logconvert converts others"
-        raise ConfigError(f"{path}: no frame in {log.lines} lines, read as {log.kind}{why}. {ways}")
+    _require_frames(path, log)
     present = {name: count for name, count in log.channels.items() if count}
     if channel is None and len(present) > 1:
         listed = _list_channels(present)
@@ -109,6 +79,33 @@ def decode_log(
     if channel is not None and channel not in log.channels:
         raise ConfigError(f"--channel {channel}: must be one of {path}: {_list_channels(log.channels)}")
     return log
+
+
+def decode_buses(
+    path: Path,
+    messages: Mapping[str, Iterable[Message]],
+    *,
+    checked: bool = False,
+    progress: Progress | None = None,
+) -> DecodedLog:
+    """As `decode_log`, of several buses: by channel the messages that are on it."""
+    groups: dict[str | None, MessageGroup] = {}
+    for channel, on_channel in messages.items():
+        groups[channel] = MessageGroup(on_channel, checked)
+    log = _collect(open_log(path), _Collector(groups), progress)
+    _require_frames(path, log)
+    for channel in messages:
+        if channel not in log.channels:
+            ways = _list_channels(log.channels)
+            raise ConfigError(f"{path}: no channel {channel}, but {ways}: say which bus is which: --channel BUS=NAME")
+    return log
+
+
+def _require_frames(path: Path, log: DecodedLog) -> None:
+    if not log.has_frames:
+        why = f"; line {log.refused[0].line}: {log.refused[0].why}" if log.refused else ""
+        ways = f"Logs that can be read: {READABLE}; python-can's can_logconvert converts others"
+        raise ConfigError(f"{path}: no frame in {log.lines} lines, read as {log.kind}{why}. {ways}")
 
 
 def _list_channels(counts: Mapping[str, int]) -> str:
@@ -124,7 +121,10 @@ def scan_log(
     progress: Progress | None = None,
 ) -> DecodedLog:
     """As `decode_log`, but a log without frames is no error, and without a channel all of them are put together."""
-    collector = _Collector(messages, checked, channel)
+    return _collect(opened, _Collector({channel: MessageGroup(messages, checked)}), progress)
+
+
+def _collect(opened: OpenedLog, collector: "_Collector", progress: Progress | None) -> DecodedLog:
     for chunk in opened.chunks:
         collector.take(chunk)
         if progress is not None:
@@ -132,69 +132,14 @@ def scan_log(
     return collector.result(opened.kind.value, opened.describe_stamps())
 
 
-@dataclass(slots=True)
-class _Parts:
-    """What has come of one message."""
-
-    name: str
-    codec: BulkCodec
-    lines: list[Ints] = field(default_factory=list)
-    stamps_ns: list[Ints] = field(default_factory=list)
-    decoded: list[Decoded] = field(default_factory=list)
-
-    def columns(self) -> Columns:
-        if not self.decoded:
-            self.add(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, self.codec.length), np.uint8))
-        lines, decoded = np.concatenate(self.lines), self.decoded
-        order = slice(None) if bool(np.all(lines[1:] > lines[:-1])) else np.argsort(lines, kind="stable")
-        faulty = {name for part in decoded for name in part.out_of_range}
-        return Columns(
-            lines=lines[order],
-            stamps_ns=np.concatenate(self.stamps_ns)[order],
-            values={name: self._column(name)[order] for name in self.codec.names},
-            out_of_range={
-                name: np.concatenate(
-                    [part.out_of_range.get(name, np.zeros(len(part.known), bool)) for part in decoded]
-                )[order]
-                for name in self.codec.names
-                if name in faulty
-            },
-        )
-
-    def add(self, lines: Ints, stamps_ns: Ints, data: Bytes) -> Ints:
-        """Decode some frames; the lines of those that no codec would decode."""
-        decoded = self.codec.decode(data)
-        known = decoded.known
-        if not known.all():
-            unknown = lines[~known]
-            return np.concatenate((unknown, self.add(lines[known], stamps_ns[known], data[known])))
-        self.lines.append(lines)
-        self.stamps_ns.append(stamps_ns)
-        self.decoded.append(decoded)
-        return lines[:0]
-
-    def _column(self, name: str) -> Column:
-        values = np.concatenate([part.values[name] for part in self.decoded])
-        if name not in self.decoded[0].shown:
-            return values
-        return np.ma.MaskedArray(values, ~np.concatenate([part.shown[name] for part in self.decoded]))
-
-
 class _Collector:
     """Sorts frames to their messages, and counts the rest."""
 
-    def __init__(self, messages: Iterable[Message], checked: bool, channel: str | None) -> None:
-        parts: dict[int, _Parts] = {}
-        for message in messages:
-            key = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
-            if key in parts:
-                raise ConfigError(f"{message.name} and {parts[key].name} have one identifier, {message.frame_id:#x}")
-            parts[key] = _Parts(message.name, BulkCodec(message, checked))
-        self._keys = np.array(sorted(parts), np.int64)
-        self._parts = [parts[key] for key in sorted(parts)]
-        self._in_order = list(parts.values())
+    def __init__(self, groups: Mapping[str | None, MessageGroup]) -> None:
+        """By channel its messages; by None those of whatever channel."""
+        self._groups = groups
+        self._keys = np.concatenate([group.keys for group in self._groups.values()])
         self._total = Chunk()
-        self._channel = channel
         self._channels: dict[str, int] = {}
         self._decoded = self._foreign = self._other_channels = 0
 
@@ -212,7 +157,7 @@ class _Collector:
     def result(self, kind: str, stamps: str) -> DecodedLog:
         total = self._total
         return DecodedLog(
-            messages={parts.name: parts.columns() for parts in self._in_order},
+            messages={parts.name: parts.columns() for group in self._groups.values() for parts in group.in_order},
             lines=total.lines,
             decoded=self._decoded,
             foreign=self._foreign,
@@ -228,32 +173,24 @@ class _Collector:
         )
 
     def _take_frames(self, frames: Frames) -> None:
-        found = list(self._by_message(frames.keys))
-        bound = sum(len(rows) for _, rows in found)
-        self._channels[frames.channel] = self._channels.get(frames.channel, 0) + bound
-        if self._channel not in (None, frames.channel):
+        group = self._groups.get(frames.channel, self._groups.get(None))
+        counted = self._channels.get(frames.channel, 0)
+        if group is None:
+            self._channels[frames.channel] = counted + int(np.isin(frames.keys, self._keys).sum())
             self._other_channels += len(frames.keys)
             return
+        found = list(group.by_message(frames.keys))
+        bound = sum(len(rows) for _, rows in found)
+        self._channels[frames.channel] = counted + bound
         self._foreign += len(frames.keys) - bound
         for index, rows in found:
-            parts, lines, length = self._parts[index], frames.lines[rows], frames.data.shape[1]
+            parts, lines, length = group.parts[index], frames.lines[rows], frames.data.shape[1]
             if length < parts.codec.length:
                 self._refuse(lines, f"{parts.name}: {length} bytes: must be {parts.codec.length}")
                 continue
             unknown = parts.add(lines, frames.stamps_ns[rows], frames.data[rows])
             self._refuse(unknown, f"{parts.name}: unknown multiplexer")
             self._decoded += len(lines) - len(unknown)
-
-    def _by_message(self, keys: Ints) -> Iterator[tuple[int, NDArray[np.intp]]]:
-        """Index of each message that is there, and its rows in their order."""
-        if not len(self._keys) or not len(keys):
-            return
-        place = np.searchsorted(self._keys, keys).astype(np.uint16)
-        place[self._keys[np.minimum(place, len(self._keys) - 1)] != keys] = len(self._keys)
-        counts = np.bincount(place, minlength=len(self._keys) + 1)
-        rows = np.split(np.argsort(place, kind="stable"), np.cumsum(counts)[:-1])
-        for index in np.flatnonzero(counts[:-1]).tolist():
-            yield index, rows[index]
 
     def _refuse(self, lines: Ints, why: str) -> None:
         self._total.refused += [RefusedLine(line, why) for line in lines.tolist()]

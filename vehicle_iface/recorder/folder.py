@@ -30,11 +30,11 @@ class RecordingRequest(msgspec.Struct, kw_only=True, frozen=True):
 
     folder: str
     telemetry: str
-    channel: str | None
-    """The SocketCAN interface; None where the bus has no frames on a socket."""
+    channels: list[str]
+    """The SocketCAN interface of each bus; none where the bus has no frames on a socket."""
     profile: str
     """The profile's file."""
-    dbc: str
+    dbcs: list[str]
     command_line: list[str]
 
 
@@ -52,14 +52,14 @@ def create_folder(request: RecordingRequest, info: SessionInfo) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     copies = folder / PROFILE
     copies.mkdir()
-    for file in (request.profile, request.dbc):
+    for file in (request.profile, *request.dbcs):
         shutil.copyfile(file, copies / Path(file).name)
     meta = Meta(
         format=FORMAT,
         session=info,
         wall_ns=clock.wall_ns(),
         monotonic_ns=clock.monotonic_ns(),
-        frames=f"SocketCAN {request.channel}" if request.channel else f"none: {info.bus} has no frames on a socket",
+        frames=f"SocketCAN {', '.join(request.channels)}" if request.channels else _no_frames(info),
         command_line=request.command_line,
         versions=_versions(),
         sha256={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(copies.iterdir())},
@@ -67,6 +67,10 @@ def create_folder(request: RecordingRequest, info: SessionInfo) -> Path:
     text = msgspec.json.format(msgspec.json.encode(meta)) + b"\n"
     (folder / META).write_bytes(text)
     return folder
+
+
+def _no_frames(info: SessionInfo) -> str:
+    return f"none: {info.bus} has no frames on a socket"
 
 
 def empty_folder(folder: Path) -> None:

@@ -1,6 +1,8 @@
 """All frames of a SocketCAN interface as lines of a candump log, from a socket that sends nothing."""
 
-from collections.abc import Callable
+import heapq
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from vehicle_iface.bus.raw_socket import (
@@ -87,6 +89,34 @@ class FrameTap:
             return False
         self._notify(f"{self._channel}: is back; frames are recorded again")
         return True
+
+
+class FrameTaps:
+    """The taps of several buses as one: their lines are in the order of the stamps, as far as they come together."""
+
+    def __init__(self, channels: Sequence[str], notify: Callable[[str], None]) -> None:
+        """`BusError` when one of them cannot be opened."""
+        self._taps: list[FrameTap] = []
+        with ExitStack() as unless_all_open:
+            for channel in channels:
+                self._taps.append(FrameTap(channel, notify))
+                unless_all_open.callback(self._taps[-1].close)
+            unless_all_open.pop_all()
+
+    @property
+    def lost(self) -> int:
+        """Frames that the kernel dropped because a buffer was full."""
+        return sum(tap.lost for tap in self._taps)
+
+    def read(self, now_ns: int) -> list[bytes]:
+        """All frames since the last call, as lines; the stamp in front is of one width."""
+        lines = [tap.read(now_ns) for tap in self._taps]
+        return lines[0] if len(lines) == 1 else list(heapq.merge(*lines, key=lambda line: line.partition(b")")[0]))
+
+    def close(self) -> None:
+        """Close all of them. May be called twice."""
+        for tap in self._taps:
+            tap.close()
 
 
 def format_frame(channel: str, packet: Packet, flags: int) -> bytes:

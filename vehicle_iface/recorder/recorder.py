@@ -10,7 +10,7 @@ import msgspec
 
 from vehicle_iface.recorder import files
 from vehicle_iface.recorder.folder import RecordingRequest, create_folder, empty_folder, not_writable_error
-from vehicle_iface.recorder.frame_tap import FrameTap
+from vehicle_iface.recorder.frame_tap import FrameTaps
 from vehicle_iface.recorder.sink import Sink
 from vehicle_iface.recorder.telemetry_tap import TelemetryTap
 from vehicle_iface.units import ns_from_s
@@ -21,7 +21,7 @@ class Recorder:
 
     def __init__(self, request: RecordingRequest, notify: Callable[[str], None]) -> None:
         self._telemetry = TelemetryTap(request.telemetry)
-        self._frames = FrameTap(request.channel, notify) if request.channel is not None else None
+        self._frames = FrameTaps(request.channels, notify) if request.channels else None
         folder = Path(request.folder)
         try:
             create_folder(request, self._telemetry.info)

@@ -1,7 +1,8 @@
 """The frames of given messages in a log of any kind, in its order."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,12 @@ Progress = Callable[[int, int], None]
 """Called with the bytes that are done and all of them."""
 
 
+LogChannels = Mapping[str, str | None]
+"""By the name of each bus, in the profile's order, its channel as the log calls it; None: the only one there is."""
+ANY_CHANNEL: LogChannels = MappingProxyType({"": None})
+"""Of a profile with one bus."""
+
+
 class LoggedFrame(NamedTuple):
     """One frame of a known message."""
 
@@ -25,47 +32,57 @@ class LoggedFrame(NamedTuple):
 
 
 def read_frames(
-    path: Path, messages: Sequence[BoundMessage], *, channel: str | None = None, progress: Progress | None = None
+    path: Path,
+    messages: Sequence[BoundMessage],
+    *,
+    channels: LogChannels = ANY_CHANNEL,
+    progress: Progress | None = None,
 ) -> Iterator[LoggedFrame]:
-    """The frames of the messages, of one channel.
+    """The frames of the messages, each on the channel of its bus.
 
-    `ConfigError` when the log cannot be read, has none of the messages, or has them on several channels of which none
-    is chosen.
+    `ConfigError` when the log cannot be read, has none of the messages, has no such channel, or has the messages of the
+    only bus on several channels of which none is chosen.
     """
-    log = open_log(path)
-    channels: dict[str, int] = {}
+    log, selected = open_log(path), tuple(channels.values())
+    counts: dict[str, int] = {}
+    has_any = False
     for chunk in log.chunks:
-        yield from _read_chunk(chunk, messages, channel, channels)
+        for frame in _read_chunk(chunk, messages, selected, counts):
+            has_any = True
+            yield frame
         if progress is not None:
             progress(chunk.done_bytes, chunk.total_bytes)
-        present = {name: count for name, count in channels.items() if count}
-        if channel is None and len(present) > 1:
+        present = {name: count for name, count in counts.items() if count}
+        if None in selected and len(present) > 1:
             raise ConfigError(f"{path}: the profile's messages are on several channels; choose one: {_ways(present)}")
-    if not channels:
+    if not counts:
         raise ConfigError(f"{path}: no frame, read as {log.kind.value}. Logs that can be read: {READABLE}")
-    if channel is not None and channel not in channels:
-        raise ConfigError(f"--channel {channel}: must be one of {path}: {_ways(channels)}")
-    if not channels.get(channel, 0) if channel is not None else not any(channels.values()):
+    for bus, channel in channels.items():
+        if channel is not None and channel not in counts:
+            option = f"--channel {bus}={channel}" if bus else f"--channel {channel}"
+            raise ConfigError(f"{option}: must be one of {path}: {_ways(counts, bus)}")
+    if not has_any:
         names = ", ".join(message.name for message in messages[:8])
         raise ConfigError(
             f"{path}: no frame of the profile's messages ({names}); choose another --profile or --channel"
         )
 
 
-def _ways(counts: dict[str, int]) -> str:
-    return ", ".join(f"--channel {name or repr(name)} ({count} frames)" for name, count in sorted(counts.items()))
+def _ways(counts: Mapping[str, int], bus: str = "") -> str:
+    option = f"--channel {bus}=" if bus else "--channel "
+    return ", ".join(f"{option}{name or repr(name)} ({count} frames)" for name, count in sorted(counts.items()))
 
 
 def _read_chunk(
-    chunk: Chunk, messages: Sequence[BoundMessage], channel: str | None, channels: dict[str, int]
+    chunk: Chunk, messages: Sequence[BoundMessage], channels: Sequence[str | None], counts: dict[str, int]
 ) -> Iterator[LoggedFrame]:
     found: list[tuple[int, LoggedFrame]] = []
     for frames in chunk.frames:
-        channels.setdefault(frames.channel, 0)
+        counts.setdefault(frames.channel, 0)
         for message in messages:
             rows = np.flatnonzero(_matches(frames.keys, message))
-            channels[frames.channel] += len(rows)
-            if channel in (None, frames.channel):
+            counts[frames.channel] += len(rows)
+            if channels[message.bus] in (None, frames.channel):
                 found += _read_rows(frames, message.name, rows)
     found.sort(key=lambda one: one[0])
     yield from (frame for _, frame in found)

@@ -24,7 +24,7 @@ from vehicle_iface.pose.build import build_pose_source
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.forms import FieldForm, signals_of, value_of
 from vehicle_iface.profile.state_pose import POSE_SIGNALS, Mount
-from vehicle_iface.review.log_frames import LoggedFrame, Progress, read_frames
+from vehicle_iface.review.log_frames import ANY_CHANNEL, LogChannels, LoggedFrame, Progress, read_frames
 from vehicle_iface.row import Row
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface.units import NS_PER_S
@@ -104,12 +104,14 @@ class RecordedDrive:
     duration_s: float
 
 
-def read_drive(path: Path, profile: Profile, *, channel: str | None, progress: Progress | None = None) -> RecordedDrive:
+def read_drive(
+    path: Path, profile: Profile, *, channels: LogChannels = ANY_CHANNEL, progress: Progress | None = None
+) -> RecordedDrive:
     """The drive in a log. `ConfigError` when profile, DBC or log cannot be used, or none of its messages is there."""
     binding = load_binding(profile)
     database = build_database(binding)
     reader = DriveReader(binding, database)
-    for frame in read_frames(path, (*database.received, *database.sent), channel=channel, progress=progress):
+    for frame in read_frames(path, (*database.received, *database.sent), channels=channels, progress=progress):
         reader.take(frame)
     return reader.result()
 

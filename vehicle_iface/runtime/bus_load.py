@@ -1,6 +1,10 @@
-"""The load of the whole bus, now and over the run."""
+"""The load of each bus, now and over the run."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import TypeVar
+
+import msgspec
+from msgspec import UNSET
 
 from vehicle_iface.bus.traffic_monitor import TrafficSample
 from vehicle_iface.frame import FrameKey
@@ -9,7 +13,7 @@ from vehicle_iface.units import NS_PER_S
 
 
 class BusLoad:
-    """Adds up traffic samples of the bus. Loads are in percent of its bit rate, rates in frames per second."""
+    """Adds up traffic samples of one bus. Loads are in percent of its bit rate, rates in frames per second."""
 
     def __init__(self) -> None:
         self._span_ns = self._busy_ns = self._frames = 0
@@ -69,6 +73,72 @@ class BusLoad:
             rates_hz=rates_hz,
             highest_load_percent=round(self.highest_load_percent, 1),
         )
+
+
+class BusLoads:
+    """The traffic of each bus of a vehicle; of several, the greatest load and the sum of their frames."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        """The names of the buses in their order; "" of the only one."""
+        self._loads = {name: BusLoad() for name in names}
+
+    def add(self, name: str, sample: TrafficSample) -> None:
+        """One more stretch of time on the bus of that name."""
+        self._loads[name].add(sample)
+
+    def now(self, state: str, names: Mapping[FrameKey, str], counted: Mapping[FrameKey, int]) -> LinkDetails:
+        """As `BusLoad.now`."""
+        found = {
+            name: load.now(state, names, _on_bus(number, counted))
+            for number, (name, load) in enumerate(self._loads.items())
+        }
+        return _put_together(LinkDetails(state=state), found)
+
+    def whole(
+        self,
+        state: str,
+        transitions: list[LinkChange],
+        names: Mapping[FrameKey, str],
+        counted: Mapping[FrameKey, int],
+    ) -> LinkSummary:
+        """As `BusLoad.whole`."""
+        found = {
+            name: load.whole(state, transitions, names, _on_bus(number, counted))
+            for number, (name, load) in enumerate(self._loads.items())
+        }
+        together = _put_together(LinkSummary(state=state, transitions=transitions), found)
+        if together.load_percent is UNSET:
+            return together
+        highest = max(load.highest_load_percent for load in self._loads.values())
+        return msgspec.structs.replace(together, highest_load_percent=round(highest, 1))
+
+
+_Details = TypeVar("_Details", bound=LinkDetails)
+
+
+def _put_together(link: _Details, by_bus: Mapping[str, _Details]) -> _Details:
+    """The traffic of all buses into `link`; of one bus its own."""
+    if len(by_bus) == 1:
+        return next(iter(by_bus.values()))
+    loads = {name: of_bus.load_percent for name, of_bus in by_bus.items()}
+    known = {name: load for name, load in loads.items() if load is not UNSET}
+    if not known:
+        return link
+    return msgspec.structs.replace(
+        link,
+        load_percent=max(known.values()),
+        loads_percent=known,
+        frames_per_s=round(sum(of_bus.frames_per_s or 0.0 for of_bus in by_bus.values()), 1),
+        rates_hz={
+            f"{name} {label.replace(f'{name}:', '')}": rate
+            for name, of_bus in by_bus.items()
+            for label, rate in (of_bus.rates_hz or {}).items()
+        },
+    )
+
+
+def _on_bus(number: int, counted: Mapping[FrameKey, int]) -> dict[FrameKey, int]:
+    return {key: count for key, count in counted.items() if key.bus == number}
 
 
 def _rates(

@@ -2,15 +2,16 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from vehicle_iface.bus.base import Bus, SupportsErrorEvents, SupportsTraffic
+from vehicle_iface.bus.base import Bus, SupportsErrorEvents, SupportsTraffic, tell_bus
 from vehicle_iface.bus.controller_events import ControllerEvent
 from vehicle_iface.bus.link_state import TABLE, LinkEvent, LinkState
+from vehicle_iface.bus.several import SeveralBuses, parts_of
 from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.runtime.bus_load import BusLoad
+from vehicle_iface.runtime.bus_load import BusLoads
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.timer import PeriodicTimer
 from vehicle_iface.units import NS_PER_MS
@@ -59,8 +60,8 @@ class Link:
     ) -> None:
         """Open the bus. Raises `BusError` when that fails."""
         self._open_bus = open_bus
-        self._bus: Bus | None = open_bus()
-        self.description = self._bus.description
+        self._bus: Bus | None = (bus := open_bus())
+        self.description = bus.description
         self._counters = counters
         self._now_ns, self._sleep_until = now_ns, sleep_until
         self._reopen_timer = PeriodicTimer(REOPEN_NS, now_ns())
@@ -69,21 +70,25 @@ class Link:
         self._refused_since_ns: int | None = None
         self._refused_in_row = 0
         self._troubled_ns = 0
-        self._has_errors = False
-        self._overflow = 0
+        self._with_errors: set[str] = set()
+        """The buses whose controllers report so."""
+        self._overflow: dict[str, int] = {}
         self._received_since_open = False
         self._was_lost = False
         self._draining: Bus | None = None
         """A bus that accepted no frames any more; it is used again once its transmit queue is empty."""
         self._closed_counters: dict[str, int] = {}
         self.state = LinkState.UP
+        self.why = ""
+        """Why the state is as it is."""
         self.is_stalled = False
         """Several commands in a row were refused: the next one must be a stop."""
         self.transitions: list[LinkTransition] = []
         """The first state changes of the run, at most `MAX_TRANSITIONS`."""
         self.events: Counter[str] = Counter()
-        """Events that the CAN controller reported, by kind."""
-        self.load = BusLoad()
+        """Events that the CAN controllers reported, by kind."""
+        self._bus_names = tuple(parts_of(bus))
+        self.load = BusLoads(self._bus_names)
 
     def take_loss(self) -> bool:
         """Whether the bus was lost since the last call."""
@@ -140,13 +145,14 @@ class Link:
         """Poll the link: a bus that accepts nothing, or whose CAN controller is bus off, is lost."""
         if self._refused_since_ns is not None and now_ns - self._refused_since_ns > REFUSED_NS:
             self._draining, self._bus = self._bus, None
-            self._on_drop(BusError(f"{self.description}: accepts no frames; is another node on the bus?"))
+            text = f"{self.description}: accepts no frames; is another node on the bus?"
+            self._on_drop(BusError(tell_bus(_refusing(self._draining), text)))
         if not self._watch_timer.is_due(now_ns):
             return
         self._poll_controller()
         self._poll_traffic(now_ns)
         self._check_overflow()
-        if now_ns - self._troubled_ns >= CLEAN_NS and self._received_since_open and not self._has_errors:
+        if now_ns - self._troubled_ns >= CLEAN_NS and self._received_since_open and not self._with_errors:
             self.is_stalled = False
             self._apply(LinkEvent.CLEAN, "no errors for 0.5 s")
 
@@ -166,51 +172,66 @@ class Link:
             self._bus = self._draining = None
 
     def _poll_controller(self) -> None:
-        bus: object = self._bus
-        if not isinstance(bus, SupportsErrorEvents):
-            return
-        try:
-            events = bus.events()
-        except BusError as error:
-            self._drop(error)
-            return
-        for event in events:
-            self._note_event(event)
-        if ControllerEvent.BUS_OFF in events:
-            self._drop(BusError(f"{self.description}: bus off; `sudo ip link set DEVICE type can restart` restarts it"))
+        for name, bus in self._parts().items():
+            controller: object = bus
+            if not isinstance(controller, SupportsErrorEvents):
+                continue
+            try:
+                events = controller.events()
+            except BusError as error:
+                self._drop(error)
+                return
+            for event in events:
+                self._note_event(event, name, bus.description)
+            if ControllerEvent.BUS_OFF in events:
+                text = f"{bus.description}: bus off; `sudo ip link set DEVICE type can restart` restarts it"
+                self._drop(BusError(tell_bus(name, text)))
+                return
 
-    def _note_event(self, event: ControllerEvent) -> None:
-        if not self.events[event.value]:
-            log.warning("%s: %s (further ones are counted)", self.description, event.value)
-        self.events[event.value] += 1
+    def _note_event(self, event: ControllerEvent, name: str, description: str) -> None:
+        kind = tell_bus(name, event.value)
+        if not self.events[kind]:
+            log.warning("%s: %s (further ones are counted)", description, kind)
+        self.events[kind] += 1
         if event in _RECOVERED:
-            self._has_errors = False
+            self._with_errors.discard(name)
         elif event is not ControllerEvent.BUS_OFF and event not in _NO_ERRORS:
-            self._has_errors = self._has_errors or event in _ERROR_STATES
-            self._degrade(event.value)
+            if event in _ERROR_STATES:
+                self._with_errors.add(name)
+            self._degrade(kind)
 
     def _poll_traffic(self, now_ns: int) -> None:
-        bus: object = self._bus
-        if not self._survey_timer.is_due(now_ns) or not isinstance(bus, SupportsTraffic):
+        if not self._survey_timer.is_due(now_ns):
             return
-        try:
-            self.load.add(bus.poll_traffic(now_ns))
-        except BusError as error:
-            self._drop(error)
+        for name, bus in self._parts().items():
+            monitor: object = bus
+            if not isinstance(monitor, SupportsTraffic):
+                continue
+            try:
+                self.load.add(name, monitor.poll_traffic(now_ns))
+            except BusError as error:
+                self._drop(error)
+                return
+
+    def _parts(self) -> Mapping[str, Bus]:
+        """By name the buses that are open."""
+        return parts_of(self._bus) if self._bus is not None else {}
 
     def _check_overflow(self) -> None:
-        """Degrade the link when the kernel's receive queue has dropped frames."""
-        overflow = self.counters().get("receive_overflow", 0)
-        if overflow > self._overflow:
-            self._overflow = overflow
-            self._degrade("receive overflow")
+        """Degrade the link when a kernel's receive queue has dropped frames."""
+        counts = self.counters()
+        for name in self._bus_names:
+            overflow = counts.get(f"receive_overflow {name}".rstrip(), 0)
+            if overflow > self._overflow.get(name, 0):
+                self._overflow[name] = overflow
+                self._degrade(tell_bus(name, "receive overflow"))
 
     def _note_refusal(self) -> None:
         if self._refused_since_ns is None:
             self._refused_since_ns = self._now_ns()
         self._refused_in_row += 1
         self.is_stalled = self.is_stalled or self._refused_in_row >= STALLED_AFTER
-        self._degrade("transmit queue full")
+        self._degrade(tell_bus(_refusing(self._bus), "transmit queue full"))
 
     def _degrade(self, why: str) -> None:
         self._troubled_ns = self._now_ns()
@@ -221,7 +242,7 @@ class Link:
         state = TABLE.get((self.state, event), self.state)
         if state is self.state:
             return
-        self.state = state
+        self.state, self.why = state, why
         log.log(logging.INFO if state is LinkState.UP else logging.WARNING, "link %s: %s", state.name, why)
         if len(self.transitions) < MAX_TRANSITIONS:
             self.transitions.append(LinkTransition(self._now_ns(), state, why))
@@ -232,7 +253,8 @@ class Link:
 
     def _on_drop(self, error: BusError) -> None:
         self._refused_since_ns, self._refused_in_row = None, 0
-        self.is_stalled = self._has_errors = False
+        self.is_stalled = False
+        self._with_errors.clear()
         self._apply(_event_of(error), str(error))
         self._counters.link_losses += 1
         self._was_lost = True
@@ -266,3 +288,8 @@ class Link:
 
 def _event_of(error: BusError) -> LinkEvent:
     return LinkEvent.GONE if isinstance(error, BusGoneError) else LinkEvent.LOST
+
+
+def _refusing(bus: Bus | None) -> str:
+    """The name of the one of several buses that had no room last."""
+    return bus.refusing if isinstance(bus, SeveralBuses) else ""

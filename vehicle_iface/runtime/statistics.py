@@ -6,6 +6,7 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from vehicle_iface.bus.link_state import LinkState
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.frame import FrameKey
@@ -22,6 +23,7 @@ from vehicle_iface.state_assembler import StateAssembler
 from vehicle_iface.telemetry.details import (
     Causes,
     LinkChange,
+    LinkDetails,
     LinkSummary,
     LiveDetails,
     RunSummary,
@@ -62,7 +64,7 @@ class RunStatistics:
     def details(self) -> LiveDetails:
         """Counters by part and cause, and the present state of the link, for viewer and recorder."""
         return LiveDetails(
-            link=self._link.load.now(self._link.state.name, self._names, self._counted()),
+            link=self._link_details(),
             shadow=self._shadow_summary(),
             loop=self._loop_counters(),
             samples=SampleCounts(
@@ -116,6 +118,11 @@ class RunStatistics:
 
     def _shadow_summary(self) -> ShadowSummary | UnsetType:
         return UNSET if self._shadow is None else self._shadow.summary()
+
+    def _link_details(self) -> LinkDetails:
+        link = self._link
+        details = link.load.now(link.state.name, self._names, self._counted())
+        return details if link.state is LinkState.UP else msgspec.structs.replace(details, why=link.why)
 
     def _link_summary(self) -> LinkSummary:
         changes = [

@@ -5,6 +5,7 @@ from pathlib import Path
 import msgspec
 from msgspec import UNSET
 
+from vehicle_iface.bus.link_state import LinkState
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.telemetry.details import ByCause, LatencySummary, LinkSummary, RunSummary, ShadowSummary
 
@@ -20,6 +21,8 @@ SHOWN_COUNTS = (
     "link_losses",
 )
 """Counters of the loop that the table shows where they are not zero."""
+
+_LOST = (LinkState.DOWN.name, LinkState.GONE.name)
 
 
 def check_writable(path: str) -> None:
@@ -49,6 +52,7 @@ def table(summary: RunSummary) -> str:
     rows = [
         ("bus", summary.bus),
         ("link", _link(summary.link)),
+        *[("link lost", change.why) for change in summary.link.transitions if change.state in _LOST][-1:],
         ("ended", f"{summary.controller_state}, {summary.reason}"),
         *([("review", summary.review)] if summary.review is not UNSET else []),
         *([("latched fault", summary.latched_fault)] if summary.latched_fault else []),
@@ -82,7 +86,9 @@ def _link(link: LinkSummary) -> str:
     changes = f", changed {len(link.transitions)} times" if link.transitions else ""
     if link.load_percent is UNSET or link.frames_per_s is UNSET:
         return f"{link.state}{changes}"
-    load = f"bus load {link.load_percent} % (at most {link.highest_load_percent} %)"
+    by_bus = {} if link.loads_percent is UNSET else link.loads_percent
+    loads = ", ".join(f"{name} {load} %" for name, load in by_bus.items()) or f"{link.load_percent} %"
+    load = f"bus load {loads} (at most {link.highest_load_percent} %)"
     return f"{link.state}{changes}, {load}, {link.frames_per_s:.0f} frames/s"
 
 

@@ -47,10 +47,15 @@ class LinkDetails(msgspec.Struct, frozen=True, kw_only=True):
     """The link's state and, where the bus supports it, its traffic."""
 
     state: str
+    why: str | UnsetType = UNSET
+    """Why it is so, while it is not UP."""
     load_percent: float | UnsetType = UNSET
+    """Of several buses that of the one with the greatest load."""
+    loads_percent: dict[str, float] | UnsetType = UNSET
+    """By bus, where there are several."""
     frames_per_s: float | UnsetType = UNSET
     rates_hz: dict[str, float] | UnsetType = UNSET
-    """By identifier and message, like `0x110 POSE`."""
+    """By identifier and message, like `0x110 POSE`; of several buses like `ins 0x601 INS_POS`."""
 
 
 class LinkChange(msgspec.Struct, frozen=True, kw_only=True):
@@ -110,7 +115,7 @@ class LiveDetails(Causes, frozen=True, kw_only=True):
             for name in self.__struct_fields__
             if isinstance(value := getattr(self, name), dict) and name != "part_ages_s"
         }
-        link = LinkDetails(state=self.link.state)
+        link = LinkDetails(state=self.link.state, why=self.link.why)
         return msgspec.structs.replace(self, link=link, part_ages_s=UNSET, **groups)
 
 

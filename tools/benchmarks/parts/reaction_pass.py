@@ -25,7 +25,7 @@ from vehicle_bus_contract.socketcan import decode
 
 from benchmarks.parts.reaction_contestants import Bare, Contestant, Echo, PythonCan
 from benchmarks.parts.reaction_vehicle import Course, RailVehicle, figure_of_eight
-from vehicle_iface import compose
+from vehicle_iface import compose, opening
 from vehicle_iface.bus import socketcan, traffic_monitor
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.profile import load_profile
@@ -167,9 +167,9 @@ def build_ours(wires: Wires, course: Course, telemetry: TelemetryWriter) -> Loop
     ):
         return compose.build_loop(
             database=database,
-            open_bus=lambda: compose.open_bus(
+            open_bus=lambda: opening.open_buses(
                 "socketcan",
-                "socket pair",
+                {"": "socket pair"},
                 database.profile,
                 received=(*database.received, *database.sent),
                 sent=database.sent,

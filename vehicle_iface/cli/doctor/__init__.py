@@ -5,8 +5,10 @@ Reads and tries, and changes nothing. Needs no rights, and reports what it could
 
 import argparse
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
+from vehicle_iface.cli.channels import find_channels
 from vehicle_iface.cli.doctor.can import check_interface, check_receive_buffer, check_socketcan, granted_bytes
 from vehicle_iface.cli.doctor.findings import Diagnostic, as_json, as_text, is_ready, read_text
 from vehicle_iface.cli.doctor.system import (
@@ -27,19 +29,20 @@ from vehicle_iface.telemetry import telemetry_path
 
 def examine_machine(options: argparse.Namespace) -> int:
     """Print all diagnostics; 2 when something needed is missing."""
-    bus, *_ = load_profile(options.profile).all_buses.values()
-    diagnostics = examine(options.channel, bus)
+    profile = load_profile(options.profile)
+    channels = find_channels(options.channels, profile, command="doctor")
+    diagnostics = examine({channel: profile.all_buses[name] for name, channel in channels.items()})
     print_safely(as_json(diagnostics) if options.json else as_text(diagnostics))
     return DONE if is_ready(diagnostics) else BAD_USAGE
 
 
-def examine(channel: str, bus: Bus, *, system: str = sys.platform) -> list[Diagnostic]:
-    """Look at everything that a vehicle on `bus` behind the interface `channel` needs."""
+def examine(buses: Mapping[str, Bus], *, system: str = sys.platform) -> list[Diagnostic]:
+    """Look at everything that a vehicle on `buses` needs, each behind the interface of that name."""
     if system != "linux":
         return [*describe_other_system(system), *check_software()]
     return [
-        *check_socketcan(channel),
-        *check_interface(channel, bus),
+        *check_socketcan(buses),
+        *(found for channel, bus in buses.items() for found in check_interface(channel, bus)),
         *check_receive_buffer(granted_bytes()),
         *check_realtime(),
         *check_throttling(

@@ -6,7 +6,7 @@ import shlex
 import shutil
 import socket
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ QUEUED_S = 0.01
 """A command that waits longer than this is older than the next one."""
 
 
-def check_socketcan(channel: str) -> Iterator[Diagnostic]:
+def check_socketcan(channels: Iterable[str]) -> Iterator[Diagnostic]:
     """The kernel's side: can, can_raw, and what makes virtual interfaces and gateways."""
     error = _socketcan_error()
     if error:
@@ -33,8 +33,8 @@ def check_socketcan(channel: str) -> Iterator[Diagnostic]:
             yield missing("SocketCAN", f"not in this kernel ({error}), run in one that has it", "tools/vcan tools/demo")
         return
     yield ok("SocketCAN", "can and can_raw are loaded")
-    if channel.startswith(VIRTUAL_KINDS) and not _has_interface(channel):
-        kind = "vxcan" if channel.startswith("vxcan") else "vcan"
+    absent = [channel for channel in channels if channel.startswith(VIRTUAL_KINDS) and not _has_interface(channel)]
+    for kind in sorted({"vxcan" if channel.startswith("vxcan") else "vcan" for channel in absent}):
         if has_module(kind):
             yield ok(kind, "there, for virtual interfaces")
         else:

@@ -123,9 +123,13 @@ def _link_lines(view: View) -> Iterator[str]:
         return
     link = view.details.link
     if link.state != "UP":
-        yield f'<div id="link" style="font-weight:700">link {plain(link.state)}</div>'
+        why = "" if link.why is UNSET else f": {plain(link.why)}"
+        yield f'<div id="link" style="font-weight:700">link {plain(link.state)}{why}</div>'
     if link.load_percent is not UNSET and link.frames_per_s is not UNSET:
-        yield f'<div id="load">bus load {link.load_percent:.1f} % · {link.frames_per_s:.0f} frames/s</div>'
+        by_bus = {} if link.loads_percent is UNSET else link.loads_percent
+        loads = ", ".join(f"{plain(name)} {load:.1f} %" for name, load in by_bus.items())
+        shown = f"{loads or f'{link.load_percent:.1f} %'} · {link.frames_per_s:.0f} frames/s"
+        yield f'<div id="load">bus load {shown}</div>'
 
 
 def _shadow_lines(view: View) -> Iterator[str]:

@@ -1,0 +1,106 @@
+"""Several buses of one vehicle as one: what comes is merged by its stamps, and what is sent goes to its own bus."""
+
+import heapq
+import select
+from collections.abc import Mapping
+from operator import attrgetter
+from typing import Protocol
+
+from vehicle_iface import clock
+from vehicle_iface.bus.base import Bus
+from vehicle_iface.errors import BusError
+from vehicle_iface.frame import CanFrame
+from vehicle_iface.units import NS_PER_MS
+
+_stamp = attrgetter("stamp_ns")
+
+
+class PollableBus(Bus, Protocol):
+    """A bus that `select.poll` can wait for; its errors name it."""
+
+    def fileno(self) -> int:
+        """Readable when a frame has come, or when the bus is gone."""
+        ...
+
+
+class SeveralBuses:
+    """The buses of a profile, in its order; one of them that is lost is all of them lost.
+
+    `wait` is one poll for all of them, and ends within 1 ms after its time.
+    """
+
+    def __init__(self, parts: Mapping[str, PollableBus], description: str) -> None:
+        """`parts` are open, by the name of each bus; the frames of each have its number in this order."""
+        self.parts = dict(parts)
+        self.description = description
+        self.refusing = ""
+        """The bus that had no room last."""
+        self._names, self._buses = tuple(parts), tuple(parts.values())
+        self._error: BusError | None = None
+        self._poll = select.poll()
+        for bus in self._buses:
+            self._poll.register(bus.fileno(), select.POLLIN)
+
+    def wait(self, until_ns: int) -> bool:
+        """Sleep until a frame has come on any of them, or until `until_ns`."""
+        self._raise_error()
+        remaining_ns = until_ns - clock.monotonic_ns()
+        return bool(self._poll.poll(max(0, -(-remaining_ns // NS_PER_MS))))
+
+    def drain(self) -> list[CanFrame]:
+        """All queued frames of all buses, in the order of their stamps; those of one bus stay in their own order."""
+        self._raise_error()
+        queued = [frames for bus in self._buses if (frames := bus.drain())]
+        if len(queued) < 2:
+            return queued[0] if queued else []
+        return list(heapq.merge(*queued, key=_stamp))
+
+    def has_room(self) -> bool:
+        """Whether all of them have sent all earlier frames."""
+        self._raise_error()
+        for name, bus in self.parts.items():
+            if not bus.has_room():
+                self.refusing = name
+                return False
+        return True
+
+    def send(self, *frames: CanFrame) -> int:
+        """Each on its own bus, in their order; how many were taken before the first that was not."""
+        self._raise_error()
+        sent = 0
+        while sent < len(frames):
+            number, end = frames[sent].bus, sent + 1
+            while end < len(frames) and frames[end].bus == number:
+                end += 1
+            try:
+                sent += self._buses[number].send(*frames[sent:end])
+            except BusError as error:
+                if not sent:
+                    raise
+                self._error = error  # what left on another bus has left: tell that first
+                break
+            if sent < end:
+                self.refusing = self._names[number]
+                break
+        return sent
+
+    def counters(self) -> dict[str, int]:
+        """The sums over all buses, and the counts of each with its name behind them."""
+        counts = {name: bus.counters() for name, bus in self.parts.items()}
+        causes = dict.fromkeys(cause for of_bus in counts.values() for cause in of_bus)
+        sums = {cause: sum(of_bus.get(cause, 0) for of_bus in counts.values()) for cause in causes}
+        return sums | {f"{cause} {name}": count for name, of_bus in counts.items() for cause, count in of_bus.items()}
+
+    def close(self) -> None:
+        """Close all of them."""
+        for bus in self._buses:
+            bus.close()
+
+    def _raise_error(self) -> None:
+        if self._error is not None:
+            raise self._error
+
+
+def parts_of(bus: Bus) -> Mapping[str, Bus]:
+    """By name the buses that it is made of; by "" itself where it is one."""
+    return bus.parts if isinstance(bus, SeveralBuses) else {"": bus}
