@@ -218,6 +218,7 @@ def test_a_message_that_echoes_is_not_sent_before_there_is_a_value_and_sends_the
     drive.vehicle.sends_status = False
     drive.run_s(1.0)
     assert drive.named("HEARTBEAT") == []
+    assert drive.loop.details().loop["messages_not_encoded"] == 0  # it waits, and nothing has failed
     drive.vehicle.sends_status = True
     drive.run_s(2.0)
     beats = drive.named("HEARTBEAT")
