@@ -8,6 +8,7 @@ import pytest
 from tests.harness import ms
 from tests.plain_vehicle import COMMAND, load_vehicle
 from tests.scripted_vehicle import Received, ScriptedDrive, ScriptedVehicle
+from vehicle_iface.errors import ConfigError
 from vehicle_iface.safety.engagement import Mode
 from vehicle_iface.status import VehicleMode
 
@@ -283,3 +284,11 @@ def test_the_filter_lets_nothing_else_out_and_each_message_at_its_rate(tmp_path:
     transmit_filter = drive.loop._transmitter._transmit_filter
     assert {can_id for can_id, *_ in transmit_filter._sent_ns} == {128, 112, 113}
     assert transmit_filter.refused == {"not on the list": 0, "too often": 0}
+
+
+def test_a_counter_of_the_protection_cannot_be_sent_back(tmp_path: Path) -> None:
+    rule = '[protection.alive]\ncounter = { signal = "ALIVE" }\n[protection.messages]\nSTATUS = "alive"\n'
+    send = '[[send]]\nmessage = "HEARTBEAT"\nwhen = "always"\nperiod_s = 0.1\n'
+    values = 'values = { ECHO = { echo = "STATUS.ALIVE" } }\n'
+    with pytest.raises(ConfigError, match=r"STATUS\.ALIVE is bound to an echo$"):
+        load_vehicle(tmp_path, send + values + rule, command=COMMAND + HEARTBEAT)

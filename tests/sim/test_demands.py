@@ -158,3 +158,26 @@ def test_what_enabled_it_once_does_not_enable_it_again(tmp_path: Path) -> None:
     drive.say("brake 0")
     drive.say("ready")
     assert not drive.vehicle._wire.demands.are_met(drive.clock.t_ns)
+
+
+def test_an_echo_of_what_has_a_meaning_of_its_own_is_no_handshake(tmp_path: Path) -> None:
+    drive = drive_of(tmp_path, ECHO.replace("STATUS.HANDSHAKE", "STATUS.BRAKE"), has_enable=True)
+    assert drive.vehicle._wire.demands.handshakes == {}
+    assert drive.engage(1.0).vehicle.mode is VehicleMode.AUTONOMOUS
+
+
+def test_a_pause_of_the_simulation_gives_an_echo_as_much_more_time(tmp_path: Path) -> None:
+    demands = drive_of(tmp_path, ECHO, has_enable=True).vehicle._wire.demands
+    demands.extend(ms(50))
+    before = demands.expires_ns
+    demands.note("BEAT", {"ECHO": 0.0}, ms(10))
+    answered = demands.expires_ns
+    demands.extend(ms(50))
+    assert (before, answered, demands.expires_ns) == (None, ms(210), ms(260))
+
+
+def test_values_are_compared_within_half_a_count(tmp_path: Path) -> None:
+    more = MORE.replace("SG_ MAGIC : 8|8@1+ (1,0) [0|255]", "SG_ MAGIC : 8|8@1+ (0.1,0) [0|25.5]", 1)
+    sends = VALUE.replace("value = 17", "value = 0.33")
+    database = load_vehicle(tmp_path, sends, command=COMMAND + more, signals=PLAIN)
+    assert Drive(database=database).engage(1.0).vehicle.mode is VehicleMode.AUTONOMOUS

@@ -156,7 +156,7 @@ def _header_faults(binding: Binding, rule: MessageRule, message: Message, profil
             wanted = f"E2E profile {profile} has {bits[0]}|{bits[1]}"
             yield binding.file.fault(dotted, f"bits {signal.start}|{signal.length}, but {wanted}")
         elif dotted in binding.fields:
-            yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
+            yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted] or 'an echo'}")
 
 
 def _first_bit(signal: Signal) -> int:
@@ -192,7 +192,7 @@ def _signal_faults(binding: Binding, message: Message, name: str, place: str) ->
     elif signal.multiplexer_ids or signal.is_multiplexer:
         yield binding.file.fault(dotted, f"is multiplexed; {place} needs a signal of every frame")
     elif dotted in binding.fields:
-        yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted]}")
+        yield binding.fault(place, f"{dotted} is bound to {binding.fields[dotted] or 'an echo'}")
 
 
 def _counter_faults(binding: Binding, message: Message, rule: MessageRule, signal: Signal) -> Iterator[ConfigError]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
-from vehicle_iface.codec.protection_rules import find_rule
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.sends import ENABLING, ValueTable
 from vehicle_iface.sim.condition_solver import zero_and_more
@@ -137,17 +136,16 @@ def _handshakes(database: VehicleDatabase) -> Iterator[tuple[str, Handshake]]:
         if not isinstance(source, ValueTable) or source.echo is None or source.echo in found:
             continue
         message, _, echoed = source.echo.partition(".")
-        if _is_free(received[message], echoed, database.profile):
+        if _is_free(received[message], echoed):
             view = received[message].signals[received[message].codec.names.index(echoed)]
             patience_ns = WATCHDOG_PERIODS * ns_from_s(period_s)
             found[source.echo] = Handshake(name, signal, zero_and_more(view), patience_ns)
     yield from found.items()
 
 
-def _is_free(message: BoundMessage, signal: str, profile: Profile) -> bool:
-    """Whether a vehicle may send what it likes in the signal: it is no field, checksum or counter."""
-    rule = find_rule(profile, message.name)
-    return not message.fields[message.codec.names.index(signal)] and (rule is None or signal not in rule.signals)
+def _is_free(message: BoundMessage, signal: str) -> bool:
+    """Whether a vehicle may send what it likes in the signal: it has no other meaning."""
+    return not message.fields[message.codec.names.index(signal)]
 
 
 def _phased_values(database: VehicleDatabase) -> Iterator[_Value]:
