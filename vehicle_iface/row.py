@@ -39,10 +39,13 @@ class RowReader:
     driver_messages: frozenset[str]
     """Those, and the messages with anything else of the status."""
     needed: Mapping[str, frozenset[int]]
-    """Places of the values without which a message does not count as received: fields of the state, and the mode."""
+    """Places of the values without which a message does not count as received: fields of the state, and of the status
+    all but the gear."""
     multiplexed: frozenset[str]
     """Messages of which a frame has only some of the values; the others stay as they are."""
     read_state: Callable[[int, Row, Locate], MeasuredState | None]
     """The state with that stamp; None where a value is missing. A local position without a mount is not located."""
     read_status: Callable[[int, Row], VehicleStatus]
     """The status with that stamp."""
+    omissible: tuple[int, ...] = ()
+    """Those of `needed` for the status that the sender may leave out; without one of them there is no new status."""

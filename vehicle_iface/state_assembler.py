@@ -1,6 +1,6 @@
 """Assembles decoded messages into samples of the vehicle's state, each with its age."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -82,6 +82,8 @@ class StateAssembler:
         self._completed_ns: dict[int, int] = {}
         self._stamps_ns: dict[str, int] = {}
         self._row: Row = list(reader.empty)
+        self._came_ns: dict[int, int] = {}  # by place, the values of multiplexed messages
+        self._omissible = tuple(place for place in reader.omissible if place in self._places_of(self._sample))
         self.status: VehicleStatus | None = None
         """The newest status report."""
         self.newest: Sample | None = None
@@ -112,6 +114,7 @@ class StateAssembler:
         self._pending.clear()
         self._completed_ns.clear()
         self._stamps_ns.clear()
+        self._came_ns.clear()
         self._row = list(self._reader.empty)
         self.locator.reset()
         self.status = None
@@ -188,7 +191,7 @@ class StateAssembler:
     def _complete(self, stamp_ns: int, last: DecodedMessage) -> Sample | None:
         """The sample of what stands in the row; None when a value of its own is missing."""
         measured = self._reader.read_state(stamp_ns, self._row, self.locator.locate)
-        if measured is None:
+        if measured is None or (self._omissible and self._lacks(self._omissible)):
             self.incomplete += 1
             return None
         counter = last.counter if self._freshness is None else -1
@@ -203,27 +206,43 @@ class StateAssembler:
         return all(name in came_ns and came_ns[name] >= oldest_ns for name in self._others)
 
     def _store_other(self, received: DecodedMessage) -> None:
-        """A message in which a value is missing that is needed does not count as received.
-
-        Of a multiplexed one each needed value must have come in some branch.
-        """
+        """A message in which a value is missing that is needed does not count as received."""
         name, reader = received.name, self._reader
-        where, needed, values = reader.places[name], reader.needed[name], received.values
-        if name in reader.multiplexed:
-            self._row[where] = values = self._merge(received)
-        if any(values[place - where.start] is None for place in needed):
-            return
+        if name not in reader.multiplexed:
+            where, values = reader.places[name], received.values
+            if any(values[place - where.start] is None for place in reader.needed[name]):
+                return
         self._store(received)
-
-    def _merge(self, received: DecodedMessage) -> tuple[float | int | None, ...]:
-        """The values of a branch, and the row's for those of the other branches."""
-        row = self._row[self._reader.places[received.name]]
-        return tuple(old if new is None else new for old, new in zip(row, received.values, strict=True))
 
     def _store(self, received: DecodedMessage) -> None:
         """Its values stand in the row from now on; there is a status once all messages with the mode have come."""
         name, reader, stamps_ns = received.name, self._reader, self._stamps_ns
-        self._row[reader.places[name]] = self._merge(received) if name in reader.multiplexed else received.values
-        stamps_ns[name] = received.stamp_ns
-        if name in reader.driver_messages and all(one in stamps_ns for one in reader.status_messages):
+        if name in reader.multiplexed:
+            self._store_branch(received)
+        else:
+            self._row[reader.places[name]] = received.values
+            stamps_ns[name] = received.stamp_ns
+        if (
+            name in reader.driver_messages
+            and all(one in stamps_ns for one in reader.status_messages)
+            and not self._lacks(reader.omissible)
+        ):
             self.status = reader.read_status(min(stamps_ns[one] for one in reader.status_messages), self._row)
+
+    def _store_branch(self, received: DecodedMessage) -> None:
+        """The values of a branch; those of the other ones stay. The message is as old as the oldest that is needed."""
+        name, reader, row, came_ns = received.name, self._reader, self._row, self._came_ns
+        for place, value in enumerate(received.values, start=reader.places[name].start):
+            if value is not None:
+                row[place], came_ns[place] = value, received.stamp_ns
+        needed = reader.needed[name]
+        if all(place in came_ns for place in needed):
+            self._stamps_ns[name] = min((came_ns[place] for place in needed), default=received.stamp_ns)
+
+    def _lacks(self, places: tuple[int, ...]) -> bool:
+        """Whether one of these values is missing."""
+        return any(self._row[place] is None for place in places)
+
+    def _places_of(self, names: Iterable[str]) -> set[int]:
+        """Where the values of these messages stand."""
+        return {place for name in names for place in range(len(self._row))[self._reader.places[name]]}

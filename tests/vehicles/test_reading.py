@@ -12,7 +12,7 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.assembly import build_state_assembler
 from vehicle_iface.state_assembler import Sample, StateAssembler
-from vehicle_iface.status import Gear, VehicleMode
+from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
 
 from .profiles import load_vehicle
 
@@ -420,3 +420,60 @@ def test_the_sign_of_a_field_may_come_in_a_message_outside_the_sample(tmp_path: 
         assert sample is not None
         assert sample.others_fresh
         assert sample.state.speed_mps == speed_mps
+
+
+def status_of(reader: Reader) -> VehicleStatus:
+    status = reader.assembler.status
+    assert status is not None
+    return status
+
+
+NOT_AVAILABLE = '[signals."STATUS.BRAKE"]\nrange = [0, 3]\nnot_available = [3]\n'
+TWO_BITS = (("SG_ BRAKE : 3|1@1+", "SG_ BRAKE : 3|2@1+"),)
+
+
+def test_a_status_without_the_drivers_pedal_does_not_count_as_received(tmp_path: Path) -> None:
+    reader = Reader(load_vehicle(tmp_path, dbc=TWO_BITS, more=NOT_AVAILABLE))
+    reader.receive(256, bytes((0x02, 0)), 0.0)
+    assert status_of(reader).mode is VehicleMode.AUTONOMOUS
+    for at_ms in (100.0, 200.0, 310.0):
+        reader.receive(256, bytes((0x1A, 0)), at_ms)
+    assert status_of(reader).stamp_ns == 0
+    sample = reader.receive(272, pose(), 320.0)
+    assert sample is not None
+    assert not sample.others_fresh
+
+
+def test_a_sample_without_the_drivers_pedal_is_incomplete(tmp_path: Path) -> None:
+    reader = Reader(
+        load_vehicle(tmp_path, dbc=TWO_BITS, toml=(('["POSE"]', '["STATUS", "POSE"]'),), more=NOT_AVAILABLE)
+    )
+    reader.receive(272, pose(), 0.0)
+    assert reader.receive(256, bytes((0x02, 0)), 1.0) is not None
+    assert reader.receive(256, bytes((0x1A, 0)), 2.0) is None
+    assert status_of(reader).stamp_ns == MS
+    assert reader.assembler.incomplete == 1
+
+
+PAGES = (
+    (
+        'SG_ MODE : 0|3@1+ (1,0) [0|7] "" PC\n SG_ BRAKE : 3|1@1+',
+        'SG_ PAGE M : 0|1@1+ (1,0) [0|1] "" PC\n SG_ MODE m0 : 1|3@1+ (1,0) [0|7] "" PC\n SG_ BRAKE m1 : 1|1@1+',
+    ),
+)
+
+
+@pytest.mark.parametrize("sample", ['["POSE"]', '["POSE", "STATUS"]'])
+def test_a_branch_that_no_longer_comes_makes_the_message_old(tmp_path: Path, sample: str) -> None:
+    reader = Reader(load_vehicle(tmp_path, dbc=PAGES, toml=(('["POSE"]', sample),)))
+    for at_ms, page in ((0.0, 0x04), (20.0, 0x03), (40.0, 0x04)):
+        reader.receive(256, bytes((page, 0)), at_ms)
+    taken = reader.receive(272, pose(), 50.0)
+    assert taken is not None
+    assert taken.others_fresh
+    assert status_of(reader).driver_brake
+    for at_ms in range(60, 400, 20):
+        reader.receive(256, bytes((0x04, 0)), at_ms)
+    taken = reader.receive(272, pose(), 400.0)
+    assert taken is None or not taken.others_fresh
+    assert status_of(reader).stamp_ns == 20 * MS

@@ -37,7 +37,13 @@ def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], f
         return Place(columns[dotted], binding.view(dotted).names, translate_from_wire(binding, dotted))
 
     of_state = {columns[dotted] for of_field in binding.sections["state"].values() for dotted in of_field}
-    needed = of_state | {columns[dotted] for dotted in binding.sections["status"].get("mode", ())}
+    of_status = {
+        columns[dotted]
+        for word, of_word in binding.sections["status"].items()
+        for dotted in of_word
+        if word != "gear"  # an unknown one is a gear, too
+    }
+    needed = of_state | of_status
     functions: dict[str, object] = {
         "VehicleState": VehicleState,
         "VehicleStatus": VehicleStatus,
@@ -53,6 +59,7 @@ def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], f
     exec(compile(source, f"<row of {binding.profile_name}>", "exec"), functions)
     multiplexed = frozenset(name for name in signals if binding.is_multiplexed(name))
     partial = {column for name in multiplexed for column in range(len(columns))[places[name]]}
+    omissible = partial | {column for dotted, column in columns.items() if binding.view(dotted).rules.missing}
     return RowReader(
         empty=tuple(0 if column in of_state - partial else None for column in range(len(columns))),
         places=places,
@@ -64,6 +71,7 @@ def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], f
         multiplexed=multiplexed,
         read_state=functions["read_state"],  # type: ignore[arg-type]
         read_status=functions["read_status"],  # type: ignore[arg-type]
+        omissible=tuple(sorted(of_status & omissible)),
     )
 
 
