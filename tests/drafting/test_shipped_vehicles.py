@@ -11,6 +11,7 @@ MEASURED = {
     # right, of, bound wrongly
     "agilex_hunter": (4, 9, 5),  # conditions instead of a mode; a speed that is a heading's rate as well
     "fs_ai_ads_dv": (4, 8, 1),  # four torques and pressures that fit equally well; an emergency stop for a safe stop
+    "j1939_truck": (4, 12, 6),  # the wheels' speed of another group; a brake that is taken for an acceleration
     "mqb_by_wire": (8, 14, 3),  # signs in other signals; flags that are conditions
     "new_eagle_raptor": (6, 15, 7),  # its own speed and its request by speed would do as well
     "pacmod3": (7, 14, 3),  # one fault and one enable of several; nothing says that an output is an angle or a gear

@@ -61,6 +61,14 @@ VEHICLES = {
         sample="VCU2AI_Speeds",
         stop_latches=True,
     ),
+    "j1939_truck": Shipped(
+        speed="EBC2.FRONT_AXLE_SPEED",
+        fast=4.0,
+        drive="TSC1.REQUESTED_TORQUE",
+        enabled=("TSC1.ENGINE_OVERRIDE_MODE", 2),
+        sample="VDC2",
+        stop_latches=True,
+    ),
     "mqb_by_wire": Shipped(
         speed="WHEEL_SPEEDS.WHEEL_SPEED_RL",
         fast=5.0,

@@ -1,8 +1,10 @@
 """The profiles of other makers' vehicles in `dbc/`: driven on an embedded bus, and stopped as FAILURES.md says."""
 
+import itertools
 import math
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from vehicle_bus_contract.judge import Sample, lateral_errors_m
@@ -11,6 +13,7 @@ from tests import harness
 from tests.harness import Drive, Sent
 from vehicle_iface import compose
 from vehicle_iface.codec.database import load_database
+from vehicle_iface.codec.user_checksum import load_function
 from vehicle_iface.drivable import build_route
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
@@ -20,6 +23,7 @@ from vehicle_iface.trajectories.receding import RecedingRoute
 VEHICLES = {
     "agilex_hunter": 0.15,
     "fs_ai_ads_dv": 0.2,
+    "j1939_truck": 0.2,
     "mqb_by_wire": 0.15,
     "new_eagle_raptor": 0.2,
     "pacmod3": 0.2,
@@ -29,6 +33,7 @@ VEHICLES = {
 MOTION_COMMAND, CONTROL_MODE_SETTING = 0x111, 0x421
 AI2VCU_STATUS, AI2VCU_DRIVE_F, AI2VCU_STEER, AI2VCU_BRAKE = 0x510, 0x511, 0x513, 0x514
 GLOBAL_CMD, BRAKE_CMD, STEERING_CMD = 0x80, 0x104, 0x12C
+TSC1, XBR, GUIDANCE_COMMAND = 0x0C000027, 0x04040B27, 0x0CAD1327
 AKIT_REQUESTS = range(0x2F01, 0x2F07)
 AKIT_ACCEL, AKIT_STEERING = 0x2F02, 0x2F03
 
@@ -247,3 +252,45 @@ def test_a_report_of_the_raptor_that_is_out_of_sequence_is_dropped() -> None:
     drive.say("skip_counter DBW_SteeringReport 8")
     drive.run_s(0.2)
     assert {name for _, name in drive.loop._decoder.drops} == {"DBW_SteeringReport"}
+
+
+@pytest.mark.parametrize(
+    ("name", "can_id", "data", "checksum"),
+    [
+        ("tsc1", 0x0C000011, "0000000000000005", 6),  # 34: 0 + 4 + 34
+        ("tsc1", 0x0C000027, "f2ffff7dffffff00", 2),  # 1693: 2 + 211 + 1693
+        ("xbr", 0x04040B27, "7f7dcfffffffff09", 10),  # 1546: 96 + 1546
+        ("xbr", 0x04040B27, "0000000000000000", 13),  # 58: 3 + 58
+    ],
+)
+def test_the_checksums_of_the_truck_fold_the_sum_of_payload_and_identifier(
+    name: str, can_id: int, data: str, checksum: int
+) -> None:
+    function = load_function(f"j1939_checksums.py:{name}", Path(__file__).parents[2] / "dbc")
+    assert function(can_id, bytes.fromhex(data)) == checksum
+
+
+def test_the_truck_is_asked_by_its_standard_groups_and_their_checksums() -> None:
+    drive, _ = drive_of("j1939_truck", "figure8")
+    drive.run_until(lambda: drive.mode() is Mode.STANDBY, 2.0)
+    assert {data[0] & 0b11 for data in frames_of(drive, TSC1)} == {0}  # the override is disabled, the torque is 0 %
+    assert {data[3] for data in frames_of(drive, TSC1)} == {125}
+    assert {data[2] >> 4 & 0b11 for data in frames_of(drive, XBR)} == {0}
+    begin = len(drive.sent)
+    drive.engage(1.0)
+    del drive.sent[: begin + 20]
+    drive.say("mute VDC2 on")
+    drive.run_s(0.3)
+    assert {data[0] & 0b11 for data in frames_of(drive, TSC1)} == {2}  # torque control
+    assert list(frames_of(drive, TSC1))[-1][3] == 125
+    demands = [int.from_bytes(data[:2], "little") / 2048 - 15.687 for data in frames_of(drive, XBR)]
+    assert -2.01 < demands[-1] < -0.2
+    assert max(demands) < 0.001
+    assert {data[2] & 0b11 for data in frames_of(drive, GUIDANCE_COMMAND)} == {1}
+    for can_id in (TSC1, XBR):
+        for data in frames_of(drive, can_id):
+            total = sum(data[:7]) + (data[7] & 15) + sum(can_id.to_bytes(4, "big"))
+            folded = {TSC1: (total >> 6 & 3) + (total >> 3) + total & 7, XBR: (total >> 4) + total & 15}
+            assert data[7] >> 4 == folded[can_id]
+    counters = [data[7] & 15 for data in frames_of(drive, TSC1)]
+    assert all((after - before) % 8 == 1 for before, after in itertools.pairwise(counters))

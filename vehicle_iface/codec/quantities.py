@@ -37,6 +37,7 @@ _SPELLINGS: dict[tuple[str, float], str] = {
     ("acceleration", _G_MPS2): "g",
     ("torque", 1.0): "nm n*m n·m n.m newton-meter",
     ("curvature", 1.0): "1/m m^-1 rad/m",
+    ("curvature", 1e-3): "1/km km^-1 km-1",
     ("ratio", 1.0): "ratio 1 -",
     ("ratio", 0.01): "% percent pct",
     ("time", 1.0): "s sec",
