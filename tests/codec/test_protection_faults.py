@@ -110,9 +110,13 @@ def test_each_wrong_key_of_a_rule_is_reported_with_its_line(tmp_path: Path) -> N
     lines = path.read_text("utf-8").splitlines()
     found = {(finding.line, finding.text) for finding in check_file(path) if finding.severity == ERROR}
     assert {(lines[line - 1].partition(" ")[0], text) for line, text in found if "protection" in text} == {
-        ("checksum", "$.protection.brand.checksum.kind: Invalid enum value 'crc7'"),
+        (
+            "checksum",
+            "$.protection.brand.checksum.kind: Invalid enum value 'crc7'; must be one of: autosar-1, autosar-2, "
+            "autosar-5, autosar-11, sum, xor, crc8, crc16, python; nearest: crc8",
+        ),
         ("counter", "$.protection.brand.counter.max_stap: unknown key; did you mean 'max_step'?"),
-        ("POSE", "$.protection.messages.POSE.data_id: Expected int <= 65535"),
+        ("POSE", "$.protection.messages.POSE.data_id: Expected int <= 65535, not 65536"),
     }
 
 
