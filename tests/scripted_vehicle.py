@@ -14,7 +14,7 @@ from tests.harness import START_NS, Clock, ms, pure_pursuit, straight
 from vehicle_iface import compose
 from vehicle_iface.codec.database import VehicleDatabase
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.status import VehicleMode
 from vehicle_iface.trajectories.source import FixedTrajectory
 from vehicle_iface.units import ns_from_s

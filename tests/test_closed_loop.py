@@ -29,7 +29,7 @@ from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.control.tracking import point_at, tracking_error
 from vehicle_iface.errors import BusError, SignalError
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.sim import engagement as sim_engagement
 from vehicle_iface.sim.engagement import Event as VehicleEvent
 from vehicle_iface.sim.model import BicycleState

@@ -11,7 +11,7 @@ from tests.plain_vehicle import load_vehicle
 from tests.scripted_vehicle import Received, ScriptedDrive, ScriptedVehicle
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.status import VehicleMode
 
 BRAKE_AND_STEER = """\

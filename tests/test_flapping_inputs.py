@@ -11,7 +11,7 @@ from tests.harness import Drive, Pair, ms, pure_pursuit, reference, straight
 from vehicle_iface import Command, ControllerBase, Reason, Trajectory, VehicleState
 from vehicle_iface.drivable import build_route
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.status import Gear
 from vehicle_iface.trajectories.receding import RecedingRoute
 from vehicle_iface.trajectories.source import FixedTrajectory

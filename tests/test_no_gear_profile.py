@@ -11,7 +11,7 @@ from vehicle_iface import Reason, Trajectory
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime.reports import END_OF_TRAJECTORY
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.sim.model import BicycleState
 from vehicle_iface.status import Gear
 from vehicle_iface.telemetry import SessionInfo, TelemetryReader, TelemetryWriter

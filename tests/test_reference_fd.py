@@ -22,7 +22,7 @@ from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime.assembly import build_state_assembler
 from vehicle_iface.runtime.loop import Loop
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.sim.driver_commands import execute
 from vehicle_iface.sim.embedded import EmbeddedBus
 from vehicle_iface.sim.model import BicycleState

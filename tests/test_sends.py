@@ -9,7 +9,7 @@ from tests.harness import ms
 from tests.plain_vehicle import COMMAND, load_vehicle
 from tests.scripted_vehicle import Received, ScriptedDrive, ScriptedVehicle
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.status import VehicleMode
 
 PLAIN = {"accel_mps2": "CMD.ACC", "front_wheel_angle_rad": "CMD.STEER"}

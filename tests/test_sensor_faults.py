@@ -10,7 +10,7 @@ import pytest
 
 from tests.harness import Drive, straight
 from vehicle_iface import Reason, Trajectory
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.sim.signal_faults import SignalFault, delayed, frozen, offset, scaled
 from vehicle_iface.trajectories.source import FixedTrajectory
 

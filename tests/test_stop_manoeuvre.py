@@ -13,7 +13,7 @@ from tests.harness import Drive, Pair, ms, pure_pursuit, reference, straight
 from vehicle_iface import Reason, StopSteering, compose
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.profile import load_profile
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryReader, TelemetryWriter
 from vehicle_iface.trajectories.receding import RecedingRoute

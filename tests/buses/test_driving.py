@@ -8,7 +8,7 @@ from tests import harness
 from tests.buses.two_buses import load_vehicle
 from tests.harness import Drive, Sent
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 
 COMMAND = 128
 

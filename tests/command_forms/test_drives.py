@@ -14,7 +14,7 @@ from vehicle_iface.codec.database import VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.drivable import build_route
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.sim.command_forms import Fields, Interpret
 from vehicle_iface.sim.model import BicycleState
 from vehicle_iface.status import Gear

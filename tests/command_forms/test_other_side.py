@@ -14,7 +14,7 @@ from vehicle_iface.command_forms import CommandReader, MeasuredMotion, build_for
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.reason import Reason
 from vehicle_iface.runtime.shadow import Shadow
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.sim.command_forms import SPEED_BRAKE_MPS2, SPEED_DRIVE_MPS2, build_interpreter, track_speed_mps2
 from vehicle_iface.sim.model import BicycleState
 from vehicle_iface.state import VehicleState

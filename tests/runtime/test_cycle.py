@@ -13,9 +13,10 @@ from vehicle_iface.motion_sources import MotionSources
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import ControlCycle, Decision
 from vehicle_iface.safety.deviation import DeviationMonitor
-from vehicle_iface.safety.engagement import Engagement, EngagementTiming, Mode
+from vehicle_iface.safety.engagement import Engagement, EngagementTiming
 from vehicle_iface.safety.gate import Gate, gate_channels
 from vehicle_iface.safety.gear import GearCheck
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.safety.motion import MotionCheck
 from vehicle_iface.safety.stop_hold import StopHold
 from vehicle_iface.state_assembler import Sample

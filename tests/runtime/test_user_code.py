@@ -14,7 +14,7 @@ from vehicle_iface.codec.database import load_database
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.publisher import TelemetryPublisher
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry import Snapshot
 

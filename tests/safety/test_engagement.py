@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from tests.narrowing import at_present
 from vehicle_iface import Reason
-from vehicle_iface.safety.engagement import MAX_TRANSITIONS, TABLE, Engagement, EngagementTiming, Event, Mode
+from vehicle_iface.safety.engagement import MAX_TRANSITIONS, Engagement, EngagementTiming
+from vehicle_iface.safety.modes import TABLE, Event, Mode
 from vehicle_iface.status import ControllerState, Gear, VehicleMode, VehicleStatus
 
 MS = 1_000_000

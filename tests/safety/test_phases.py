@@ -3,7 +3,8 @@
 import pytest
 
 from vehicle_iface.command import Phases
-from vehicle_iface.safety.engagement import Engagement, EngagementTiming, Mode
+from vehicle_iface.safety.engagement import Engagement, EngagementTiming
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.safety.phases import find_phases
 from vehicle_iface.status import VehicleMode, VehicleStatus
 

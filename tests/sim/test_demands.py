@@ -9,7 +9,7 @@ from tests import harness
 from tests.harness import Drive, Sent, ms
 from tests.plain_vehicle import COMMAND, SIGNALS, load_vehicle
 from vehicle_iface.frame import CanFrame
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.sim.demands import Handshake
 from vehicle_iface.status import VehicleMode
 

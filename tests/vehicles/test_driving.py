@@ -12,7 +12,7 @@ from tests.harness import Drive, Sent
 from tests.vehicles.files import load_text, load_vehicle
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.summary import table
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface.trajectories.receding import RecedingRoute
 from vehicle_iface.trajectories.route import RouteConfig

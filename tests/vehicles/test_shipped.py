@@ -17,7 +17,7 @@ from vehicle_iface.codec.user_checksum import load_function
 from vehicle_iface.drivable import build_route
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.trajectories.receding import RecedingRoute
 
 VEHICLES = {

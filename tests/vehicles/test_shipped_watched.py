@@ -9,7 +9,7 @@ from vehicle_iface.cli import main
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.decoder import DropCause
 from vehicle_iface.profile import load_profile
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.sim.wire import simulated_vehicle
 from vehicle_iface.status import Gear, VehicleMode
 

@@ -6,7 +6,7 @@ import pytest
 
 from tests.harness import Drive
 from vehicle_iface.cli import main
-from vehicle_iface.safety.engagement import Mode
+from vehicle_iface.safety.modes import Mode
 
 from .profiles import load_vehicle, write_vehicle
 

@@ -15,7 +15,8 @@ from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.profile import load_profile
 from vehicle_iface.runtime.assembly import build_state_assembler
-from vehicle_iface.safety.engagement import Engagement, EngagementTiming, Mode
+from vehicle_iface.safety.engagement import Engagement, EngagementTiming
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.sim.wire import simulated_vehicle
 from vehicle_iface.state import VehicleState

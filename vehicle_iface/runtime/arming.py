@@ -3,7 +3,8 @@
 import logging
 
 from vehicle_iface.bus.link_state import OPEN, LinkState
-from vehicle_iface.safety.engagement import Engagement, Event
+from vehicle_iface.safety.engagement import Engagement
+from vehicle_iface.safety.modes import Event
 from vehicle_iface.status import VehicleStatus
 from vehicle_iface.units import NS_PER_S
 

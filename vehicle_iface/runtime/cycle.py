@@ -10,9 +10,10 @@ from vehicle_iface.errors import FrameMismatchError
 from vehicle_iface.reason import Reason
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.safety.deviation import DeviationMonitor
-from vehicle_iface.safety.engagement import Engagement, Event
+from vehicle_iface.safety.engagement import Engagement
 from vehicle_iface.safety.gate import Gate
 from vehicle_iface.safety.gear import GearCheck
+from vehicle_iface.safety.modes import Event
 from vehicle_iface.safety.motion import MotionCheck
 from vehicle_iface.safety.stop_hold import StopHold
 from vehicle_iface.standstill import STANDING_MPS

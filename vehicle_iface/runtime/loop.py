@@ -14,7 +14,7 @@ from vehicle_iface.runtime.components import LoopComponents
 from vehicle_iface.runtime.cycle import Decision
 from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.runtime.transmitter import Outcome
-from vehicle_iface.safety.engagement import Event
+from vehicle_iface.safety.modes import Event
 from vehicle_iface.standstill import AT_REST_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.state_assembler import Sample

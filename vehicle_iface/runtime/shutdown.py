@@ -3,8 +3,9 @@
 import logging
 
 from vehicle_iface.reason import Reason
-from vehicle_iface.safety.engagement import Engagement, Event
+from vehicle_iface.safety.engagement import Engagement
 from vehicle_iface.safety.handover import Handover
+from vehicle_iface.safety.modes import Event
 from vehicle_iface.status import VehicleMode, VehicleStatus
 from vehicle_iface.units import NS_PER_MS
 
