@@ -96,6 +96,8 @@ DBC_FAULTS = [
     ("BO_ 273 MOTION", "BO_ 273 MOTOIN", r"no message 'MOTION' in reference\.dbc; nearest: MOTOIN"),
     ('1 "READY" ', "", r"VEHICLE_STATUS\.MODE: VAL_ table without READY"),
     (' 17 "NOT_ENGAGED"', "", r"REASON: VAL_ table without NOT_ENGAGED"),
+    ("GEAR_REQUEST : 56|3@1+ (1,0) [0|7]", "GEAR_REQUEST : 56|3@1+ (1,0) [0|4]",
+     r"GEAR_REQUEST: 7 means NO_REQUEST, and the range is \[0, 4\]"),
     ("VAL_ 256 MODE", "VAL_ 256 MOED", r"reference\.dbc"),
     ("VAL_ 384 STATE", 'VAL_ 384 DEADLINE_MISSES 0 "NONE" 1 "ONE" ;\nVAL_ 384 STATE', r"MISSES: is a count, but .* only 2 of"),
     ("CRC : 0|8@1+ (1,0) [0|255]", "CRC : 4|4@1+ (1,0) [0|15]", r"CRC: bits 4\|4, but E2E profile 1 has 0\|8"),

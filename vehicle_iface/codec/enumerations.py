@@ -1,9 +1,9 @@
 """Enumerated fields: the names that the program knows, and their numbers in the DBC's VAL_ tables."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from enum import IntEnum
 
-from vehicle_iface.codec.binding import Binding, suggest
+from vehicle_iface.codec.binding import SENT_ROLES, Binding, suggest
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState, Gear, VehicleMode
@@ -77,6 +77,19 @@ def enumeration_faults(binding: Binding, dotted: str) -> Iterator[ConfigError]:
     if missing:
         remedy = f"; [status.{field}s] may give other names that meaning" if field in ("mode", "gear") else ""
         yield binding.file.fault(dotted, f"VAL_ table without {', '.join(missing)}{remedy}")
+    if binding.roles.get(dotted.partition(".")[0]) in SENT_ROLES:
+        yield from _range_faults(binding, dotted, needed)
+
+
+def _range_faults(binding: Binding, dotted: str, needed: Iterable[str]) -> Iterator[ConfigError]:
+    """Numbers of a sent signal's names that its range does not allow: the frame could not be encoded."""
+    view = binding.view(dotted)
+    numbers = {name: number for number, name in reversed(list(_program_names(binding, dotted).items()))}
+    for name in needed:
+        number = numbers.get(name)
+        if number is not None and not view.low <= number <= view.high:
+            text = f"{number} means {name}, and the range is [{view.low:g}, {view.high:g}]"
+            yield binding.file.fault(dotted, f"{text}; give a range below [signals.…] in the profile")
 
 
 def name_map_faults(binding: Binding) -> Iterator[ConfigError]:
