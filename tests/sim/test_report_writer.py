@@ -167,7 +167,11 @@ def test_each_mode_that_has_a_condition_is_read_as_itself(
 
 def test_a_mode_that_no_values_can_say_is_refused_by_name(tmp_path: Path) -> None:
     text = f'{FLAGS}manual = "RPT.A"\nautonomous = {{ all = ["RPT.A", "RPT.B"] }}\n[status.driver]\n'
-    database = load_text(f'{text}brake = {{ signal = "RPT.N", above = 7 }}\n', FLAGS_DBC, tmp_path)
+    database = load_text(
+        f'{text}brake = {{ all = [{{ signal = "RPT.N", above = 5 }}, {{ signal = "RPT.N", below = 3 }}] }}\n',
+        FLAGS_DBC,
+        tmp_path,
+    )
     with pytest.raises(ConfigError) as refused:
         writer_of(database)
     assert str(refused.value).splitlines() == [

@@ -1,6 +1,7 @@
 """What other makers' vehicles send, read through profiles: units, samples by time, forms, conditions, J1939."""
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -477,3 +478,49 @@ def test_a_branch_that_no_longer_comes_makes_the_message_old(tmp_path: Path, sam
     taken = reader.receive(272, pose(), 400.0)
     assert taken is None or not taken.others_fresh
     assert status_of(reader).stamp_ns == 20 * MS
+
+
+def pedal_status(tmp_path: Path, driver: str, raw: int, notes: str = "") -> VehicleStatus:
+    dbc = (('SG_ BRAKE : 3|1@1+ (1,0) [0|1] ""', 'SG_ BRAKE : 8|8@1+ (0.1,0) [0|25] "%"'),)
+    toml = (('driver_brake = "STATUS.BRAKE"\n', f"[status.driver]\nbrake = {driver}\n"),)
+    reader = Reader(load_vehicle(tmp_path, dbc=dbc, toml=toml, more=notes))
+    reader.receive(256, bytes((0x02, raw)))
+    return status_of(reader)
+
+
+@pytest.mark.parametrize(("raw", "is_pressed"), [(49, False), (50, False), (51, True)])
+def test_numbers_of_a_condition_are_in_the_unit_of_the_dbc(tmp_path: Path, raw: int, is_pressed: bool) -> None:
+    driver = '{ signal = "STATUS.BRAKE", above = 5 }'
+    assert pedal_status(tmp_path, driver, raw).driver_brake is is_pressed
+
+
+def test_a_number_between_two_floats_is_equal_to_its_count(tmp_path: Path) -> None:
+    assert 3 * 0.1 != 0.3
+    for raw, is_equal in ((2, False), (3, True), (4, False)):
+        assert pedal_status(tmp_path, '{ signal = "STATUS.BRAKE", equals = 0.3 }', raw).driver_brake is is_equal
+
+
+def test_numbers_of_a_condition_are_as_the_notes_convert_the_signal(tmp_path: Path) -> None:
+    notes = '[signals."STATUS.BRAKE"]\nscale = 2.0\n'
+    driver = '{ signal = "STATUS.BRAKE", above = 0.1 }'
+    assert not pedal_status(tmp_path, driver, 49, notes).driver_brake
+    assert pedal_status(tmp_path, driver, 51, notes).driver_brake
+
+
+@pytest.mark.parametrize(
+    ("driver", "text"),
+    [
+        ('{ signal = "STATUS.BRAKE", above = 50 }', "above = 50 never holds: STATUS.BRAKE is in [0, 25] %"),
+        ('{ not = { signal = "STATUS.BRAKE", below = 0 } }', "below = 0 never holds: STATUS.BRAKE is in [0, 25] %"),
+        ('{ any = ["STATUS.BRAKE", { signal = "STATUS.BRAKE", in = [3, 26] }] }', "26 never holds"),
+        ('{ signal = "STATUS.BRAKE", in = [] }', "in = [] never holds"),
+        ('{ signal = "STATUS.MODE", equals = 5 }', "5 never holds: STATUS.MODE is one of 0 MANUAL, 1 READY"),
+        (
+            '{ signal = "STATUS.BRAKE", above = 25, magnitude = true }',
+            "above = 25 never holds: the magnitude of STATUS.BRAKE is in [0, 25] %",
+        ),
+    ],
+)
+def test_a_comparison_that_never_holds_is_refused(tmp_path: Path, driver: str, text: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(f"v.toml: $.status.driver.brake: {text}")):
+        pedal_status(tmp_path, driver, 0)

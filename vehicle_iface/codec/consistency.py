@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 from cantools.database import Signal
 
 from vehicle_iface import checks
-from vehicle_iface.codec.binding import CONDITIONS, PERIODS, SENT_ROLES, Binding, Role, suggest
+from vehicle_iface.codec.binding import CONDITIONS, PERIODS, SENT_ROLES, Binding, Role
 from vehicle_iface.codec.command_faults import command_faults
+from vehicle_iface.codec.condition_faults import condition_faults
 from vehicle_iface.codec.constants import constant_faults
 from vehicle_iface.codec.enumerations import enumeration_faults, frame_faults, name_map_faults
-from vehicle_iface.codec.expressions import Place, unknown_names
 from vehicle_iface.codec.layout import Layout
 from vehicle_iface.codec.protection_faults import protection_faults, rule_faults
 from vehicle_iface.codec.send_faults import send_faults
@@ -18,7 +18,7 @@ from vehicle_iface.codec.signal_view import note_faults, unit_faults
 from vehicle_iface.codec.usage import used_dbc_faults
 from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.profile.check import check_profile
-from vehicle_iface.profile.forms import FieldForm, signals_of, value_of
+from vehicle_iface.profile.forms import signals_of, value_of
 from vehicle_iface.profile.signals import ModeConditions, StatusSignals
 
 _COUNTS = ("ref_spatial_index", "ref_temporal_index", "deadline_misses")
@@ -70,32 +70,6 @@ def _usage_faults(binding: Binding, place: str, field: str, dotted: str, signal:
         yield binding.file.fault(dotted, text)
     if signal.is_multiplexer and binding.roles.get(dotted.partition(".")[0]) in SENT_ROLES:
         yield binding.fault(place, f"{dotted} is a multiplexer; give its value in [command.values]")
-
-
-def _condition_faults(binding: Binding) -> Iterator[ConfigError]:
-    """The names in conditions are in their signals' tables."""
-    state, status = binding.profile.state, binding.profile.status
-    conditions = {
-        f"$.status.{key}.{field}": getattr(table, field)
-        for key, table in (("when", status.when), ("driver", status.driver))
-        for field in (table.__struct_fields__ if table is not None else ())
-    }
-    conditions["$.state.pose.valid"] = state.pose.valid
-    for field in state.signals.__struct_fields__:
-        form = getattr(state.signals, field)
-        if isinstance(form, FieldForm):
-            conditions[f"$.state.signals.{field}.negative_if"] = form.negative_if
-
-    def find(dotted: str) -> Place:
-        return Place(0, binding.view(dotted).names if binding.find_signal(dotted) else {})
-
-    for place, condition in conditions.items():
-        for dotted, name in unknown_names(condition, find) if condition is not None else ():
-            names = find(dotted).names.values()
-            if names:
-                yield binding.fault(place, f"{dotted} has no value {name!r}{suggest(name, names)}")
-            elif binding.find_signal(dotted):
-                yield binding.fault(place, f"{dotted} has no names; give its number instead of {name!r}")
 
 
 def _name_faults(binding: Binding) -> Iterator[ConfigError]:
@@ -291,7 +265,7 @@ _CHECKS: tuple[Callable[[Binding], Iterator[ConfigError]], ...] = (
     _bus_faults,
     used_dbc_faults,
     _signal_faults,
-    _condition_faults,
+    condition_faults,
     _name_faults,
     rule_faults,
     _sample_faults,

@@ -6,6 +6,7 @@ In the source `s` is the row: the newest value of each bound signal in the field
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.profile.forms import Condition, ConditionTable, FieldSource
 
 
@@ -17,6 +18,17 @@ class Place(NamedTuple):
     names: Mapping[int, str]
     from_wire: Mapping[int, int] | None = None
     """The DBC's number → the row's, of an enumeration that the codec translates."""
+    unit: float = 1.0
+    """Size of the unit of a condition's numbers in that of the row."""
+    step: float = 0.0
+    """Of one count in the row, where that is no whole number: numbers less than half of it apart are equal."""
+
+
+def place_of(column: int, view: SignalView, from_wire: Mapping[int, int] | None = None) -> Place:
+    """The place of a signal."""
+    scale, offset = float(view.signal.scale), float(view.signal.offset)
+    is_whole = not view.is_converted and scale.is_integer() and offset.is_integer()
+    return Place(column, view.names, from_wire, view.unit_in_conditions, 0.0 if is_whole else view.resolution)
 
 
 Find = Callable[[str], Place]
@@ -48,14 +60,15 @@ def condition_expression(condition: Condition, find: Find) -> str:
     place = find(condition.signal)
     slot = f"s[{place.column}]"
     value = f"abs({slot})" if condition.magnitude else slot
-    if condition.among is not None:
-        comparison = f"{value} in {wanted_numbers(condition, place)!r}"
-    elif condition.equals is not None:
-        comparison = f"{value} == {wanted_numbers(condition, place)[0]!r}"
-    elif condition.above is not None:
-        comparison = f"{value} > {condition.above!r}"
+    if condition.above is not None:
+        comparison = f"{value} > {condition.above * place.unit!r}"
+    elif condition.below is not None:
+        comparison = f"{value} < {condition.below * place.unit!r}"
+    elif place.step:
+        near = [f"abs({value} - {number!r}) < {place.step / 2!r}" for number in wanted_numbers(condition, place)]
+        comparison = f"({' or '.join(near) or 'False'})"
     else:
-        comparison = f"{value} < {condition.below!r}"
+        comparison = f"{value} in {wanted_numbers(condition, place)!r}"
     return f"({slot} is not None and {comparison})"
 
 
@@ -85,7 +98,7 @@ def _joined(word: str, parts: tuple[Condition, ...], find: Find) -> str:
 def _number(wanted: float | str, place: Place) -> float:
     """A number of the DBC, or a name of its table, as it stands in the row."""
     number = next(key for key, name in place.names.items() if name == wanted) if isinstance(wanted, str) else wanted
-    return number if place.from_wire is None else place.from_wire.get(int(number), number)
+    return number * place.unit if place.from_wire is None else place.from_wire.get(int(number), number)
 
 
 def _signed(value: str, condition: str) -> str:

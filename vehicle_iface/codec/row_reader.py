@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from vehicle_iface.codec.binding import Binding
 from vehicle_iface.codec.enumerations import translate_from_wire
-from vehicle_iface.codec.expressions import Find, Place, condition_expression, field_expression
+from vehicle_iface.codec.expressions import Find, Place, condition_expression, field_expression, place_of
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.pose import PoseInputs
 from vehicle_iface.profile.forms import Condition
@@ -34,7 +34,7 @@ def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], f
         columns |= {f"{message}.{name}": len(columns) + place for place, name in enumerate(names)}
 
     def find(dotted: str) -> Place:
-        return Place(columns[dotted], binding.view(dotted).names, translate_from_wire(binding, dotted))
+        return place_of(columns[dotted], binding.view(dotted), translate_from_wire(binding, dotted))
 
     of_state = {columns[dotted] for of_field in binding.sections["state"].values() for dotted in of_field}
     of_status = {

@@ -27,6 +27,10 @@ class SignalView:
     names: Mapping[int, str]
     scale: float
     offset: float
+    unit: str
+    """As the profile or else the DBC spells it; "" for none."""
+    is_noted: bool
+    """Whether the profile's notes convert it, and not only its unit."""
     rules: SignalRules
 
     @classmethod
@@ -47,6 +51,8 @@ class SignalView:
             scale=(1.0 if in_own_unit else _unit_factor(signal, notes, field))
             * (1.0 if notes.scale is None else notes.scale),
             offset=notes.offset,
+            unit=(notes.unit if notes.unit is not None else signal.unit) or "",
+            is_noted=notes.scale is not None or notes.offset != 0.0,
             rules=SignalRules(
                 limits=notes.range,
                 names=names if notes.names is not None else None,
@@ -60,6 +66,17 @@ class SignalView:
     def is_converted(self) -> bool:
         """Whether the field is another number than the signal's value."""
         return self.scale != 1.0 or self.offset != 0.0
+
+    @property
+    def unit_in_conditions(self) -> float:
+        """Size of the unit of a condition's numbers in that of the field; they are in the DBC's unit, or as the notes
+        convert them."""
+        return 1.0 if self.is_noted else self.scale
+
+    @property
+    def range_in_conditions(self) -> tuple[float, float]:
+        """Smallest and greatest value in the unit of a condition's numbers."""
+        return self.field_range if self.is_noted else (self.low, self.high)
 
     @property
     def field_range(self) -> tuple[float, float]:

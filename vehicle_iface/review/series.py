@@ -15,7 +15,7 @@ from vehicle_iface.codec.binding import SENT_ROLES, Binding
 from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.database import BoundMessage, VehicleDatabase, build_database, load_binding
 from vehicle_iface.codec.decoder import Decoder
-from vehicle_iface.codec.expressions import Place, condition_expression, field_expression
+from vehicle_iface.codec.expressions import Place, condition_expression, field_expression, place_of
 from vehicle_iface.errors import SignalError
 from vehicle_iface.frame import unchecked_frame
 from vehicle_iface.logs.frames import Bytes
@@ -193,7 +193,7 @@ class DriveReader:
         )
 
     def _find(self, dotted: str) -> Place:
-        return Place(self._columns[dotted], self._binding.view(dotted).names)
+        return place_of(self._columns[dotted], self._binding.view(dotted))
 
     def _build_state_outputs(self) -> "list[_Output]":
         state = self._binding.profile.state

@@ -51,11 +51,12 @@ def holds(condition: Condition, values: Mapping[str, float], find: FindPlace) ->
         found = [holds(part, values, find) for part in parts_of(condition)]
         return not found[0] if condition.negated is not None else (all if condition.all is not None else any)(found)
     value = abs(values[condition.signal]) if condition.magnitude else values[condition.signal]
+    place = find(condition.signal)
     if condition.above is not None:
-        return value > condition.above
+        return value > condition.above * place.unit
     if condition.below is not None:
-        return value < condition.below
-    return value in wanted_numbers(condition, find(condition.signal))
+        return value < condition.below * place.unit
+    return any(abs(value - number) <= place.step / 2 for number in wanted_numbers(condition, place))
 
 
 def candidates(view: SignalView, conditions: Iterable[Condition], find: FindPlace) -> tuple[float, ...]:
@@ -65,8 +66,9 @@ def candidates(view: SignalView, conditions: Iterable[Condition], find: FindPlac
     for condition in conditions:
         if isinstance(condition, str):
             continue
-        numbers = {one for one in (condition.above, condition.below) if one is not None}
-        numbers |= set(wanted_numbers(condition, find(condition.signal or "")))
+        place = find(condition.signal or "")
+        numbers = {one * place.unit for one in (condition.above, condition.below) if one is not None}
+        numbers |= set(wanted_numbers(condition, place))
         numbers |= {-number for number in numbers} if condition.magnitude else set()
         wished |= {number + way * step for number in numbers for way in (-1.0, 0.0, 1.0)}
         wished |= {(number + end) / 2 for number in numbers for end in view.field_range if abs(end) < 1e12}

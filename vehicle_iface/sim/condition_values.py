@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from vehicle_iface.codec.expressions import Place
+from vehicle_iface.codec.expressions import Place, place_of
 from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
@@ -101,7 +101,7 @@ class ConditionValues:
     def find(self, dotted: str) -> Place:
         """What the numbers and names of a signal's conditions mean."""
         signal = self._signals[dotted]
-        return Place(0, signal.view.names, signal.from_wire)
+        return place_of(0, signal.view, signal.from_wire)
 
     def can_express(self, mode: VehicleMode) -> bool:
         """Whether `[status.when]` has the mode."""
