@@ -254,3 +254,19 @@ def test_the_command_says_each_finding_and_ends_with_2_only_for_errors(
     assert cli.main(["check-dbc", "--json", str(path)]) == 2
     (finding,) = json.loads(capsys.readouterr().out)
     assert (finding["severity"], finding["line"]) == ("error", line_of(path, "SPEED : 31"))
+
+
+def test_a_field_of_either_sign_that_is_never_negative_is_warned_of(tmp_path: Path) -> None:
+    text = (DBC_FOLDER / "mqb_by_wire.toml").read_text(encoding="utf-8")
+    yaw = '{ value = "VEHICLE_DYNAMICS.YAW_RATE", negative_if = "VEHICLE_DYNAMICS.YAW_RATE_SIGN" }'
+    assert yaw in text
+    profile = tmp_path / "car.toml"
+    profile.write_text(
+        text.replace(yaw, '"VEHICLE_DYNAMICS.YAW_RATE"').replace(
+            "mqb_by_wire.dbc", str(DBC_FOLDER / "mqb_by_wire.dbc")
+        ),
+        encoding="utf-8",
+    )
+    found = found_in(check_file(profile), "yaw_rate_radps is never negative")
+    assert (found.severity, found.line) == (WARNING, line_of(DBC_FOLDER / "mqb_by_wire.dbc", "SG_ YAW_RATE :"))
+    assert not [finding for finding in check_file(DBC_FOLDER / "mqb_by_wire.toml") if "is never" in finding.text]

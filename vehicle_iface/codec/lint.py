@@ -27,10 +27,12 @@ from vehicle_iface.codec.usage import Usage
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.motion_sources import describe_missing
 from vehicle_iface.profile import Profile, inspect_profile
+from vehicle_iface.profile.forms import FieldForm, signals_of
 
 _MOST_OF_A_KIND = 5
 """More warnings of one kind, about what is not used, become one."""
 _EXAMPLES = 3
+_OF_EITHER_SIGN = ("accel_mps2", "yaw_rate_radps", "lateral_speed_mps", "front_wheel_angle_rad")
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -157,6 +159,21 @@ def _control_doubts(binding: Binding) -> Iterator[DbcFinding]:
             yield message_finding(file, name, WARNING, gap, "no protection")
     for dotted, text in describe_unknown_names(binding):
         yield message_finding(file, dotted, WARNING, text, "names without a meaning")
+    for dotted, text in _describe_one_sided(binding):
+        yield message_finding(file, dotted, WARNING, text, "one sign only")
+
+
+def _describe_one_sided(binding: Binding) -> Iterator[tuple[str, str]]:
+    """MESSAGE.SIGNAL and a warning, for fields of either sign whose signals have one: another may carry the sign."""
+    for field in _OF_EITHER_SIGN:
+        form = getattr(binding.profile.state.signals, field)
+        if isinstance(form, FieldForm) and form.negative_if is not None:
+            continue
+        names = [dotted for dotted in signals_of(form) if binding.find_signal(dotted) is not None]
+        ranges = [binding.view(dotted).field_range for dotted in names]
+        if ranges and (all(low >= 0.0 for low, _ in ranges) or all(high <= 0.0 for _, high in ranges)):
+            sign = "negative" if ranges[0][0] >= 0.0 else "positive"
+            yield names[0], f"{field} is never {sign}; where another signal carries the sign, give negative_if"
 
 
 class _TomlLines:
