@@ -33,11 +33,21 @@ def test_the_way_driven_is_that_through_all_places() -> None:
     for x_m, y_m in ((0.0, 0.0), (3.0, 4.0), (3.0, 2.0)):
         track.add({"x_m": x_m, "y_m": y_m, "heading_rad": 0.0, "speed_mps": 1.0})
     assert track.driven_m == 7.0
+    assert track.standing_s == 0.0
+
+
+def test_a_vehicle_that_keeps_its_place_is_standing() -> None:
+    track = Track()
+    for _ in range(2):
+        track.add({"x_m": 3.0, "y_m": 0.0, "heading_rad": 0.0, "speed_mps": 0.0})
+    assert track.standing_s > 0.0
 
 
 def test_a_drive_is_told_with_its_distance_and_all_that_was_wrong() -> None:
-    drive = Drive("rover", "u_turn", 58.2, 46.6, 0.079, stale_stops=2, wrong=("drops: bad CRC STATE 2", "late"))
+    drive = Drive(
+        "rover", "u_turn", 58.2, 46.6, 0.079, stale_stops=2, wrong=("drops: bad CRC STATE 2", "late"), tries=3
+    )
     assert " ".join(line(drive).split()) == (
-        "rover u_turn 58.2 m in 46.6 s, at most 0.079 m from the path, 2 stops for late samples: "
+        "rover u_turn 58.2 m in 46.6 s, at most 0.079 m from the path, 2 stops for late samples, try 3: "
         "drops: bad CRC STATE 2; late"
     )
