@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 
-from vehicle_iface.bus.base import Bus, name_error
+from vehicle_iface.bus.base import Bus, add_bus_name
 from vehicle_iface.bus.several import SeveralBuses
 from vehicle_iface.bus.socketcan import SocketCanBus
 from vehicle_iface.codec.database import EXACT_ID, BoundMessage
@@ -46,7 +46,7 @@ def open_buses(
             try:
                 parts[name] = _open_socketcan(channels[name], bus, mine, own, name=name, number=number)
             except BusError as error:
-                raise name_error(name, error) from error
+                raise add_bus_name(name, error) from error
             unless_all_open.callback(parts[name].close)
         unless_all_open.pop_all()
     return SeveralBuses(parts, f"SocketCAN {describe_channels(channels)}")

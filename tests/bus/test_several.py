@@ -7,9 +7,9 @@ import pytest
 
 from tests.harness import Clock, ms
 from vehicle_iface import clock
-from vehicle_iface.bus.base import name_error
+from vehicle_iface.bus.base import add_bus_name
 from vehicle_iface.bus.controller_events import ControllerEvent
-from vehicle_iface.bus.several import SeveralBuses, parts_of
+from vehicle_iface.bus.several import SeveralBuses, buses_by_name
 from vehicle_iface.bus.traffic_monitor import TrafficSample
 from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame, FrameKey
@@ -83,7 +83,7 @@ class Part:
 
     def _check(self) -> None:
         if self.error is not None:
-            raise name_error(self.name, self.error)
+            raise add_bus_name(self.name, self.error)
 
 
 @pytest.fixture
@@ -264,4 +264,4 @@ def test_the_load_of_each_bus_is_known_and_the_greatest_is_the_link_s(linked: Li
 
 
 def test_a_bus_that_is_one_has_itself_as_its_only_part(parts: dict[str, Part]) -> None:
-    assert parts_of(parts["ins"]) == {"": parts["ins"]}
+    assert buses_by_name(parts["ins"]) == {"": parts["ins"]}

@@ -8,7 +8,7 @@ from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
 
 MOST_AT_ONCE = 8
-"""Frames of one call of `send`: a command, and other messages that are due."""
+"""Maximum number of frames in one call of `send`: a command, and other messages that are due."""
 
 
 class Bus(Protocol):
@@ -18,29 +18,29 @@ class Bus(Protocol):
     """
 
     description: str
-    """For logs and messages: 'SocketCAN vcan0', 'embedded bus', …"""
+    """Name for logs and messages: 'SocketCAN vcan0', 'embedded bus', …"""
 
     def wait(self, until_ns: int) -> bool:
         """Sleep until a frame is received (true) or the monotonic clock reaches `until_ns` (false)."""
         ...
 
     def drain(self) -> list[CanFrame]:
-        """Return all frames received since the last call, oldest first, without waiting. Never our own."""
+        """Return all frames received since the last call, oldest first, without waiting; own frames are left out."""
         ...
 
     def has_room(self) -> bool:
-        """Whether all earlier frames are sent; otherwise a new one would wait behind them."""
+        """Return whether all earlier frames are sent; otherwise a new one would wait behind them."""
         ...
 
     def send(self, *frames: CanFrame) -> int:
-        """Send frames, without waiting, up to the first that the bus has no room for; return how many it has taken.
+        """Send frames without waiting, up to the first that the bus has no room for; return how many it accepted.
 
-        The others are lost, not kept. At most `MOST_AT_ONCE` frames.
+        The others are discarded. At most `MOST_AT_ONCE` frames.
         """
         ...
 
     def counters(self) -> dict[str, int]:
-        """Frames received, sent and lost, by cause; the counts only grow."""
+        """Return the frames received, sent and lost, by cause; the counts only grow."""
         ...
 
     def close(self) -> None:
@@ -48,14 +48,14 @@ class Bus(Protocol):
         ...
 
 
-def tell_bus(name: str, text: str) -> str:
-    """`text` about one of several buses; "" is the name of the only one."""
+def prefix_bus(name: str, text: str) -> str:
+    """Prefix `text` with the name of the bus; "" is the name of the only bus."""
     return f"bus {name}: {text}" if name else text
 
 
-def name_error(name: str, error: BusError) -> BusError:
-    """The same error, about the bus of that name."""
-    return type(error)(tell_bus(name, str(error))) if name else error
+def add_bus_name(name: str, error: BusError) -> BusError:
+    """Return `error` with the name of the bus in its message."""
+    return type(error)(prefix_bus(name, str(error))) if name else error
 
 
 @runtime_checkable
@@ -69,7 +69,7 @@ class SupportsErrorEvents(Protocol):
 
 @runtime_checkable
 class SupportsTraffic(Protocol):
-    """A bus that receives the other nodes' frames, too."""
+    """A bus that can measure the traffic of all nodes."""
 
     def poll_traffic(self, now_ns: int) -> TrafficSample:
         """Return the traffic of all nodes since the last call, without waiting."""

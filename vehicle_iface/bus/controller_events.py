@@ -9,15 +9,15 @@ class ControllerEvent(Enum):
     WARNING = "error warning"
     """An error counter has passed 96."""
     PASSIVE = "error passive"
-    """An error counter has passed 127: the controller may listen, and hardly speak."""
+    """An error counter has passed 127: the controller receives but hardly sends."""
     ACTIVE = "error active"
-    """The error counters are low again."""
+    """The error counters are below their limits again."""
     BUS_OFF = "bus off"
     """The controller has taken itself off the bus."""
     RESTARTED = "restarted"
     ARBITRATION_LOST = "arbitration lost"
     OVERFLOW = "controller overflow"
-    """The hardware's own buffer was full: frames are lost that no counter of the kernel's knows."""
+    """The hardware's buffer was full: frames were lost that the kernel does not count."""
     TRANSMIT_TIMEOUT = "transmit timeout"
     PROTOCOL = "protocol error"
     NO_ACKNOWLEDGEMENT = "no acknowledgement"
@@ -42,11 +42,11 @@ _CONTROLLER_BITS = (
     (0x30, ControllerEvent.PASSIVE),
     (0x40, ControllerEvent.ACTIVE),
 )
-"""Of data byte 1, where the class is `_CONTROLLER`; receive and transmit side together."""
+"""Bits of data byte 1 in class `_CONTROLLER`; receive and transmit side together."""
 
 
 def parse_error_frame(error_class: int, data: bytes) -> list[ControllerEvent]:
-    """The events in one error frame: `error_class` is its identifier without flags, `data` its eight bytes."""
+    """Return the events in an error frame: `error_class` is its identifier without flags, `data` its eight bytes."""
     events = [event for bit, event in _CLASSES.items() if error_class & bit]
     if error_class & _CONTROLLER and len(data) > 1:
         events += [event for bits, event in _CONTROLLER_BITS if data[1] & bits]

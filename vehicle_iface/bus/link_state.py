@@ -7,13 +7,13 @@ class LinkState(Enum):
     """The state of the link."""
 
     UP = "up"
-    """Frames come and go."""
+    """Frames are received and sent."""
     DEGRADED = "degraded"
-    """Frames come and go, and something was wrong a moment ago: errors, a full queue, frames lost here."""
+    """Frames are received and sent, with recent trouble: errors, a full queue, or frames lost here."""
     DOWN = "down"
-    """The interface exists and carries nothing: it is down, bus off, or sends none of our frames."""
+    """The interface exists but carries no frames: it is down, bus off, or sends none of our frames."""
     GONE = "gone"
-    """There is no interface of that name."""
+    """No interface has that name."""
     RECOVERING = "recovering"
     """Open again; frames have not been received for long enough yet."""
 
@@ -23,11 +23,11 @@ class LinkEvent(Enum):
 
     TROUBLE = "trouble"
     CLEAN = "clean"
-    """Frames have come for a while without any trouble."""
+    """Frames were received for a while without errors."""
     LOST = "lost"
-    """It carries nothing; tried again, it still is down."""
+    """The interface carries no frames, or is still down after an attempt to reopen it."""
     GONE = "gone"
-    """There is no such interface (any more)."""
+    """The interface does not exist (any more)."""
     OPENED = "opened"
 
 
@@ -42,4 +42,4 @@ TABLE: dict[tuple[LinkState, LinkEvent], LinkState] = {
     **{(state, LinkEvent.GONE): LinkState.GONE for state in (*OPEN, LinkState.DOWN)},
     **{(state, LinkEvent.OPENED): LinkState.RECOVERING for state in (LinkState.DOWN, LinkState.GONE)},
 }
-"""A missing pair means: stay."""
+"""Next state; a missing pair leaves the state unchanged."""

@@ -1,4 +1,4 @@
-"""Every other CAN adapter, through python-can (https://python-can.readthedocs.io/en/stable/interfaces.html)."""
+"""CAN adapters supported by python-can (https://python-can.readthedocs.io/en/stable/interfaces.html)."""
 
 from collections.abc import Iterable
 
@@ -10,13 +10,13 @@ from vehicle_iface.frame import CanFrame, IdFilter
 from vehicle_iface.units import NS_PER_MS
 
 INTERFACES: frozenset[str] = can.VALID_INTERFACES
-"""The names that it knows, those of installed plugins too."""
+"""Names of python-can's interfaces, including those of installed plugins."""
 POLL_NS = NS_PER_MS // 2
-"""How often an adapter is asked: python-can's own waiting runs on the wall clock, which may step."""
+"""Polling period of an adapter: python-can's own wait uses the wall clock, which may step."""
 
 
 class PythonCanBus:
-    """An adapter that python-can knows. Frames are stamped when they are read: adapters' clocks differ."""
+    """An adapter driven by python-can. Frames are stamped when they are read: adapters' clocks differ."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class PythonCanBus:
             raise BusError(f"{self.description}: cannot be opened: {error}") from error
 
     def wait(self, until_ns: int) -> bool:
-        """Ask the adapter every 0.5 ms until a frame has come or the clock shows `until_ns`."""
+        """Poll the adapter every 0.5 ms until a frame is received or the clock reaches `until_ns`."""
         while self._next is None:
             self._next = self._read()
             now_ns = clock.monotonic_ns()
@@ -54,7 +54,7 @@ class PythonCanBus:
         return self._next is not None
 
     def drain(self) -> list[CanFrame]:
-        """All frames that the adapter has now."""
+        """Return all frames that the adapter has received."""
         frames: list[CanFrame] = []
         frame = self._next or self._read()
         self._next = None
@@ -68,22 +68,22 @@ class PythonCanBus:
         return can_id in self._can_ids or any(one.matches(can_id) for one in self._masked)
 
     def has_room(self) -> bool:
-        """Always true: python-can does not report what its adapters still hold."""
+        """Return true: python-can does not report the frames that an adapter has not sent yet."""
         return True
 
     def send(self, *frames: CanFrame) -> int:
-        """Hand frames to the adapter, up to the first that it refuses; how many it has taken."""
+        """Hand frames to the adapter, up to the first that it rejects; return how many it accepted."""
         for place, frame in enumerate(frames):
             if not self._send_one(frame):
                 return place
         return len(frames)
 
     def counters(self) -> dict[str, int]:
-        """Frames received, sent, refused by the adapter, and error frames."""
+        """Return the frames received, sent and rejected by the adapter, and the error frames."""
         return dict(self._counters)
 
     def close(self) -> None:
-        """Give the adapter back."""
+        """Release the adapter."""
         self._bus.shutdown()
 
     def _send_one(self, frame: CanFrame) -> bool:
@@ -106,7 +106,7 @@ class PythonCanBus:
         return True
 
     def _read(self) -> CanFrame | None:
-        """The next data or remote frame of ours that is waiting; error frames are counted and passed over."""
+        """Return the next queued data or remote frame; count and skip error frames."""
         while True:
             try:
                 message = self._bus.recv(timeout=0)

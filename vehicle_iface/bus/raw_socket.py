@@ -19,7 +19,7 @@ SIOCGIFFLAGS, IFF_UP = 0x8913, 0x1
 SO_MEMINFO = 55
 
 SEND_BUFFER_BYTES = 1
-"""The kernel's least (some 7 frames): what a dead bus has not taken by then is refused here and never sent late."""
+"""The kernel's minimum (about 7 frames): on a dead bus further frames are rejected, so that none is sent late."""
 
 _FRAME, _FD_FRAME = struct.Struct("=IBB2x8s"), struct.Struct("=IBB2x64s")
 _UINT32 = struct.Struct("=I")
@@ -28,7 +28,7 @@ _GONE = (errno.ENODEV, errno.ENXIO)
 
 
 def pack_frame(frame: CanFrame) -> bytes:
-    """`frame` as the kernel's struct can_frame or canfd_frame."""
+    """Pack `frame` into the kernel's struct can_frame or canfd_frame."""
     can_id, data, _, is_extended, is_remote, is_fd, _, _ = frame
     if is_extended or is_remote:
         can_id |= (EFF_FLAG if is_extended else 0) | (RTR_FLAG if is_remote else 0)
@@ -38,7 +38,7 @@ def pack_frame(frame: CanFrame) -> bytes:
 
 
 def unpack_frame(packet: Packet, stamp_ns: int, bus: int = 0) -> CanFrame:
-    """A received packet as a frame on that bus of the profile."""
+    """Convert a received packet to a frame of bus number `bus` in the profile."""
     word, data, is_fd, _, _, _ = packet
     if word <= SFF_MASK:  # the usual case: a standard data frame
         return unchecked_frame((word, data, stamp_ns, False, False, is_fd, False, bus))
@@ -56,9 +56,9 @@ def open_socket(
     errors: bool = False,
     masked: Iterable[IdFilter] = (),
 ) -> socket.socket:
-    """A raw socket on an interface that is up, filtered to `can_ids` (None: all of them, of either kind) and `masked`.
+    """Open a raw socket on an interface that is up; receive only `can_ids` (None: all, of both formats) and `masked`.
 
-    `BusError` with the command that fixes it; `BusGoneError` where there is no such interface.
+    Raises `BusError` with the command that fixes it; `BusGoneError` when the interface does not exist.
     """
     if not hasattr(socket, "AF_CAN"):
         raise BusError("this system has no SocketCAN; use --interface with a python-can adapter, or the demo")
@@ -102,23 +102,23 @@ def _bind_up(raw: socket.socket, channel: str) -> None:
 
 
 def gone_error(channel: str, error: OSError) -> BusError:
-    """The `BusError` for an error of a socket in use."""
+    """Return the `BusError` for an error of a socket in use."""
     if error.errno == errno.EINVAL:
         return BusError(f"{channel}: takes no CAN FD frames; `sudo ip link set {channel} mtu 72`")
     kind = BusGoneError if error.errno in _GONE else BusError
     return kind(f"{channel}: {error.strerror}; check `ip -details link show {channel}`")
 
 
-def unsent_bytes(raw: socket.socket) -> int:
-    """Kernel memory of frames that were handed to the socket and are not sent yet; 0: all are sent."""
-    return int(_memory(raw)[2])
+def count_unsent_bytes(raw: socket.socket) -> int:
+    """Return the kernel memory, in bytes, of frames handed to the socket and not sent yet; 0: all are sent."""
+    return int(_read_memory_info(raw)[2])
 
 
-def dropped_frames(raw: socket.socket) -> int:
-    """Frames that this socket had no room to receive, since it was opened."""
-    return int(_memory(raw)[8])
+def count_dropped_frames(raw: socket.socket) -> int:
+    """Return the number of received frames dropped for want of buffer space since the socket was opened."""
+    return int(_read_memory_info(raw)[8])
 
 
-def _memory(raw: socket.socket) -> tuple[int, ...]:
-    """The kernel's account of a socket: received, its limit, sent, its limit, …, drops (<linux/sock_diag.h>)."""
+def _read_memory_info(raw: socket.socket) -> tuple[int, ...]:
+    """Read SO_MEMINFO: received, its limit, sent, its limit, …, drops (<linux/sock_diag.h>)."""
     return _MEMORY.unpack(raw.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, _MEMORY.size))

@@ -14,7 +14,7 @@ from vehicle_iface.units import NS_PER_S
 
 CANFD_MTU = 72
 BATCH = 64
-"""Frames of one call at most."""
+"""Maximum number of frames in one call."""
 # From <asm-generic/socket.h> and <linux/socket.h>: Python does not export all of them.
 SOL_SOCKET, SO_TIMESTAMPNS, SO_RXQ_OVFL = 1, 35, 40
 MSG_DONTROUTE, MSG_DONTWAIT, MSG_WAITFORONE = 0x4, 0x40, 0x10000
@@ -28,7 +28,7 @@ _UINT32 = struct.Struct("@I")
 _CONTROL_BYTES = 64
 """Room for the stamp and the drop counter, each with its header and padding."""
 _PLACE = struct.Struct(f"@IBB2x64sNii{_TIMESPEC.format[1:]}")
-"""Identifier, length, flags and data of a frame, and the control message that usually is alone: the stamp."""
+"""Identifier, length, flags and data of a frame, and the control message that is usually the only one: the stamp."""
 _STRIDE = CANFD_MTU + _CONTROL_BYTES
 _FLAGS_AT = 5
 
@@ -40,7 +40,7 @@ the kernel did not say), and whether a program on this machine has sent it."""
 
 
 class BatchReceiver:
-    """Receives from one CAN socket into buffers that are made once."""
+    """Receives from one CAN socket into buffers that are allocated once."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -59,9 +59,9 @@ class BatchReceiver:
         self._recvmmsg.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
 
     def receive(self, *, wait: bool) -> list[Packet]:
-        """What is queued, up to `BATCH`; with `wait`, after sleeping for the first as long as the socket's time-out.
+        """Return the queued frames, up to `BATCH`; with `wait`, sleep until the first, or the socket's time-out.
 
-        Empty when nothing came. Raises `OSError` for what the socket reports (interface down, gone, …).
+        Raises `OSError` for an error that the socket reports (interface down, gone, …).
         """
         flags = MSG_WAITFORONE if wait else MSG_DONTWAIT
         count = self._recvmmsg(self._descriptor, self._address, BATCH, flags, None)
@@ -86,11 +86,11 @@ class BatchReceiver:
         return packets
 
     def flags(self, place: int) -> int:
-        """The flags byte (<linux/can.h>: BRS 1, ESI 2) of that frame, from 0, of the last call."""
+        """Return the flags byte (<linux/can.h>: BRS 1, ESI 2) of frame number `place`, from 0, of the last call."""
         return self._places[place * _STRIDE + _FLAGS_AT]
 
     def _ancillary(self, start: int, length: int) -> tuple[int, int]:
-        """Stamp and drop counter from the control messages, whatever there are."""
+        """Return stamp and drop counter from the control messages; 0 for a missing one."""
         wall_ns, dropped, place, end = 0, 0, start, start + length
         while place + _CMSGHDR.size <= end:
             size, level, kind = _CMSGHDR.unpack_from(self._places, place)
@@ -108,5 +108,5 @@ _NOTHING = (errno.EAGAIN, errno.EINTR)
 
 
 def address_of(buffer: bytearray) -> int:
-    """Where the kernel finds it; the buffer must not change its length."""
+    """Return the address of a buffer; its length must not change."""
     return ctypes.addressof((ctypes.c_char * len(buffer)).from_buffer(buffer))

@@ -1,4 +1,4 @@
-"""Several buses of one vehicle as one: what comes is merged by its stamps, and what is sent goes to its own bus."""
+"""Several buses of one vehicle as one: received frames are merged by stamp, each frame is sent on its own bus."""
 
 import heapq
 import select
@@ -19,22 +19,22 @@ class PollableBus(Bus, Protocol):
     """A bus that `select.poll` can wait for; its errors name it."""
 
     def fileno(self) -> int:
-        """Readable when a frame has come, or when the bus is gone."""
+        """Return the descriptor to poll: readable when a frame was received, or when the bus is gone."""
         ...
 
 
 class SeveralBuses:
-    """The buses of a profile, in its order; one of them that is lost is all of them lost.
+    """The buses of a profile, in its order; if one is lost, all count as lost.
 
-    `wait` is one poll for all of them, and ends within 1 ms after its time.
+    `wait` is one poll for all of them, and ends within 1 ms after `until_ns`.
     """
 
     def __init__(self, parts: Mapping[str, PollableBus], description: str) -> None:
-        """`parts` are open, by the name of each bus; the frames of each have its number in this order."""
+        """`parts` are open buses by name; a frame's bus number is the position in this order."""
         self.parts = dict(parts)
         self.description = description
         self.refusing = ""
-        """The bus that had no room last."""
+        """The bus that most recently had no room."""
         self._names, self._buses = tuple(parts), tuple(parts.values())
         self._error: BusError | None = None
         self._poll = select.poll()
@@ -42,13 +42,13 @@ class SeveralBuses:
             self._poll.register(bus.fileno(), select.POLLIN)
 
     def wait(self, until_ns: int) -> bool:
-        """Sleep until a frame has come on any of them, or until `until_ns`."""
+        """Sleep until any bus receives a frame, or until `until_ns`."""
         self._raise_error()
         remaining_ns = until_ns - clock.monotonic_ns()
         return bool(self._poll.poll(max(0, -(-remaining_ns // NS_PER_MS))))
 
     def drain(self) -> list[CanFrame]:
-        """All queued frames of all buses, in the order of their stamps; those of one bus stay in their own order."""
+        """Return all queued frames of all buses in the order of their stamps; each bus keeps its own order."""
         self._raise_error()
         queued = [frames for bus in self._buses if (frames := bus.drain())]
         if len(queued) < 2:
@@ -56,7 +56,7 @@ class SeveralBuses:
         return list(heapq.merge(*queued, key=_stamp))
 
     def has_room(self) -> bool:
-        """Whether all of them have sent all earlier frames."""
+        """Return whether every bus has sent all earlier frames."""
         self._raise_error()
         for name, bus in self.parts.items():
             if not bus.has_room():
@@ -65,7 +65,7 @@ class SeveralBuses:
         return True
 
     def send(self, *frames: CanFrame) -> int:
-        """Each on its own bus, in their order; how many were taken before the first that was not."""
+        """Send each frame on its own bus, in order; return how many were accepted before the first that was not."""
         self._raise_error()
         sent = 0
         while sent < len(frames):
@@ -85,7 +85,7 @@ class SeveralBuses:
         return sent
 
     def counters(self) -> dict[str, int]:
-        """The sums over all buses, and the counts of each with its name behind them."""
+        """Return the sums over all buses, and the counts of each bus with its name appended to the key."""
         counts = {name: bus.counters() for name, bus in self.parts.items()}
         causes = dict.fromkeys(cause for of_bus in counts.values() for cause in of_bus)
         sums = {cause: sum(of_bus.get(cause, 0) for of_bus in counts.values()) for cause in causes}
@@ -101,6 +101,6 @@ class SeveralBuses:
             raise self._error
 
 
-def parts_of(bus: Bus) -> Mapping[str, Bus]:
-    """By name the buses that it is made of; by "" itself where it is one."""
+def buses_by_name(bus: Bus) -> Mapping[str, Bus]:
+    """Return the buses of `bus` by name; a single bus has the name ""."""
     return bus.parts if isinstance(bus, SeveralBuses) else {"": bus}

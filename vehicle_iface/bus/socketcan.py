@@ -1,6 +1,6 @@
-"""A SocketCAN interface through raw sockets of our own.
+"""A SocketCAN interface, through raw sockets.
 
-Own sockets and not python-can's reader: they give the kernel's receive stamp and the count of frames that the kernel
+Raw sockets instead of python-can's reader: they give the kernel's receive stamp and the count of frames that the kernel
 had to drop, distinguish an error from silence, and cost one system call for a frame.
 """
 
@@ -11,16 +11,16 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 
 from vehicle_iface import clock
-from vehicle_iface.bus.base import name_error
+from vehicle_iface.bus.base import add_bus_name
 from vehicle_iface.bus.controller_events import ControllerEvent, parse_error_frame
 from vehicle_iface.bus.raw_socket import (
     ERR_FLAG,
     ERR_MASK,
+    count_unsent_bytes,
     gone_error,
     open_socket,
     pack_frame,
     unpack_frame,
-    unsent_bytes,
 )
 from vehicle_iface.bus.receive import BATCH, BatchReceiver, Packet
 from vehicle_iface.bus.traffic_monitor import TrafficMonitor, TrafficSample
@@ -30,11 +30,11 @@ from vehicle_iface.frame import CanFrame, IdFilter
 from vehicle_iface.units import NS_PER_MS
 
 RECEIVE_BUFFER_BYTES = 1 << 20
-"""Room for some 3,600 queued frames where the kernel allows it; the default holds 278."""
+"""Room for about 3,600 queued frames where the kernel allows it; the default holds 278."""
 CONFIRMED_WITHIN_NS = 50 * NS_PER_MS
-"""A frame that was sent is on the bus by then, or it is missing."""
+"""A sent frame that is not seen on the bus within this time counts as missed."""
 CLOCK_STEP_NS = 5 * NS_PER_MS
-"""A wall clock that moves this far against the monotonic one between two readings was stepped."""
+"""A wall clock that moves this far against the monotonic clock between two readings counts as stepped."""
 
 _TIMEVAL = struct.Struct("@ll")
 
@@ -42,9 +42,9 @@ _TIMEVAL = struct.Struct("@ll")
 class SocketCanBus:
     """One SocketCAN interface, classical and FD, filtered by the kernel to the identifiers asked for.
 
-    A frame of the right identifier but the wrong kind (remote, extended, FD) does come through, so that it is
-    refused by the decoder, where it is counted. A second socket watches the link: error frames, and our own frames
-    as they come by once they were sent. A third one samples all traffic.
+    A frame of the right identifier but the wrong kind (remote, extended, FD) is received, so that the decoder
+    rejects and counts it. A second socket receives error frames and our own frames once they are on the bus. A third
+    one samples all traffic.
     """
 
     def __init__(
@@ -60,13 +60,13 @@ class SocketCanBus:
         name: str = "",
         number: int = 0,
     ) -> None:
-        """Receive `can_ids` and `masked`; take note of `own_ids` when they were sent.
+        """Receive `can_ids` and `masked`; confirm frames of `own_ids` when they are seen on the bus.
 
-        `name` and `number` are those of one of several buses: errors in use name it, its frames bear the number.
+        `name` and `number` identify one of several buses, in its errors and its frames.
 
         The bit rates, in bits per second, are for the bus load only: the interface has its own.
 
-        With `receive_timeout_ns`, `wait` is one call that sleeps and receives, for at most so long (in the kernel's
+        With `receive_timeout_ns`, `wait` is one call that sleeps and receives, for at most this long (in the kernel's
         ticks, up to 10 ms more), whatever `until_ns` is: one system call a frame, for an event-driven reader. Without
         it, `wait` ends within 1 ms after `until_ns`.
         """
@@ -108,11 +108,11 @@ class SocketCanBus:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, timeout)
 
     def fileno(self) -> int:
-        """The socket that frames come on."""
+        """Return the descriptor of the receiving socket."""
         return self._socket.fileno()
 
     def wait(self, until_ns: int) -> bool:
-        """Sleep until a frame has come, or until `until_ns` (see the class for how exactly)."""
+        """Sleep until a frame is received, or until `until_ns` (see the class for how exactly)."""
         if self._inbox:
             return True
         remaining_ns = until_ns - clock.monotonic_ns()
@@ -122,16 +122,16 @@ class SocketCanBus:
         return bool(self._poll.poll(max(0, -(-remaining_ns // NS_PER_MS))))
 
     def drain(self) -> list[CanFrame]:
-        """All queued frames, stamped with the kernel's receive time on the monotonic clock."""
+        """Return all queued frames, stamped with the kernel's receive time on the monotonic clock."""
         if not self._inbox:
             self._take(wait=False)
         frames, self._inbox = self._inbox, []
         return frames
 
     def has_room(self) -> bool:
-        """Whether the interface has taken all that was handed over: one system call."""
+        """Return whether the interface has taken all frames handed over; costs one system call."""
         try:
-            if not unsent_bytes(self._socket):
+            if not count_unsent_bytes(self._socket):
                 return True
         except OSError as error:
             raise self._gone(error) from error
@@ -139,7 +139,7 @@ class SocketCanBus:
         return False
 
     def send(self, *frames: CanFrame) -> int:
-        """Hand frames to the kernel's transmit queue in one call, without waiting; how many it has taken."""
+        """Hand frames to the kernel's transmit queue in one call, without waiting; return how many it accepted."""
         try:
             sent = self._sender.send([pack_frame(frame) for frame in frames])
         except OSError as error:
@@ -149,9 +149,9 @@ class SocketCanBus:
         return sent
 
     def events(self) -> list[ControllerEvent]:
-        """What the controller hardware reported since the last call.
+        """Return what the controller hardware reported since the last call.
 
-        Counts our own frames: as confirmed those that came by on the bus, as missed those that have not after
+        Also counts our own frames: confirmed when seen on the bus, missed when not seen within
         `CONFIRMED_WITHIN_NS`.
         """
         events: list[ControllerEvent] = []
@@ -168,14 +168,14 @@ class SocketCanBus:
         return events
 
     def poll_traffic(self, now_ns: int) -> TrafficSample:
-        """What all nodes have sent since the last call."""
+        """Return the traffic of all nodes since the last call."""
         try:
             return self._traffic.poll(now_ns)
         except OSError as error:
             raise self._gone(error) from error
 
     def counters(self) -> dict[str, int]:
-        """Frames received, sent, refused by a full queue, seen on the bus, dropped by the kernel; clock steps."""
+        """Return the counts of frames (received, sent, no room, confirmed, missed, kernel drops) and clock steps."""
         return dict(self._counters)
 
     def close(self) -> None:
@@ -216,7 +216,7 @@ class SocketCanBus:
             raise self._gone(error) from error
 
     def _gone(self, error: OSError) -> BusError:
-        return name_error(self._name, gone_error(self.channel, error))
+        return add_bus_name(self._name, gone_error(self.channel, error))
 
     def _follow_wall_clock(self, offset_ns: int) -> None:
         """Kernel stamps are wall-clock time: map them by the offset that holds now."""

@@ -8,13 +8,13 @@ from collections import Counter
 from typing import NamedTuple
 
 from vehicle_iface.bus.frame_bits import wire_bits
-from vehicle_iface.bus.raw_socket import dropped_frames, open_socket, unpack_frame
+from vehicle_iface.bus.raw_socket import count_dropped_frames, open_socket, unpack_frame
 from vehicle_iface.bus.receive import BatchReceiver
 from vehicle_iface.frame import FrameKey
 from vehicle_iface.units import NS_PER_S
 
 SAMPLED_BYTES = 12288
-"""Of the receive buffer: some 32 frames (the kernel doubles it, and a frame takes 768 bytes of it)."""
+"""Size of the receive buffer: about 32 frames (the kernel doubles it, and a frame takes 768 bytes)."""
 
 
 class TrafficSample(NamedTuple):
@@ -22,18 +22,18 @@ class TrafficSample(NamedTuple):
 
     span_ns: int
     frames: int
-    """All of them, our own included; exact."""
+    """Number of frames, our own included; exact."""
     busy_ns: int
-    """For how long they held the bus: the length of the sampled frames, scaled to all."""
+    """Time that they occupied the bus: the length of the sampled frames, scaled to all."""
     frames_by_key: dict[FrameKey, float]
-    """Scaled in the same way."""
+    """Frames by identifier, scaled in the same way."""
 
 
 class TrafficMonitor:
     """Samples the traffic of one SocketCAN interface."""
 
     def __init__(self, channel: str, *, bus: int = 0, bitrate: int, data_bitrate: int, now_ns: int) -> None:
-        """`bus` is its number in the profile.
+        """`bus` is the number of the bus in the profile.
 
         Bit rates in bits per second, of the arbitration phase and of an FD frame's data phase.
         """
@@ -46,7 +46,7 @@ class TrafficMonitor:
         self._polled_ns = now_ns
 
     def poll(self, now_ns: int) -> TrafficSample:
-        """The traffic since the last poll; `OSError` when the interface is gone."""
+        """Return the traffic since the last poll; `OSError` when the interface is gone."""
         counts: Counter[FrameKey] = Counter()
         busy_ns = 0.0
         for packet in self._receiver.receive(wait=False):
@@ -56,7 +56,7 @@ class TrafficMonitor:
             busy_ns += bits.nominal * self._ns_per_bit + bits.fast * self._ns_per_fast_bit
         sampled = counts.total()
         self._received += sampled
-        seen = self._received + dropped_frames(self._socket)
+        seen = self._received + count_dropped_frames(self._socket)
         frames, self._seen = seen - self._seen, seen
         span_ns, self._polled_ns = now_ns - self._polled_ns, now_ns
         scale = frames / sampled if sampled else 0.0
@@ -64,5 +64,5 @@ class TrafficMonitor:
         return TrafficSample(span_ns, frames, round(busy_ns * scale), by_key)
 
     def close(self) -> None:
-        """Give the socket back."""
+        """Close the socket."""
         self._socket.close()

@@ -12,7 +12,7 @@ _REFUSED = (errno.ENOBUFS, errno.EAGAIN, errno.EINTR)
 
 
 class BatchSender:
-    """Sends on one CAN socket from buffers that are made once."""
+    """Sends on one CAN socket from buffers that are allocated once."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -29,9 +29,9 @@ class BatchSender:
         self._sendmmsg.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int)
 
     def send(self, frames: Sequence[bytes]) -> int:
-        """How many of these, each a struct can_frame or canfd_frame, the kernel has taken, without waiting.
+        """Send packets (struct can_frame or canfd_frame) without waiting; return how many the kernel accepted.
 
-        The first that it refuses for want of room ends it. Raises `OSError` for what else the socket reports.
+        Sending ends at the first packet that finds the queue full. Raises `OSError` for any other error of the socket.
         """
         for i, frame in enumerate(frames):
             at = i * CANFD_MTU

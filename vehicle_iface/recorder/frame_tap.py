@@ -12,7 +12,7 @@ from vehicle_iface.bus.raw_socket import (
     ERR_MASK,
     RTR_FLAG,
     SFF_MASK,
-    dropped_frames,
+    count_dropped_frames,
     open_socket,
 )
 from vehicle_iface.bus.receive import BATCH, BatchReceiver, Packet
@@ -61,7 +61,7 @@ class FrameTap:
                 if len(packets) < BATCH:
                     break
             assert self._socket is not None
-            self._lost_now = dropped_frames(self._socket)
+            self._lost_now = count_dropped_frames(self._socket)
         except OSError as error:
             self._notify(f"{self._channel}: {error.strerror}; no frames are recorded until it is back")
             self.close()

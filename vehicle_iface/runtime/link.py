@@ -5,10 +5,10 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from vehicle_iface.bus.base import Bus, SupportsErrorEvents, SupportsTraffic, tell_bus
+from vehicle_iface.bus.base import Bus, SupportsErrorEvents, SupportsTraffic, prefix_bus
 from vehicle_iface.bus.controller_events import ControllerEvent
 from vehicle_iface.bus.link_state import TABLE, LinkEvent, LinkState
-from vehicle_iface.bus.several import SeveralBuses, parts_of
+from vehicle_iface.bus.several import SeveralBuses, buses_by_name
 from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.bus_load import BusLoads
@@ -87,7 +87,7 @@ class Link:
         """The first state changes of the run, at most `MAX_TRANSITIONS`."""
         self.events: Counter[str] = Counter()
         """Events that the CAN controllers reported, by kind."""
-        self._bus_names = tuple(parts_of(bus))
+        self._bus_names = tuple(buses_by_name(bus))
         self.load = BusLoads(self._bus_names)
 
     def take_loss(self) -> bool:
@@ -146,7 +146,7 @@ class Link:
         if self._refused_since_ns is not None and now_ns - self._refused_since_ns > REFUSED_NS:
             self._draining, self._bus = self._bus, None
             text = f"{self.description}: accepts no frames; is another node on the bus?"
-            self._on_drop(BusError(tell_bus(_refusing(self._draining), text)))
+            self._on_drop(BusError(prefix_bus(_refusing(self._draining), text)))
         if not self._watch_timer.is_due(now_ns):
             return
         self._poll_controller()
@@ -185,11 +185,11 @@ class Link:
                 self._note_event(event, name, bus.description)
             if ControllerEvent.BUS_OFF in events:
                 text = f"{bus.description}: bus off; `sudo ip link set DEVICE type can restart` restarts it"
-                self._drop(BusError(tell_bus(name, text)))
+                self._drop(BusError(prefix_bus(name, text)))
                 return
 
     def _note_event(self, event: ControllerEvent, name: str, description: str) -> None:
-        kind = tell_bus(name, event.value)
+        kind = prefix_bus(name, event.value)
         if not self.events[kind]:
             log.warning("%s: %s (further ones are counted)", description, kind)
         self.events[kind] += 1
@@ -215,7 +215,7 @@ class Link:
 
     def _parts(self) -> Mapping[str, Bus]:
         """By name the buses that are open."""
-        return parts_of(self._bus) if self._bus is not None else {}
+        return buses_by_name(self._bus) if self._bus is not None else {}
 
     def _check_overflow(self) -> None:
         """Degrade the link when a kernel's receive queue has dropped frames."""
@@ -224,14 +224,14 @@ class Link:
             overflow = counts.get(f"receive_overflow {name}".rstrip(), 0)
             if overflow > self._overflow.get(name, 0):
                 self._overflow[name] = overflow
-                self._degrade(tell_bus(name, "receive overflow"))
+                self._degrade(prefix_bus(name, "receive overflow"))
 
     def _note_refusal(self) -> None:
         if self._refused_since_ns is None:
             self._refused_since_ns = self._now_ns()
         self._refused_in_row += 1
         self.is_stalled = self.is_stalled or self._refused_in_row >= STALLED_AFTER
-        self._degrade(tell_bus(_refusing(self._bus), "transmit queue full"))
+        self._degrade(prefix_bus(_refusing(self._bus), "transmit queue full"))
 
     def _degrade(self, why: str) -> None:
         self._troubled_ns = self._now_ns()
