@@ -354,13 +354,13 @@ def test_points_are_left_out_until_one_is_ahead_of_the_last_that_was_kept(
     back: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     raw = path(np.array([0.0, 1.0, 0.95, 0.97, 0.999, 1.0, 1.001, 2.0]) * back, speed_mps=2.0 * back)
-    passes, without_noise = [], cleaning._without_noise
+    passes, without_noise = [], cleaning._remove_noise
 
     def counted(*arguments: Any) -> tuple[IntArray, IntArray]:
         passes.append(arguments)
         return without_noise(*arguments)
 
-    monkeypatch.setattr(cleaning, "_without_noise", counted)
+    monkeypatch.setattr(cleaning, "_remove_noise", counted)
     assert drop_backward_steps(raw).dropped.tolist() == [2, 3, 4]
     assert len(passes) == 1
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from vehicle_iface import Trajectory, VehicleState
 from vehicle_iface.errors import TrajectoryFileError
 from vehicle_iface.trajectories import mailbox
-from vehicle_iface.trajectories.mailbox import MAX_POINTS, Mailbox, PostedTrajectories, fetch, publish_trajectory
+from vehicle_iface.trajectories.mailbox import MAX_POINTS, Mailbox, MailboxFile, fetch, publish_trajectory
 
 PADDING = range(12, 16)
 """Bytes of a post that say nothing."""
@@ -71,7 +71,7 @@ def test_what_is_posted_comes_out_as_it_was(tmp_path: Path) -> None:
 
 
 def test_another_process_posts_and_the_loop_takes_it(tmp_path: Path) -> None:
-    source = PostedTrajectories(tmp_path / "t")
+    source = MailboxFile(tmp_path / "t")
     script = f"""
 from vehicle_iface import Trajectory
 from vehicle_iface.trajectories.mailbox import publish_trajectory
@@ -92,7 +92,7 @@ def test_a_path_that_cannot_be_looked_at_is_said_once_and_ends_nothing(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     folder = tmp_path / "folder"
-    source = PostedTrajectories(folder / "t")
+    source = MailboxFile(folder / "t")
     source.close()  # its thread: here the test looks
     folder.write_text("not a folder")
     for _ in range(3):
@@ -133,7 +133,7 @@ def no_memory(_: object) -> Trajectory:
 def test_a_post_that_there_is_no_memory_for_is_refused_and_the_next_one_is_read(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    source = PostedTrajectories(tmp_path / "t")
+    source = MailboxFile(tmp_path / "t")
     source.close()  # its thread: here the test looks
     publish_trajectory(tmp_path / "t", line(7))
     size = (tmp_path / "t").stat().st_size

@@ -35,7 +35,7 @@ from vehicle_iface.runtime.summary import as_json, check_writable, save_summary,
 from vehicle_iface.runtime.watchdog import Watchdog
 from vehicle_iface.telemetry import SessionInfo, TelemetryWriter
 from vehicle_iface.telemetry.details import RunSummary
-from vehicle_iface.trajectories.mailbox import PostedTrajectories
+from vehicle_iface.trajectories.mailbox import MailboxFile
 from vehicle_iface.trajectories.receding import RecedingRoute
 from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
 from vehicle_iface.units import ns_from_s
@@ -180,7 +180,7 @@ def _build_source(options: argparse.Namespace, database: VehicleDatabase) -> Tra
     if options.trajectory_mailbox:
         if Path(options.trajectory_mailbox).is_dir():
             raise ConfigError(f"--trajectory-mailbox {options.trajectory_mailbox}: is a folder, must be a file in one")
-        return PostedTrajectories(options.trajectory_mailbox)
+        return MailboxFile(options.trajectory_mailbox)
     return RecedingRoute(
         drivable.build_route(options.route, database.profile), frame_id=check_frame(options.frame, database)
     )

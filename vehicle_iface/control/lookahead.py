@@ -18,20 +18,19 @@ from vehicle_iface.control.tracking import as_numbers
 _STEPS = 32
 _FIRST_BLOCK, _GREATEST_BLOCK = 256, 16384
 _MOST_MEASURED = 2**15
-"""Points at a time; behind them a search looks at samples, until later ones have measured on."""
+"""Maximum number of points measured by one search; beyond them it samples, until later searches have measured more."""
 _ROUNDING = 1e-9
-"""How much the measured way may be wrong: of itself, and in metres."""
+"""Error bound of the measured distance: relative, and in metres."""
 _REACH = 4.0
-"""In look-aheads: a search that went on for longer along the path than round a circle within reach ends,"""
+"""Maximum search distance in look-aheads: longer than the circumference of a circle within reach."""
 _LEAST_POINTS = 1024
-"""though not before this many points."""
+"""Minimum number of points before `_REACH` ends a search."""
 _SAMPLES = 1024
-"""Among more points than this only so many are looked at, evenly, and then those around the one found."""
+"""Maximum number of points examined: of more, this many at equal steps, and then those around the best."""
 
 
 class ArcLength:
-    """How long the path is up to each point, measured from some point behind the vehicle on as far as
-    needed."""
+    """Path length up to each point, measured from a point behind the vehicle as far as needed."""
 
     __slots__ = ("_along", "_along_m", "measured", "xs_m", "ys_m")
 
@@ -40,17 +39,17 @@ class ArcLength:
         self._along = np.empty(len(xs_m))  # (n,) filled as far as measured
         self._along_m: Sequence[float] = as_numbers(self._along)
         self.measured = 0
-        """The points before this one are measured."""
+        """Index of the first point that is not measured yet."""
 
     def begin(self, index: int) -> None:
-        """Make sure that point `index`, never less than the last time, is measured."""
+        """Measure up to point `index`, which never decreases between calls."""
         if index >= self.measured:
             self._along[index] = 0.0
             self.measured = index + 1
 
     def next(self, index: int, distance_m: float, end: int) -> int:
-        """The first point after a measured one that is `distance_m` further along the path; `end`, or the first
-        point not measured yet, when it is not before that."""
+        """Return the first point after a measured one that is `distance_m` further along the path, but at most `end`
+        or the first point not measured yet."""
         along_m = self._along_m
         wanted_m = (along_m[index] + distance_m) * (1.0 - _ROUNDING) - _ROUNDING
         if not wanted_m < math.inf:
@@ -63,8 +62,8 @@ class ArcLength:
         return bisect_left(along_m, wanted_m, index, min(measured, end)) if index < end else end
 
     def first_of_end(self, start: int, last: int, x_m: float, y_m: float) -> int:
-        """The first point from `start` on that stands where `last` stands, if by the length of the way alone
-        no point between is farther from (x_m, y_m): the path goes straight away, or stays; otherwise −1."""
+        """Return the first point from `start` on at the place of `last`, if the path length alone shows that no point
+        between is farther from (x_m, y_m): the path leads straight away, or stays. Otherwise −1."""
         if last >= self.measured:
             return -1
         along_m = self._along_m
@@ -103,11 +102,11 @@ def search_target(
     ahead_y: float,
     lookahead_m: float,
 ) -> int:
-    """The first of the points start..end−1 that is ahead of (x_m, y_m) and at least the look-ahead away.
+    """Return the first of the points start..end−1 that is ahead of (x_m, y_m) and at least the look-ahead away.
 
-    Ahead is where (p − s) · (ahead_x, ahead_y) > 0. Without such a point the farthest that is ahead, or −1.
+    Ahead is where (p − s) · (ahead_x, ahead_y) > 0. Without such a point: the farthest that is ahead, or −1.
     `start` never decreases from one search on an `ArcLength` to the next. A search ends four look-aheads (and 1024
-    points) further along the path, and beyond 32768 points that are not measured yet it looks at samples, so
+    points) further along the path, and it samples beyond 32768 points that are not measured yet, so
     that its cost does not depend on how long the trajectory is.
     """
     xs_m, ys_m, reach, index = arc.xs_m, arc.ys_m, lookahead_m * lookahead_m, start
@@ -134,7 +133,7 @@ def search_target(
 def _first_beyond(
     arc: ArcLength, start: int, stop: int, x_m: float, y_m: float, ahead_x: float, ahead_y: float, reach: float
 ) -> int:
-    """`search_target` point by point, with the square of the look-ahead; −1 without one."""
+    """Search point by point, with the square of the look-ahead; −1 when no point qualifies."""
     step = -(-(stop - start) // _SAMPLES)
     beyond = _squares_ahead(arc, slice(start, stop, step), x_m, y_m, ahead_x, ahead_y) >= reach
     if not beyond.any():
@@ -147,7 +146,7 @@ def _first_beyond(
 
 
 def _farthest(arc: ArcLength, start: int, stop: int, x_m: float, y_m: float, ahead_x: float, ahead_y: float) -> int:
-    """The first of the farthest points ahead; −1 without one."""
+    """Return the first of the farthest points ahead; −1 when no point is ahead."""
     last = stop - 1
     is_behind = (arc.xs_m[start] - x_m) * ahead_x + (arc.ys_m[start] - y_m) * ahead_y <= 0.0
     if is_behind and start < last:
@@ -173,7 +172,7 @@ def _farthest(arc: ArcLength, start: int, stop: int, x_m: float, y_m: float, ahe
 def _squares_ahead(
     arc: ArcLength, points: slice, x_m: float, y_m: float, ahead_x: float, ahead_y: float
 ) -> np.typing.NDArray[np.float64]:
-    """(m,) the squares of the distances; −1 for points that are not ahead."""
+    """Return (m,) squared distances in m²; −1 for points that are not ahead."""
     with np.errstate(over="ignore", invalid="ignore"):
         dx, dy = np.asarray(arc.xs_m[points]) - x_m, np.asarray(arc.ys_m[points]) - y_m
         ahead = dx * ahead_x + dy * ahead_y > 0.0

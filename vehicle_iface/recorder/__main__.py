@@ -22,12 +22,12 @@ from vehicle_iface.units import NS_PER_MS, NS_PER_S
 
 CYCLE_MS = 25
 AFTERMATH_NS = 5 * NS_PER_S
-"""Recorded after the loop was killed: what the vehicle does without it."""
+"""Recording time after the loop was killed, to include the vehicle's reaction."""
 DONE, LOST_SOME, BAD_USAGE, NO_BUS = 0, 1, 2, 3
 
 
 def main() -> int:
-    """0: all was recorded; 1: some of it is lost; 2, 3: there could be no recording."""
+    """Run the recorder. Exit status 0: everything was recorded; 1: some data is lost; 2, 3: recording failed."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     with open(0, "rb", buffering=0, closefd=False) as requests:

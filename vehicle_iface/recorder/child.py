@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 END = b"end\n"
 START_TIMEOUT_S, STOP_TIMEOUT_S = 20.0, 5.0
-"""Before anything drives, and after the vehicle was released."""
+"""Time limits for the recorder's start, before the loop drives, and its end, after the vehicle was released."""
 
 
 class RecorderReply(msgspec.Struct, kw_only=True, frozen=True):
@@ -53,7 +53,7 @@ class RecorderProcess:
         signal.signal(signal.SIGCHLD, self._on_child_exit)
 
     def end(self) -> RecorderSummary:
-        """Stop it; its result for the summary. A recorder that does not stop within `STOP_TIMEOUT_S` is killed."""
+        """Stop the recorder and return its result. A recorder that does not stop within `STOP_TIMEOUT_S` is killed."""
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         self._is_over = True
         try:

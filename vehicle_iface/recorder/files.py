@@ -57,7 +57,7 @@ SNAPSHOT_HEADER = (",".join(Snapshot._fields) + "\n").encode()
 
 
 class Meta(msgspec.Struct, kw_only=True, frozen=True):
-    """`meta.json`: what was recorded."""
+    """Content of `meta.json`: what was recorded."""
 
     format: int
     session: SessionInfo
@@ -70,7 +70,7 @@ class Meta(msgspec.Struct, kw_only=True, frozen=True):
     command_line: list[str]
     versions: dict[str, str]
     sha256: dict[str, str]
-    """Of the copies in `profile/`, by file name."""
+    """Hashes of the copies in `profile/`, by file name."""
 
 
 class CountersLine(msgspec.Struct, frozen=True):
@@ -81,7 +81,7 @@ class CountersLine(msgspec.Struct, frozen=True):
 
 
 class RecorderStatus(msgspec.Struct, kw_only=True, frozen=True):
-    """`recorder.json`: how many lines of each kind were written and lost."""
+    """Content of `recorder.json`: how many lines of each kind were written and lost."""
 
     at_ns: int
     """Time of this status, on the monotonic clock."""
@@ -93,12 +93,12 @@ class RecorderStatus(msgspec.Struct, kw_only=True, frozen=True):
 
     @property
     def text(self) -> str:
-        """What was written and lost, in one line."""
+        """Describe what was written and lost, in one line."""
         return f"{_format_counts(self.written) or 'nothing'} written, {self.loss or 'nothing lost'}"
 
     @property
     def loss(self) -> str:
-        """What is lost, as text; empty when nothing is."""
+        """Describe what is lost; empty when nothing is."""
         lost = _format_counts(self.lost)
         return f"{lost} LOST" if lost else ""
 
@@ -117,7 +117,7 @@ class TrajectoryLine(msgspec.Struct, kw_only=True, frozen=True):
     time_s: list[float]
 
     def to_drawn(self) -> DrawnTrajectory:
-        """The trajectory as telemetry publishes it."""
+        """Return the trajectory as telemetry publishes it."""
         columns = {name: np.array(getattr(self, name)) for name in _COLUMNS}
         return DrawnTrajectory(
             version=self.version,
@@ -132,14 +132,14 @@ _COLUMNS = ("x_m", "y_m", "heading_rad", "speed_mps", "time_s")
 
 
 def format_snapshot(snapshot: Snapshot) -> bytes:
-    """A row of `snapshots.csv`; floats in full precision."""
+    """Format a row of `snapshots.csv`; floats in full precision."""
     values: list[object] = [*snapshot]
     values[_FRAME_ID] = _quote_csv(snapshot.frame_id)
     return (_ROW % tuple(values)).encode()
 
 
 def parse_snapshot(columns: Sequence[str], line: str) -> Snapshot | None:
-    """The snapshot of a row, by whichever version it was written; None when the row is damaged."""
+    """Return the snapshot of a row of any version; None when the row is damaged."""
     try:
         (cells,) = csv.reader([line])
         named = zip((_RENAMED.get(column, column) for column in columns), cells, strict=True)
@@ -150,7 +150,7 @@ def parse_snapshot(columns: Sequence[str], line: str) -> Snapshot | None:
 
 
 def format_trajectory(path: DrawnTrajectory) -> bytes:
-    """A line of `trajectories.jsonl`."""
+    """Format a line of `trajectories.jsonl`."""
     columns = {name: np.round(getattr(path, name), _DECIMALS).tolist() for name in _COLUMNS}
     line = TrajectoryLine(
         version=path.version,
@@ -163,12 +163,12 @@ def format_trajectory(path: DrawnTrajectory) -> bytes:
 
 
 def format_counters(at_ns: int, counters: LiveDetails) -> bytes:
-    """A line of `counters.jsonl`."""
+    """Format a line of `counters.jsonl`."""
     return msgspec.json.encode(CountersLine(at_ns, counters)) + b"\n"
 
 
 def parse_counters(line: str) -> LiveDetails | None:
-    """The counters of a line, by whichever version it was written; None when the line is damaged."""
+    """Return the counters of a line of any version; None when the line is damaged."""
     try:
         renamed = _OLD_COUNTER.sub(lambda found: f'"{_RENAMED_COUNTERS[found[1]]}":', line)
         return msgspec.json.decode(renamed, type=CountersLine).counters
@@ -181,6 +181,6 @@ def _format_counts(counts: dict[str, int]) -> str:
 
 
 def _quote_csv(text: str) -> str:
-    """Text as one CSV cell: in one line, and quoted where it has a comma or a quote."""
+    """Return text as one CSV cell: in one line, and quoted where it has a comma or a quote."""
     line = "".join(c if c.isprintable() else "�" for c in text)
     return '"' + line.replace('"', '""') + '"' if set(line) & set(',"') else line

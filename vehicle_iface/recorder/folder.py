@@ -39,7 +39,7 @@ class RecordingRequest(msgspec.Struct, kw_only=True, frozen=True):
 
 
 def not_writable_error(folder: Path, error: OSError) -> ConfigError:
-    """The error of a folder that cannot be written, with a remedy."""
+    """Return the error of a folder that cannot be written, with a remedy."""
     remedy = _REMEDIES.get(error.errno or 0, _REMEDY).format(folder)
     return ConfigError(f"--record {folder}: cannot be written: {error.strerror or error}; {remedy}")
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import socket
 
 RECEIVE_BUFFER_BYTES = 16 << 20
-"""Room for the frames of a time in which the disk blocks, where the kernel allows it."""
+"""Room for the frames received while the disk blocks, where the kernel allows it."""
 REOPEN_NS = NS_PER_S // 10
 _MAX_BATCHES = 64
 _NS_PER_US = 1000
@@ -43,11 +43,11 @@ class FrameTap:
 
     @property
     def lost(self) -> int:
-        """Frames that the kernel dropped because its buffer was full."""
+        """Number of frames that the kernel dropped because its buffer was full."""
         return self._lost_before + self._lost_now
 
     def read(self, now_ns: int) -> list[bytes]:
-        """All frames since the last call, as lines."""
+        """Return all frames since the last call, as lines."""
         lines: list[bytes] = []
         if self._socket is None and not self._try_reopen(now_ns):
             return lines
@@ -92,10 +92,10 @@ class FrameTap:
 
 
 class FrameTaps:
-    """The taps of several buses as one: their lines are in the order of the stamps, as far as they come together."""
+    """The taps of several buses as one: the lines of one `read` are in the order of their stamps."""
 
     def __init__(self, channels: Sequence[str], notify: Callable[[str], None]) -> None:
-        """`BusError` when one of them cannot be opened."""
+        """Raises `BusError` when a bus cannot be opened."""
         self._taps: list[FrameTap] = []
         with ExitStack() as unless_all_open:
             for channel in channels:
@@ -105,22 +105,22 @@ class FrameTaps:
 
     @property
     def lost(self) -> int:
-        """Frames that the kernel dropped because a buffer was full."""
+        """Number of frames that the kernel dropped because a buffer was full."""
         return sum(tap.lost for tap in self._taps)
 
     def read(self, now_ns: int) -> list[bytes]:
-        """All frames since the last call, as lines; the stamp in front is of one width."""
+        """Return all frames since the last call, as lines, sorted by the fixed-width stamp in front."""
         lines = [tap.read(now_ns) for tap in self._taps]
         return lines[0] if len(lines) == 1 else list(heapq.merge(*lines, key=lambda line: line.partition(b")")[0]))
 
     def close(self) -> None:
-        """Close all of them. May be called twice."""
+        """Close all sockets. May be called twice."""
         for tap in self._taps:
             tap.close()
 
 
 def format_frame(channel: str, packet: Packet, flags: int) -> bytes:
-    """A frame in the format of `candump -L`; `flags` is the flags byte of an FD frame."""
+    """Format a frame like `candump -L`; `flags` is the flags byte of an FD frame."""
     word, data, is_fd, wall_ns, _, _ = packet
     seconds, rest_ns = divmod(wall_ns, NS_PER_S)
     stamp = f"{seconds:010d}.{rest_ns // _NS_PER_US:06d}"

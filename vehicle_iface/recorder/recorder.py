@@ -56,7 +56,7 @@ class Recorder:
             self._report_losses()
 
     def status(self, now_ns: int, *, is_over: bool = False) -> files.RecorderStatus:
-        """What was written and lost so far."""
+        """Return what was written and lost so far."""
         written = {name: sink.written for name, sink in sorted(self._sinks.items())}
         lost = {name: sink.lost for name, sink in sorted(self._sinks.items())}
         for name, count in self._count_overwritten().items():
@@ -77,7 +77,7 @@ class Recorder:
         return status
 
     def _count_overwritten(self) -> dict[str, int]:
-        """What was overwritten before it could be read, by kind."""
+        """Count what was overwritten before it could be read, by kind."""
         of_bus = {"frames": self._frames.lost} if self._frames is not None else {}
         return of_bus | {
             "snapshots": self._telemetry.snapshots_lost,

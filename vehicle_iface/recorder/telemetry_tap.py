@@ -12,7 +12,7 @@ COUNTERS_NS = NS_PER_S // 2
 
 @dataclass(slots=True)
 class NewLines:
-    """What was published since the last call, as lines."""
+    """Data published since the last call, as lines."""
 
     snapshots: list[bytes] = field(default_factory=list)
     trajectories: list[bytes] = field(default_factory=list)
@@ -33,11 +33,11 @@ class TelemetryTap:
         self._version = 0
         self._counters_due_ns = 0
         self.snapshots_lost = 0
-        """Overwritten before they were read."""
+        """Number of snapshots overwritten before they were read."""
         self.trajectories_lost = 0
 
     def read(self, now_ns: int) -> NewLines:
-        """All lines since the last call."""
+        """Return all lines since the last call."""
         lines = NewLines()
         self._reader.poll()
         if self._reader.session != self._session:

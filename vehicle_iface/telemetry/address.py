@@ -12,7 +12,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
 def telemetry_path(address: str) -> Path:
-    """The file of `address`: a bare name is a file of this user in memory, anything with a slash is a path.
+    """Return the path of `address`: a bare name is a file of this user in memory, anything with a slash is a path.
 
     Raises `ConfigError` for anything else.
     """
@@ -20,7 +20,7 @@ def telemetry_path(address: str) -> Path:
 
 
 def paths_of(address: str) -> tuple[Path, ...]:
-    """The possible paths of `address`, in order of preference: the second is used when memory is full."""
+    """Return the possible paths of `address`, in order of preference: the second is used when memory is full."""
     if "/" in address:
         return (Path(address),)
     if not _NAME.fullmatch(address):

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 ByCause = dict[str, int]
-"""Counts by the name of the cause."""
+"""Number of events by cause."""
 
 
 class LatencySummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,14 +48,14 @@ class LinkDetails(msgspec.Struct, frozen=True, kw_only=True):
 
     state: str
     why: str | UnsetType = UNSET
-    """Why it is so, while it is not UP."""
+    """Why the link is in this state; empty while it is UP."""
     load_percent: float | UnsetType = UNSET
-    """Of several buses that of the one with the greatest load."""
+    """Bus load; with several buses the greatest."""
     loads_percent: dict[str, float] | UnsetType = UNSET
-    """By bus, where there are several."""
+    """Load of each bus, where there are several."""
     frames_per_s: float | UnsetType = UNSET
     rates_hz: dict[str, float] | UnsetType = UNSET
-    """By identifier and message, like `0x110 POSE`; of several buses like `ins 0x601 INS_POS`."""
+    """Frame rates by identifier and message, like `0x110 POSE`; with several buses like `ins 0x601 INS_POS`."""
 
 
 class LinkChange(msgspec.Struct, frozen=True, kw_only=True):
@@ -82,7 +82,7 @@ class SampleCounts(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Causes(msgspec.Struct, frozen=True, kw_only=True):
-    """What was dropped, limited or refused, and what the hardware reported."""
+    """Counts of what was dropped, limited or rejected, and of what the hardware reported."""
 
     drops: ByCause = msgspec.field(default_factory=dict)
     lost: ByCause = msgspec.field(default_factory=dict)
@@ -109,7 +109,7 @@ class LiveDetails(Causes, frozen=True, kw_only=True):
     bus: ByCause = msgspec.field(default_factory=dict)
 
     def shortened(self) -> "LiveDetails":
-        """A shorter copy, where the whole is too long: without rates, and with one total for each group of causes."""
+        """Return a shorter copy: without rates, and with one total for each group of causes."""
         groups = {
             name: {"all": sum(value.values())}
             for name in self.__struct_fields__
@@ -162,4 +162,4 @@ class RunSummary(Causes, frozen=True, kw_only=True):
     shadow: ShadowSummary | UnsetType = UNSET
     recorder: RecorderSummary | UnsetType = UNSET
     review: str | UnsetType = UNSET
-    """Of an armed run on a real bus: the record of the profile's review."""
+    """Record of the profile's review; only of an armed run on a real bus."""

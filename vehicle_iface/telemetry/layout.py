@@ -1,4 +1,4 @@
-"""Layout of a telemetry file. The header has a fingerprint of it, so that both sides can check that they agree."""
+"""Layout of a telemetry file. The header has its fingerprint, so that both sides can check that they agree."""
 
 import struct
 import sys
@@ -11,7 +11,7 @@ from vehicle_iface.telemetry.snapshot import MAX_POINTS, RING_LENGTH, Snapshot
 
 
 def compute_fingerprint() -> bytes:
-    """A fingerprint of everything that both sides must agree on."""
+    """Return a fingerprint of everything that both sides must agree on."""
     words = (sys.byteorder, RING_LENGTH, MAX_POINTS, JSON_BYTES, *Snapshot.__annotations__.items(), CODES)
     text = repr(words).encode()
     return struct.pack("=II", zlib.crc32(text), zlib.adler32(text))  # hashlib would bring OpenSSL: 3.5 MB
@@ -45,4 +45,4 @@ FILE_BYTES = -(-(DETAILS_AT + 2 * DETAILS_STRIDE) // 4096) * 4096
 LAYOUT = compute_fingerprint()
 
 BAD_JSON = (msgspec.MsgspecError, ValueError, RecursionError)
-"""What decoding JSON may raise."""
+"""Exceptions that decoding JSON may raise."""

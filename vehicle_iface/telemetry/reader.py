@@ -64,11 +64,11 @@ class TelemetryReader:
         self._paths = paths_of(address)
         self.path = self._paths[0]
         self.writer_state = WriterState.ABSENT
-        """As of the last `poll`."""
+        """State of the writer at the last `poll`."""
         self.problem = ""
-        """Why the writer is not live, for the user; empty when it is."""
+        """Text for the user why the writer is not live; empty when it is."""
         self.session = 0
-        """Changes with each run of a writer; sequence numbers then restart. 0: none seen yet."""
+        """Identifier of the writer's run; sequence numbers restart with it. 0: none seen yet."""
         self.info: SessionInfo | None = None
         """Constant data of the present session; None before a writer was found."""
         self.dropped = 0
@@ -77,7 +77,7 @@ class TelemetryReader:
         self._inode = (0, 0)
 
     def poll(self) -> WriterState:
-        """Check whether the file exists, is the same one as before, and still has a writer."""
+        """Check whether the file exists, is the same as before, and still has a writer."""
         found = self._stat_first()
         if found is None:
             return self._detach(WriterState.ABSENT, f"no telemetry at {self.path}")
@@ -88,7 +88,7 @@ class TelemetryReader:
         return self.writer_state
 
     def newest(self) -> Snapshot | None:
-        """The newest intact snapshot; None when there is none."""
+        """Return the newest intact snapshot; None when there is none."""
         head = self._head_sequence()
         if head is None:
             return None
@@ -99,7 +99,7 @@ class TelemetryReader:
         return max(self._all_slots(), key=lambda each: each.sequence, default=None)
 
     def since(self, sequence: int) -> list[Snapshot]:
-        """All intact snapshots after number `sequence`, oldest first; overwritten ones are added to `dropped`."""
+        """Return the intact snapshots after `sequence`, oldest first; overwritten ones are counted in `dropped`."""
         newest = self.newest()
         if newest is None or newest.sequence <= sequence:
             return []
@@ -115,12 +115,12 @@ class TelemetryReader:
         return found
 
     def trajectory(self, version: int) -> DrawnTrajectory | None:
-        """The trajectory of that version; None when it is not, or no longer, available."""
+        """Return the trajectory of that version; None when it is not available (any more)."""
         at = TRAJECTORY_AT + version % 2 * TRAJECTORY_STRIDE
         return unpack_trajectory(self._read(at, TRAJECTORY_BYTES + CRC.size), version)
 
     def details(self) -> LiveDetails | None:
-        """The newest counters; None when there are none."""
+        """Return the newest counters; None when there are none."""
         both = (self._read(DETAILS_AT + k * DETAILS_STRIDE, DETAILS_STRIDE) for k in (0, 1))
         return max((unpack_details(area) for area in both), key=lambda found: found[0])[1]
 
@@ -152,7 +152,7 @@ class TelemetryReader:
         return state
 
     def _attach(self) -> None:
-        """Open the file that is there now, and keep it only when it is valid."""
+        """Open the present file, and keep it only when it is valid."""
         self.close()
         try:
             # Non-blocking: opening a pipe at this address would block for ever.
@@ -224,7 +224,7 @@ class TelemetryReader:
 
 
 def unpack_snapshot(slot: bytes, sequence: int | None = None) -> Snapshot | None:
-    """The snapshot in a slot of the ring; None when it is empty, torn, or not the one asked for."""
+    """Return the snapshot in a slot of the ring; None when it is empty, partly written, or not the requested one."""
     if len(slot) < RECORD.size + CRC.size:
         return None
     if zlib.crc32(slot[: RECORD.size]) != CRC.unpack_from(slot, RECORD.size)[0]:
@@ -253,7 +253,7 @@ def unpack_trajectory(area: bytes, version: int) -> DrawnTrajectory | None:
 
 
 def unpack_details(area: bytes) -> tuple[int, LiveDetails | None]:
-    """The number of the details, from 1, and the details; 0 and None where they are not whole."""
+    """Return the number of the details, from 1, and the details; 0 and None when they are incomplete."""
     if len(area) < DETAILS.size:
         return 0, None
     number, length = DETAILS.unpack_from(area)

@@ -120,7 +120,7 @@ class TelemetryWriter:
 
 
 def _create(paths: tuple[Path, ...], address: str, info: SessionInfo) -> tuple[Path, mmap.mmap, int]:
-    """Create a locked file at the first path with room for it; its path, its map and its descriptor.
+    """Create a locked file at the first path with room for it; return its path, map and descriptor.
 
     Raises `ConfigError` when another writer has the address, at whichever path.
     """

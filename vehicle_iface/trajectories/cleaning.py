@@ -1,4 +1,4 @@
-"""Backward steps in a trajectory: how they are found, and how recording noise is removed.
+"""Find backward steps in a trajectory, and remove recording noise.
 
 A controller takes point i+1 as passed when the vehicle is past the plane through it, across the step from point i
 (`control.tracking`). A vehicle that drives on never passes a point that lies 5 mm *behind* the one before, so its index
@@ -23,7 +23,7 @@ from vehicle_iface.trajectory import FloatArray, IntArray, Trajectory
 NOISE_M = 0.1
 """Noise of recorded positions: a point that does not lead on and is no further away than this is left out."""
 LEAST_LEAD = 0.5
-"""Of a step's length, the part that must be in the direction of travel: the cosine of 60°."""
+"""Share of a step's length that must be in the direction of travel: the cosine of 60°."""
 ROUNDING_M = 1e-8
 """A step back of no more than this is rounding; a controller's index gets past it (`control.PASSED_TOLERANCE`)."""
 
@@ -33,11 +33,11 @@ class CleanedTrajectory:
     """A trajectory without backward steps, and the points that were changed for it."""
 
     trajectory: Trajectory
-    """The given one itself if nothing was changed."""
+    """The given trajectory itself if nothing was changed."""
     dropped: IntArray
     """(k,) indices of the points that were left out, rising."""
     moved: IntArray
-    """(m,) indices of the points that are at the place of a point before them now, rising."""
+    """(m,) indices of the points that were moved to the place of a point before them, rising."""
 
 
 class BackwardStep(NamedTuple):
@@ -53,7 +53,7 @@ class BackwardStep(NamedTuple):
 
 
 def find_backward_step(trajectory: Trajectory) -> BackwardStep | None:
-    """The first step back, which a controller's spatial index may never get past; None where there is none.
+    """Return the first step back, which a controller's spatial index may never pass; None where there is none.
 
     That is a step against the direction of travel at both of its ends, next to a step that leads on: a path that leads
     back as a whole (a heading column or a sign of the speeds that is wrong) is not one. Costs little enough for the
@@ -86,14 +86,14 @@ def drop_backward_steps(trajectory: Trajectory) -> CleanedTrajectory:
     `NOISE_M`: that is no noise.
     """
     cleaned, directions = trajectory, _Directions(trajectory)
-    points, places, dwells = _with_dwells(trajectory, directions)
+    points, places, dwells = _insert_dwells(trajectory, directions)
     if len(dwells):
-        cleaned = _rebuilt(trajectory, points, places, dwells)
+        cleaned = _rebuild(trajectory, points, places, dwells)
         directions = _Directions(cleaned)
     while not directions.leading_on().all():
         # Once more where a point was left out that told the direction of travel of its neighbours.
-        kept, kept_places = _without_noise(cleaned, directions, points)
-        cleaned = _rebuilt(cleaned, kept, kept_places)
+        kept, kept_places = _remove_noise(cleaned, directions, points)
+        cleaned = _rebuild(cleaned, kept, kept_places)
         directions = _Directions(cleaned)
         points, places = points[kept], places[kept_places]
     is_dropped = np.ones(len(trajectory), dtype=bool)
@@ -105,9 +105,9 @@ def drop_backward_steps(trajectory: Trajectory) -> CleanedTrajectory:
     )
 
 
-def _with_dwells(trajectory: Trajectory, directions: "_Directions") -> tuple[IntArray, IntArray, IntArray]:
-    """The points (k,) that are left when only the first and the last of each noisy standstill are, the points at whose
-    places these are, and which of the k are in a dwell by that."""
+def _insert_dwells(trajectory: Trajectory, directions: "_Directions") -> tuple[IntArray, IntArray, IntArray]:
+    """Reduce each noisy standstill to its first and last point: return the remaining points (k,), the points whose
+    places they take, and whether each is in a dwell."""
     places, is_kept = np.arange(len(trajectory)), np.ones(len(trajectory), dtype=bool)
     is_dwell = np.zeros(len(trajectory), dtype=bool)
     is_slow = np.concatenate(([False], np.abs(trajectory.speed_mps) <= STANDING_MPS, [False]))
@@ -121,10 +121,10 @@ def _with_dwells(trajectory: Trajectory, directions: "_Directions") -> tuple[Int
     return points, places[points], np.flatnonzero(is_dwell[points])
 
 
-def _without_noise(trajectory: Trajectory, directions: "_Directions", numbers: IntArray) -> tuple[IntArray, IntArray]:
-    """The points (k,) that lead on or must stay, and the points at whose places these are.
+def _remove_noise(trajectory: Trajectory, directions: "_Directions", numbers: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the points (k,) that lead on or must stay, and the points whose places they take.
 
-    In messages a point has its number of `numbers` (n,).
+    Messages name a point by its number in `numbers` (n,).
     """
     xs_m, ys_m, speeds_mps = (values.tolist() for values in (trajectory.x_m, trajectory.y_m, trajectory.speed_mps))
     leads, last, points, places = directions.leading_on().tolist(), len(trajectory) - 1, [0], [0]
@@ -147,9 +147,8 @@ def _without_noise(trajectory: Trajectory, directions: "_Directions", numbers: I
     return np.array(points), np.array(places)
 
 
-def _rebuilt(trajectory: Trajectory, points: IntArray, places: IntArray, dwells: IntArray | None = None) -> Trajectory:
-    """The trajectory of these points, each at the place of the one beside it in `places`; `dwells` are the ones that
-    stand."""
+def _rebuild(trajectory: Trajectory, points: IntArray, places: IntArray, dwells: IntArray | None = None) -> Trajectory:
+    """Build the trajectory of these points, each at its place in `places`; points in `dwells` are at rest."""
     columns = {name: getattr(trajectory, name)[points] for name in ("time_from_start_ns", "front_wheel_angle_rad")}
     columns |= {name: getattr(trajectory, name)[places] for name in ("x_m", "y_m", "heading_rad")}
     for name in ("speed_mps", "accel_mps2", "yaw_rate_radps"):
@@ -174,17 +173,17 @@ class _Directions:
         if not is_moving.any():
             before = after = np.full(len(at), -1.0 if speed_mps.sum() < 0.0 else 1.0)
         self._before, self._after = np.where(before, before, after), np.where(after, after, before)
-        """(n,) of the last motion up to each point, and of the first from it on; of the other where there is none."""
+        """(n,) direction of the last motion up to each point and the first after; either where one is missing."""
 
     def leading_on(self) -> npt.NDArray[np.bool_]:
-        """(n − 1,) whether each point but the first leads on from the one before."""
+        """Return (n − 1,) whether each point but the first leads on from the one before."""
         j = np.arange(1, len(self._sign))
         return self.lead_on(j - 1, j)
 
     def lead_m(self, i: IntArray, j: IntArray) -> FloatArray:
-        """(m,) how far each point j lies ahead of point i in the direction of travel; negative where it is behind.
+        """Return (m,) how far in m each point j lies ahead of point i in the direction of travel; negative when behind.
 
-        Of the directions at the two points the one in which it is the most.
+        Of the directions at the two points, the one with the greater result counts.
         """
         sign_i = np.where((self._sign[i] != 0.0) | (self._sign[j] == 0.0), self._before[i], self._sign[j])
         sign_j = np.where((self._sign[j] != 0.0) | (self._sign[i] == 0.0), self._after[j], self._sign[i])
@@ -195,16 +194,16 @@ class _Directions:
         return lead_m
 
     def lead_on(self, i: IntArray, j: IntArray) -> npt.NDArray[np.bool_]:
-        """(m,) whether the step from each point i to point j leads on; so does one without length."""
+        """Return (m,) whether the step from each point i to point j leads on; a step without length does."""
         with np.errstate(over="ignore"):
             length_m = np.hypot(self._x_m[j] - self._x_m[i], self._y_m[j] - self._y_m[i])
         leads: npt.NDArray[np.bool_] = (self.lead_m(i, j) >= LEAST_LEAD * length_m) | (length_m <= ROUNDING_M)
         return leads
 
     def is_noisy_standstill(self, first: int, last: int) -> bool:
-        """Whether these slow points are at one place but for noise, and step to and fro there.
+        """Return whether these slow points are at one place except for noise, and step to and fro there.
 
-        Between two directions of travel it is no noise to go on a little in the first and then back in the second.
+        At a change of direction, a short move in the first direction and then in the second is no noise.
         """
         i = np.arange(first, last)
         with np.errstate(over="ignore", invalid="ignore"):

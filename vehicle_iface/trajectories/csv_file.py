@@ -34,14 +34,14 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+", re.ASCII)
 _FRAME_COMMENT = re.compile(r"#\s*frame_id\s*:(.*)")
 _MAX_TIME_S = 9_000_000_000
-"""About 285 years; nanoseconds beyond do not fit 63 bits."""
+"""Maximum time, about 285 years: longer ones in nanoseconds do not fit 63 bits."""
 _SAFE_ROUNDING_S = 1_000_000.0
 """Below this a float64 number of seconds is nearer than 0.2 ns to the decimal that it was read from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Text:
-    """A file's lines, sorted by what they are. Indices count from 0; messages count from 1."""
+    """A file's lines by kind. Indices count from 0; messages count from 1."""
 
     path: str
     lines: list[str]
@@ -56,26 +56,26 @@ class _Text:
 
 
 def load_csv(path: str | os.PathLike[str], stamp_ns: int = 0) -> Trajectory:
-    """The trajectory in the file `path`, its time 0 at `stamp_ns`.
+    """Load the trajectory in the file `path`, its time 0 at `stamp_ns`.
 
     Raises `TrajectoryFileError` naming file, line, column and value when the file cannot be read or anything
     in it is not as the module's docstring says.
     """
-    text = _sorted_lines(os.fspath(path))
-    table = _fast_table(text)
+    text = _sort_lines(os.fspath(path))
+    table = _parse_table(text)
     if table is None:
-        table = _exact_table(text)
+        table = _parse_cells(text)
     values = {name: table[:, i] for i, name in enumerate(text.columns)}
-    times_ns = _times_ns(text, values.pop(TIME_COLUMN))
+    times_ns = _to_ns(text, values.pop(TIME_COLUMN))
     return Trajectory(stamp_ns=stamp_ns, frame_id=text.frame_id, time_from_start_ns=times_ns, **values)
 
 
 def line_of_point(path: str | os.PathLike[str], point: int) -> int:
-    """Number of the line, counted from 1, in which the file `path` has trajectory point `point`, counted from 0.
+    """Return the number of the line, from 1, in which the file `path` has trajectory point `point`, from 0.
 
     Raises `TrajectoryFileError` when the file cannot be read, `IndexError` when it has no such point.
     """
-    return _sorted_lines(os.fspath(path)).row_indices[point] + 1
+    return _sort_lines(os.fspath(path)).row_indices[point] + 1
 
 
 def save_csv(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
@@ -105,8 +105,8 @@ def _refuse(path: str, index: int, reason: str, column: int | None = None, colum
     raise TrajectoryFileError(f"{path}, line {index + 1}{place}: {reason}")
 
 
-def _decoded(path: str) -> str:
-    """The file's text without byte order mark, line ends as `\\n`."""
+def _decode(path: str) -> str:
+    """Decode the file without byte order mark, line ends as `\\n`."""
     try:
         data = Path(path).read_bytes()
     except (OSError, ValueError) as error:
@@ -121,28 +121,28 @@ def _decoded(path: str) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _sorted_lines(path: str) -> _Text:
-    """The lines told apart: comments, header, rows; blank ones are skipped."""
-    lines = _decoded(path).split("\n")
+def _sort_lines(path: str) -> _Text:
+    """Sort the lines into comments, header and rows; skip blank ones."""
+    lines = _decode(path).split("\n")
     plain = [i for i, line in enumerate(lines) if line and not line.isspace() and not line.startswith("#")]
     if not plain:
         raise TrajectoryFileError(f"{path}, line 1: the file is empty: must begin with {_header_text()}")
     header_index = plain[0]
-    columns = _header(path, header_index, lines[header_index])
+    columns = _parse_header(path, header_index, lines[header_index])
     if len(plain) == 1:
         _refuse(path, header_index, "no rows follow the header")
     return _Text(
         path=path,
         lines=lines,
-        frame_id=_frame_id(path, lines),
+        frame_id=_find_frame_id(path, lines),
         columns=columns,
         header_index=header_index,
         row_indices=plain[1:],
     )
 
 
-def _frame_id(path: str, lines: list[str]) -> str:
-    """What the comment `# frame_id: …` says; `map` where there is none."""
+def _find_frame_id(path: str, lines: list[str]) -> str:
+    """Return the frame of the comment `# frame_id: …`; `map` without one."""
     found: str | None = None
     for index, line in enumerate(lines):
         match = _FRAME_COMMENT.match(line) if line.startswith("#") else None
@@ -165,10 +165,10 @@ def _header_text() -> str:
     return f"the header {','.join(REQUIRED_COLUMNS)}"
 
 
-def _header(path: str, index: int, line: str) -> list[str]:
-    """The columns' names, known, complete, each once."""
+def _parse_header(path: str, index: int, line: str) -> list[str]:
+    """Return the columns' names, checked to be known, complete and unique."""
     names = [cell.strip() for cell in line.split(",")]
-    if len(names) == 1 and (delimiter := _other_delimiter(line)):
+    if len(names) == 1 and (delimiter := _find_delimiter(line)):
         _refuse(path, index, f"{line.strip()!r}: cells are separated by {delimiter}, must be by ','")
     if not set(names) & set(_COLUMNS):
         _refuse(path, index, f"{line.strip()!r}: must be {_header_text()}")
@@ -183,13 +183,13 @@ def _header(path: str, index: int, line: str) -> list[str]:
     return names
 
 
-def _other_delimiter(line: str) -> str | None:
-    """The name of the delimiter that the line seems to use instead of the comma."""
+def _find_delimiter(line: str) -> str | None:
+    """Return the name of the delimiter that the line seems to use instead of the comma."""
     return next((name for mark, name in ((";", "';'"), ("\t", "a tab"), ("|", "'|'")) if mark in line), None)
 
 
-def _fast_table(text: _Text) -> FloatArray | None:
-    """All cells at once, (rows, columns); None when anything is wrong, which the exact path then names."""
+def _parse_table(text: _Text) -> FloatArray | None:
+    """Parse all cells at once into (rows, columns); None on any fault, which `_parse_cells` then names."""
     rows = [text.lines[i] for i in text.row_indices]
     try:
         table: npt.NDArray[np.float64] = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2)
@@ -200,8 +200,8 @@ def _fast_table(text: _Text) -> FloatArray | None:
     return table
 
 
-def _exact_table(text: _Text) -> FloatArray:
-    """The same cell by cell, (rows, columns); raises at the first bad one."""
+def _parse_cells(text: _Text) -> FloatArray:
+    """Parse cell by cell into (rows, columns); raise at the first bad cell."""
     return np.array([_row(text, index) for index in text.row_indices], dtype=np.float64)
 
 
@@ -209,14 +209,14 @@ def _row(text: _Text, index: int) -> list[float]:
     line = text.lines[index]
     cells = line.split(",")
     if (count := len(cells)) != (wanted := len(text.columns)):
-        text.refuse(index, _wrong_count(line, count, wanted), min(count, wanted))
+        text.refuse(index, _explain_cell_count(line, count, wanted), min(count, wanted))
     return [_number(text, index, column, cell.strip()) for column, cell in enumerate(cells)]
 
 
-def _wrong_count(line: str, count: int, wanted: int) -> str:
-    """Why a row may have another number of cells than the header."""
+def _explain_cell_count(line: str, count: int, wanted: int) -> str:
+    """Return the likely reason why a row has another number of cells than the header."""
     said = f"{line.strip()!r} has {count} cells, the header has {wanted}"
-    if delimiter := _other_delimiter(line):
+    if delimiter := _find_delimiter(line):
         return f"{said}: cells are separated by {delimiter}, must be by ','"
     if count > wanted and _COMMA_NUMBER.search(line):
         return f"{said}: if these are decimal commas, write decimal points: 0.5, not 0,5"
@@ -234,8 +234,8 @@ def _number(text: _Text, index: int, column: int, cell: str) -> float:
     return value
 
 
-def _times_ns(text: _Text, times_s: FloatArray) -> IntArray:
-    """Decimal seconds as the nearest nanoseconds, never decreasing."""
+def _to_ns(text: _Text, times_s: FloatArray) -> IntArray:
+    """Convert decimal seconds to the nearest nanoseconds; reject decreasing times."""
     column = text.columns.index(TIME_COLUMN)
 
     def refuse(row: int, reason: str) -> NoReturn:
@@ -246,8 +246,8 @@ def _times_ns(text: _Text, times_s: FloatArray) -> IntArray:
     if outside.size:
         refuse(int(outside[0]), f"is out of range: must be 0 to {_MAX_TIME_S} s")
     times_ns: IntArray = np.rint(times_s * NS_PER_S).astype(np.int64)
-    for row in _uncertain_rows(times_s).tolist():
-        times_ns[row] = _exact_ns(_cell(text, text.row_indices[row], column))
+    for row in _find_uncertain_rows(times_s).tolist():
+        times_ns[row] = _to_exact_ns(_cell(text, text.row_indices[row], column))
     falls = np.flatnonzero(times_ns[1:] < times_ns[:-1])
     if falls.size:
         before = _cell(text, text.row_indices[int(falls[0])], column)
@@ -255,8 +255,8 @@ def _times_ns(text: _Text, times_s: FloatArray) -> IntArray:
     return times_ns
 
 
-def _uncertain_rows(times_s: FloatArray) -> IntArray:
-    """Rows whose nanosecond the float cannot tell: huge times, and those about half-way between two."""
+def _find_uncertain_rows(times_s: FloatArray) -> IntArray:
+    """Return the rows whose nanosecond a float does not determine: huge times, and those about half-way between two."""
     times_ns = times_s * NS_PER_S
     halfway = np.abs(np.abs(times_ns - np.rint(times_ns)) - 0.5) < 0.2
     return np.flatnonzero(halfway | (times_s > _SAFE_ROUNDING_S)).astype(np.int64)
@@ -266,6 +266,6 @@ def _cell(text: _Text, index: int, column: int) -> str:
     return text.lines[index].split(",")[column].strip()
 
 
-def _exact_ns(cell: str) -> int:
-    """Decimal seconds as the nearest nanosecond, halves to the even one."""
+def _to_exact_ns(cell: str) -> int:
+    """Convert decimal seconds to the nearest nanosecond, halves to the even one."""
     return int((Decimal(cell) * NS_PER_S).quantize(Decimal(1), rounding=ROUND_HALF_EVEN))

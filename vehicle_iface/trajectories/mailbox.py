@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 LOOK_S = 0.02
 """Period of checking the file."""
 MAX_POINTS = 20_000
-"""Most points of a trajectory in a mailbox: it is read while the vehicle drives, and takes 3 ms of a pass then."""
+"""Maximum number of points: the trajectory is read while the vehicle drives, which takes 3 ms of a pass."""
 _ARRAYS = (
     "time_from_start_ns",
     "x_m",
@@ -38,7 +38,7 @@ MAGIC = b"VITRAJ01"
 _HEAD = struct.Struct("@8sI4x")
 """Magic and the CRC-32 of all that follows."""
 _SIZES = struct.Struct("@qII")
-"""Stamp, points, bytes of the frame's name; then the name and the arrays, in this machine's byte order."""
+"""Stamp, number of points, bytes of the frame's name; then the name and the arrays, in this machine's byte order."""
 _MAX_BYTES = _HEAD.size + _SIZES.size + checks.FRAME_ID_BYTES + MAX_POINTS * 8 * len(_ARRAYS)
 
 
@@ -49,18 +49,18 @@ class Mailbox:
         self._newest: deque[Trajectory] = deque(maxlen=1)  # its operations are atomic
 
     def put(self, trajectory: Trajectory) -> None:
-        """Set a trajectory, stamped by its planner, for the loop's next pass."""
+        """Set the trajectory, stamped by its planner, for the loop's next pass."""
         self._newest.append(trajectory)
 
     def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:  # noqa: ARG002
-        """The trajectory that was put since the last call, unchanged; None if there is none."""
+        """Return the trajectory that was put since the last call, unchanged; None if there is none."""
         return self._newest.popleft() if self._newest else None
 
     def restart(self) -> None:
-        """Nothing to do: trajectories are stamped by their planner."""
+        """Do nothing: trajectories are stamped by their planner."""
 
 
-class PostedTrajectories(Mailbox):
+class MailboxFile(Mailbox):
     """Trajectories that another process writes to a file (`publish_trajectory`). A thread reads and checks them.
 
     A file that is not a trajectory, or a path that cannot be read, is logged once; the last trajectory stays in force.
@@ -116,7 +116,7 @@ class PostedTrajectories(Mailbox):
 
 
 def publish_trajectory(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
-    """Give `trajectory` to the loop that was started with `--trajectory-mailbox PATH`. The file is replaced atomically.
+    """Publish `trajectory` to the loop started with `--trajectory-mailbox PATH`. The file is replaced atomically.
 
     `trajectory.stamp_ns` is the time of its time 0, `time.monotonic_ns()` of this machine. Raises `TrajectoryFileError`
     when it has more than `MAX_POINTS`, `OSError` when the file cannot be written.
@@ -133,7 +133,7 @@ def publish_trajectory(path: str | os.PathLike[str], trajectory: Trajectory) -> 
 
 
 def fetch(path: str | os.PathLike[str]) -> Trajectory:
-    """The trajectory in a mailbox file. Raises `TrajectoryFileError` naming the file and its fault."""
+    """Read the trajectory in a mailbox file. Raises `TrajectoryFileError` naming the file and its fault."""
     try:
         with Path(path).open("rb") as file:
             if os.fstat(file.fileno()).st_size > _MAX_BYTES:

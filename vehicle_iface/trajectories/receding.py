@@ -1,4 +1,4 @@
-"""Receding horizon over a route: each period a trajectory over the next seconds of it."""
+"""Receding horizon: in each period a trajectory over the next seconds of a route."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -16,38 +16,38 @@ from vehicle_iface.trajectory import FloatArray, Trajectory
 from vehicle_iface.units import NS_PER_S, ns_from_s
 
 _S, _X, _Y, _HEADING, _CURVATURE, _WHEEL, _SQUARED = range(7)
-"""Rows of a leg's table. The last is v² with the floor under it: linear in s at constant acceleration."""
+"""Rows of a leg's table. The last is v², at least `_FLOOR_MPS`²: linear in s at constant acceleration."""
 
 _MAX_POINTS = 256
 _FLOOR_MPS = 0.3
-"""Slowest speed asked for, but on the way into a stop: a first point at 0 m/s would have no direction."""
+"""Lowest requested speed except into a stop: a first point at 0 m/s would have no direction."""
 _ARRIVED_M = 0.02
 _STOPPED_SHORT_M = 2.5
-"""From here on a controller that looks 2 m ahead sees only the stop's 0 m/s: a vehicle at rest here stays there."""
+"""Within this distance of a stop a controller with 2 m look-ahead only finds 0 m/s: a vehicle at rest stays there."""
 _WINDOW_M = 5.0
-"""How far ahead along the route the vehicle is looked for: more than a period's drive, less than a loop."""
+"""Length of route ahead in which the vehicle is searched: more than it drives in a period, less than a loop."""
 _LOST_M = 4.0
-"""Farther off than this the vehicle is looked for on the whole route."""
+"""Distance from the route beyond which the vehicle is searched on the whole route."""
 _HEADING_WEIGHT_M = 3.0
-"""In that search, 1 rad of heading error counts like this distance: this separates crossing branches."""
+"""Distance that 1 rad of heading error counts for in that search, which separates crossing branches."""
 _SAME_PLACE_M = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Leg:
-    """One stretch from standstill to standstill, or a closed route's lap and some more of the next."""
+    """One stretch from standstill to standstill, or a lap of a closed route with the beginning of the next."""
 
     table: FloatArray
-    """(7, n), see the row names above; s in metres from the route's beginning."""
+    """(7, n), rows named above; s in metres from the route's beginning."""
     s_m: list[float]
     """The table's first row as floats, which bisect faster than an array."""
     direction: float
     end_m: float
     """Where the vehicle stops; infinite on a closed route."""
     dwell_ns: int
-    """To stand at the end."""
+    """Dwell time at the end."""
     short_m: float
-    """Standing as near as this to the end is having stopped there."""
+    """A vehicle at rest within this distance of the end has stopped there."""
 
 
 class RecedingRoute:
@@ -75,17 +75,17 @@ class RecedingRoute:
         if self._period_ns < 1:
             raise InvalidValueError(f"period_s = {period_s}: must be at least 1 ns")
         self._accel_mps2 = route.config.accel_mps2
-        self._legs = _legs(route, self._horizon_s)
+        self._legs = _build_legs(route, self._horizon_s)
         self.restart()
 
     @property
     def progress_m(self) -> float:
-        """The vehicle's position along the route in m, from its beginning; on a closed route within the lap."""
+        """Position of the vehicle along the route in m, from its beginning; on a closed route within the lap."""
         return self._s_m
 
     @property
     def laps(self) -> int:
-        """How often the beginning of a closed route was passed since the start."""
+        """Number of times that the beginning of a closed route was passed since the start."""
         return self._laps
 
     @property
@@ -104,14 +104,14 @@ class RecedingRoute:
         self._arrived = False
 
     def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:
-        """The next seconds from the vehicle's position, stamped `now_ns`; None when not due, at a stop and at the end.
+        """Return the next seconds from the vehicle's position on, stamped `now_ns`; None when not due and at a stop.
 
         The first call is due, and then one after each whole period; missed ones are skipped.
         """
         if not self._is_due(now_ns) or self.finished:
             return None
         self._locate(state)
-        if self._waits(now_ns, state):
+        if self._must_wait(now_ns, state):
             return None
         return self._cut(now_ns, state)
 
@@ -125,21 +125,21 @@ class RecedingRoute:
         return True
 
     def _locate(self, state: VehicleState) -> None:
-        """Move the place along the route to where the vehicle is now."""
+        """Update the position along the route from the vehicle's pose."""
         if self._arrived:
             return
         leg = self._legs[self._leg_index]
         if self._found:
-            s_m, distance_m = _projection(leg, state, self._s_m)
+            s_m, distance_m = _project(leg, state, self._s_m)
             if distance_m <= _LOST_M:
                 self._advance_to(max(s_m, self._s_m))
                 return
-        self._leg_index, index = _nearest(self._legs, self.route, state)
+        self._leg_index, index = _find_nearest(self._legs, self.route, state)
         leg = self._legs[self._leg_index]
         # Not across a closed route's beginning: a vehicle put just behind it has not driven a lap when it passes it.
         before = leg.s_m[max(index - 1, 0)]
         self._found, self._s_m = True, before
-        self._advance_to(_projection(leg, state, before)[0])
+        self._advance_to(_project(leg, state, before)[0])
 
     def _advance_to(self, s_m: float) -> None:
         length_m = self.route.length_m
@@ -148,8 +148,8 @@ class RecedingRoute:
             self._laps += 1
         self._s_m = s_m
 
-    def _waits(self, now_ns: int, state: VehicleState) -> bool:
-        """Whether the vehicle has come to its leg's end and has to stay; when not, the next leg may be on."""
+    def _must_wait(self, now_ns: int, state: VehicleState) -> bool:
+        """Return whether the vehicle must stay at the end of its leg; may advance to the next leg."""
         leg = self._legs[self._leg_index]
         standing = abs(state.speed_mps) < CREEPING_MPS
         left_m = leg.end_m - self._s_m
@@ -166,10 +166,10 @@ class RecedingRoute:
         return self.finished
 
     def _cut(self, now_ns: int, state: VehicleState) -> Trajectory:
-        """From the place on for the horizon, or to the leg's end."""
+        """Cut the trajectory from the position to the horizon or the leg's end."""
         leg = self._legs[self._leg_index]
         begin = bisect_right(leg.s_m, self._s_m + _SAME_PLACE_M)
-        cut = _piece(leg, self._s_m, begin)
+        cut = _slice_table(leg, self._s_m, begin)
         s_m, heading, curvature = cut[_S], cut[_HEADING], cut[_CURVATURE]
         start_mps = max(state.speed_mps * leg.direction, _FLOOR_MPS)
         squared = np.minimum(cut[_SQUARED], start_mps**2 + 2.0 * self._accel_mps2 * (s_m - s_m[0]))
@@ -199,8 +199,8 @@ class RecedingRoute:
         )
 
 
-def _legs(route: Route, horizon_s: float) -> list[_Leg]:
-    """The route's stretches as tables, thinned so that a piece of `_MAX_POINTS` reaches the horizon."""
+def _build_legs(route: Route, horizon_s: float) -> list[_Leg]:
+    """Build the tables of the route's stretches, thinned so that a piece of `_MAX_POINTS` reaches the horizon."""
     reach_m = float(np.abs(route.speed_mps).max()) * horizon_s
     spacing_m = float(np.diff(route.s_m).max())
     stride = math.ceil(reach_m / (spacing_m * (_MAX_POINTS - 2)))
@@ -220,7 +220,7 @@ def _legs(route: Route, horizon_s: float) -> list[_Leg]:
 
 def _leg(route: Route, table: FloatArray, first: int, last: int, direction: float, stride: int) -> _Leg:
     kept = np.append(np.arange(first, last, stride), last)
-    table = _laps(table[:, kept]) if route.closed else table[:, kept]
+    table = _repeat_lap(table[:, kept]) if route.closed else table[:, kept]
     squared = np.maximum(table[_SQUARED], _FLOOR_MPS**2)
     if not route.closed:
         to_end_m = table[_S, -1] - table[_S]
@@ -238,8 +238,8 @@ def _leg(route: Route, table: FloatArray, first: int, last: int, direction: floa
     )
 
 
-def _laps(table: FloatArray) -> FloatArray:
-    """One lap, then as many more as a piece that begins at its very end can need."""
+def _repeat_lap(table: FloatArray) -> FloatArray:
+    """Return one lap, and as many more as a piece that begins at its end can need."""
     lap = table[:, :-1]
     step = table[:, -1] - table[:, 0]
     # Distance and heading continue from lap to lap; everything else starts again.
@@ -248,8 +248,8 @@ def _laps(table: FloatArray) -> FloatArray:
     return np.concatenate([lap + n * step[:, None] for n in range(count)], axis=1)
 
 
-def _piece(leg: _Leg, s_m: float, begin: int) -> FloatArray:
-    """(7, k) the table's columns from `begin` on, led by one interpolated at `s_m` just before them."""
+def _slice_table(leg: _Leg, s_m: float, begin: int) -> FloatArray:
+    """Return (7, k): one column interpolated at `s_m`, then the table's columns from `begin` on."""
     behind, ahead = leg.table[:, begin - 1], leg.table[:, begin : begin + _MAX_POINTS - 1]
     piece = np.empty((len(leg.table), ahead.shape[1] + 1))
     share = (s_m - leg.s_m[begin - 1]) / (leg.s_m[begin] - leg.s_m[begin - 1])
@@ -258,18 +258,18 @@ def _piece(leg: _Leg, s_m: float, begin: int) -> FloatArray:
     return piece
 
 
-def _projection(leg: _Leg, state: VehicleState, from_s_m: float) -> tuple[float, float]:
-    """Nearest place within the window ahead of `from_s_m`, and the distance to it, m."""
+def _project(leg: _Leg, state: VehicleState, from_s_m: float) -> tuple[float, float]:
+    """Return the nearest place within the window ahead of `from_s_m`, and the distance to it, both in m."""
     first = max(bisect_right(leg.s_m, from_s_m) - 1, 0)
     last = bisect_right(leg.s_m, from_s_m + _WINDOW_M, first) + 1
     x, y = leg.table[_X, first:last] - state.x_m, leg.table[_Y, first:last] - state.y_m
     nearest = first + int((x * x + y * y).argmin())
-    candidates = [_on_chord(leg, state, i) for i in (nearest - 1, nearest) if first <= i < len(leg.s_m) - 1]
+    candidates = [_project_on_chord(leg, state, i) for i in (nearest - 1, nearest) if first <= i < len(leg.s_m) - 1]
     return min(candidates, key=lambda place: place[1], default=(leg.s_m[-1], math.inf))
 
 
-def _on_chord(leg: _Leg, state: VehicleState, i: int) -> tuple[float, float]:
-    """Nearest place on the straight line from point i to the next, and the distance to it, m."""
+def _project_on_chord(leg: _Leg, state: VehicleState, i: int) -> tuple[float, float]:
+    """Return the nearest place on the line from point i to the next, and the distance to it, both in m."""
     (s0, s1), (x0, x1), (y0, y1) = leg.table[: _Y + 1, i : i + 2].tolist()
     dx, dy = x1 - x0, y1 - y0
     share = ((state.x_m - x0) * dx + (state.y_m - y0) * dy) / (dx * dx + dy * dy)
@@ -278,19 +278,19 @@ def _on_chord(leg: _Leg, state: VehicleState, i: int) -> tuple[float, float]:
     return s0 + share * (s1 - s0), distance_m
 
 
-def _nearest(legs: list[_Leg], route: Route, state: VehicleState) -> tuple[int, int]:
-    """Leg and point nearest to the vehicle in place and heading, on the whole route."""
+def _find_nearest(legs: list[_Leg], route: Route, state: VehicleState) -> tuple[int, int]:
+    """Return the leg and point of the whole route that are nearest to the vehicle in place and heading."""
     best = (math.inf, 0, 0)
     for number, leg in enumerate(legs):
         count = bisect_left(leg.s_m, route.length_m) if route.closed else len(leg.s_m)
         x, y, heading = leg.table[[_X, _Y, _HEADING], :count]
-        turned = _wrapped(heading - state.heading_rad) * _HEADING_WEIGHT_M
+        turned = _wrap(heading - state.heading_rad) * _HEADING_WEIGHT_M
         cost = (x - state.x_m) ** 2 + (y - state.y_m) ** 2 + turned**2
         index = int(cost.argmin())
         best = min(best, (float(cost[index]), number, index))
     return best[1], best[2]
 
 
-def _wrapped(angle_rad: npt.NDArray[np.float64]) -> FloatArray:
-    """The same directions in [−π, π]."""
+def _wrap(angle_rad: npt.NDArray[np.float64]) -> FloatArray:
+    """Wrap angles to [−π, π]."""
     return angle_rad - math.tau * np.rint(angle_rad / math.tau)

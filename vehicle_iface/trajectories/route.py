@@ -46,7 +46,7 @@ class RouteConfig:
     cone_count: int = 6
     stop_spacing_m: float = 25.0
     dwell_s: float = 2.0
-    """Standstill at each stop, and at each change of direction."""
+    """Time at standstill at each stop and change of direction."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -83,7 +83,7 @@ class Route:
     y_m: FloatArray
     """(n,)"""
     heading_rad: FloatArray
-    """(n,) of the body's x axis, continuous: not wrapped."""
+    """(n,) heading of the body's x axis, continuous: not wrapped."""
     curvature_per_m: FloatArray
     """(n,) tan(front wheel angle) / wheelbase, positive to the left; yaw rate = curvature × signed speed."""
     speed_mps: FloatArray
@@ -93,7 +93,7 @@ class Route:
 
     def __post_init__(self) -> None:
         for name in ("s_m", "x_m", "y_m", "heading_rad", "curvature_per_m", "speed_mps", "dwell_s"):
-            object.__setattr__(self, name, _locked(name, getattr(self, name), np.shape(self.s_m)))
+            object.__setattr__(self, name, _lock(name, getattr(self, name), np.shape(self.s_m)))
         if self.s_m[0] != 0.0 or np.any(np.diff(self.s_m) <= 0.0):
             raise InvalidValueError(f"s_m of route {self.name!r}: must rise from 0")
         if self.closed and np.any(self.speed_mps == 0.0):
@@ -106,21 +106,21 @@ class Route:
 
     @property
     def length_m(self) -> float:
-        """From the first point to the last, one lap of a closed route."""
+        """Length from the first point to the last in m; one lap of a closed route."""
         return float(self.s_m[-1])
 
     @property
     def start(self) -> tuple[float, float, float]:
-        """x, y (m) and heading (rad) of the first point: the start pose of a vehicle that drives the route."""
+        """Return x, y (m) and heading (rad) of the first point: the start pose of a vehicle that drives the route."""
         return float(self.x_m[0]), float(self.y_m[0]), math.remainder(float(self.heading_rad[0]), math.tau)
 
     @property
     def front_wheel_angle_rad(self) -> FloatArray:
-        """(n,) for a vehicle without slip and with the config's wheelbase, positive to the left."""
+        """Return (n,) wheel angles of a vehicle without slip and with the config's wheelbase, positive to the left."""
         return np.arctan(self.config.wheelbase_m * self.curvature_per_m)
 
     def legs(self) -> list[tuple[int, int, float]]:
-        """First and last index and direction (±1.0) of each stretch from one standstill to the next."""
+        """Return first and last index and direction (±1.0) of each stretch from one standstill to the next."""
         if self.closed:
             return [(0, len(self) - 1, math.copysign(1.0, float(self.speed_mps[0])))]
         stops = np.flatnonzero(self.speed_mps == 0.0).tolist()
@@ -128,13 +128,13 @@ class Route:
         return list(zip(stops[:-1], stops[1:], directions, strict=True))
 
     def to_trajectory(self, stamp_ns: int = 0, frame_id: str = "map") -> Trajectory:
-        """The whole route, or one lap, driven once from standstill to standstill.
+        """Return the trajectory of the whole route, or one lap, driven once from standstill to standstill.
 
         Times follow from the speeds at constant acceleration between points, to the nanosecond. At a stop
         with dwell there are two points at one place: arriving and leaving.
         """
         direction = np.concatenate([np.full(last - first, d) for first, last, d in self.legs()])
-        driven_mps = self._from_standstill_mps()
+        driven_mps = self._limit_to_standstill_mps()
         accel_mps2 = speed.accelerations_mps2(self.s_m, driven_mps)
         accel_mps2 *= np.append(direction, direction[-1])
         signed_mps = np.copysign(driven_mps, self.speed_mps) * (driven_mps > 0.0)
@@ -157,16 +157,16 @@ class Route:
         times_ns = np.rint(times_s * NS_PER_S).astype(np.int64)
         return Trajectory(stamp_ns=stamp_ns, frame_id=frame_id, time_from_start_ns=times_ns, **doubled)
 
-    def _from_standstill_mps(self) -> FloatArray:
-        """(n,) speeds without sign, with the two ends of a lap slowed down to standstill."""
+    def _limit_to_standstill_mps(self) -> FloatArray:
+        """Return (n,) unsigned speeds, with both ends of a lap slowed down to standstill."""
         limit_mps = np.abs(self.speed_mps)
         limit_mps[[0, -1]] = 0.0
         config = self.config
         return speed.reachable_mps(self.s_m, limit_mps, accel_mps2=config.accel_mps2, decel_mps2=config.decel_mps2)
 
 
-def _locked(name: str, given: object, shape: tuple[int, ...]) -> FloatArray:
-    """A locked float64 copy of the shape that all arrays of the route have."""
+def _lock(name: str, given: object, shape: tuple[int, ...]) -> FloatArray:
+    """Return a locked float64 copy, checked to have the shape of all arrays of the route."""
     values = np.array(given, dtype=np.float64)
     if values.ndim != 1 or values.shape != shape or len(values) < 2 or not np.isfinite(values).all():
         raise InvalidValueError(f"{name} of shape {values.shape}: must be (n,) and finite, n ≥ 2, all alike")

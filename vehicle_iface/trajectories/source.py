@@ -11,7 +11,7 @@ class TrajectorySource(Protocol):
     """Gives the loop a new trajectory whenever one is due."""
 
     def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:
-        """A new trajectory stamped `now_ns`, or None while the last one stays in force."""
+        """Return a new trajectory stamped `now_ns`, or None while the last one stays in force."""
         ...
 
     def restart(self) -> None:
@@ -27,19 +27,19 @@ class FixedTrajectory:
         self._given = False
 
     def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:  # noqa: ARG002
-        """The trajectory, stamped `now_ns`, on the first call; None on later ones."""
+        """Return the trajectory, stamped `now_ns`, on the first call; None on later ones."""
         if self._given:
             return None
         self._given = True
-        return _restamped(self._trajectory, now_ns)
+        return _restamp(self._trajectory, now_ns)
 
     def restart(self) -> None:
         """Give the trajectory once more."""
         self._given = False
 
 
-def _restamped(trajectory: Trajectory, stamp_ns: int) -> Trajectory:
-    """The same points at another time; costs no copy of the arrays, which are locked and may be shared.
+def _restamp(trajectory: Trajectory, stamp_ns: int) -> Trajectory:
+    """Return the same points at another time, without copying the arrays, which are locked and may be shared.
 
     A new `Trajectory` would check a million points again, in the loop's thread.
     """

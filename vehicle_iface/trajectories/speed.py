@@ -1,6 +1,6 @@
 """Speed profile of a path: the lateral limit first, then the limits of acceleration and deceleration.
 
-All along a path with points at `s_m` (n,), rising. Between neighbours the acceleration is constant, so v² is
+All arrays belong to points at `s_m` (n,), rising, of a path. Between neighbours the acceleration is constant, so v² is
 linear in distance: v₂² = v₁² + 2·a·Δs.
 """
 
@@ -10,13 +10,13 @@ from vehicle_iface.trajectory import FloatArray
 
 
 def lateral_limit_mps(curvature_per_m: FloatArray, *, speed_mps: float, lateral_accel_mps2: float) -> FloatArray:
-    """(n,) the highest speed with v²·|κ| within the lateral acceleration, and never above `speed_mps`."""
+    """Return (n,) the highest speeds with v²·|κ| within the lateral acceleration, at most `speed_mps`."""
     sharp = np.maximum(np.abs(curvature_per_m), lateral_accel_mps2 / speed_mps**2)
     return np.sqrt(lateral_accel_mps2 / sharp)
 
 
 def reachable_mps(s_m: FloatArray, limit_mps: FloatArray, *, accel_mps2: float, decel_mps2: float) -> FloatArray:
-    """(n,) the highest speeds within `limit_mps` that the vehicle can reach and can slow down from.
+    """Return (n,) the highest speeds within `limit_mps` that the vehicle can reach and can slow down from.
 
     v²(s) − 2·a·s never rises when a is the acceleration limit: its running minimum is the forward pass, and
     the same from behind with the deceleration is the backward pass.
@@ -31,7 +31,7 @@ def reachable_mps(s_m: FloatArray, limit_mps: FloatArray, *, accel_mps2: float, 
 
 
 def reachable_cyclic_mps(s_m: FloatArray, limit_mps: FloatArray, *, accel_mps2: float, decel_mps2: float) -> FloatArray:
-    """(n,) the same on a closed path, whose last point is the first again: each lap at the same speeds."""
+    """Return (n,) the reachable speeds on a closed path, whose last point is the first again: equal in each lap."""
     length_m = float(s_m[-1])
     three_s_m = np.concatenate([s_m[:-1] - length_m, s_m[:-1], s_m + length_m])
     three_mps = np.concatenate([limit_mps[:-1], limit_mps[:-1], limit_mps])
@@ -41,7 +41,7 @@ def reachable_cyclic_mps(s_m: FloatArray, limit_mps: FloatArray, *, accel_mps2: 
 
 
 def durations_s(s_m: FloatArray, speed_mps: FloatArray) -> FloatArray:
-    """(n − 1,) time from each point to the next at constant acceleration: distance over mean speed.
+    """Return (n − 1,) the time from each point to the next at constant acceleration: distance over mean speed.
 
     `speed_mps` is without sign; two neighbours at standstill some way apart have no finite time between them.
     """
@@ -49,6 +49,6 @@ def durations_s(s_m: FloatArray, speed_mps: FloatArray) -> FloatArray:
 
 
 def accelerations_mps2(s_m: FloatArray, speed_mps: FloatArray) -> FloatArray:
-    """(n,) of the stretch that begins at each point; at the last point that of the one that ends there."""
+    """Return (n,) the acceleration of the stretch that begins at each point; at the last point, of the last stretch."""
     stretch = np.diff(speed_mps**2) / (2.0 * np.diff(s_m))
     return np.append(stretch, stretch[-1:])
