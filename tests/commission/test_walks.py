@@ -4,12 +4,13 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.commission.walks import BEGINS, Person, walk, walk_with, write_profile
 from tests.harness import START_NS, reference
 from tests.plain_vehicle import write_vehicle
-from tests.review.drives import note
+from tests.review.drives import Rewriter, disturbance, note
 from vehicle_iface.codec.database import build_database, load_binding
 from vehicle_iface.commission.readings import Readings
 from vehicle_iface.commission.report import Commissioning, describe, summarize
@@ -172,6 +173,16 @@ def test_a_profile_that_is_mirrored_as_a_whole_contradicts_no_drive_but_the_pers
         "x and y are swapped or one is reversed",
     ]
     assert describe(found) == "5 contradictions between profile and vehicle"
+
+
+@pytest.mark.parametrize(("more", "count"), [("", 0), (MIRRORED, 5)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noise_of_poor_sensors_changes_no_verdict_of_the_walk(tmp_path: Path, seed: int, more: str, count: int) -> None:
+    vehicle = simulated_vehicle(reference(), start_ns=START_NS, mode=VehicleMode.MANUAL)
+    rewriter = Rewriter(disturbance(np.random.default_rng(seed), times=3.0))
+    found = walk_with(vehicle, Person(vehicle), tmp_path, write_profile(tmp_path, more), rewriter=rewriter)
+    assert len(of_walk(found)) == count
+    assert found.unseen == []
 
 
 def test_what_the_log_contradicts_counts_although_every_step_was_seen(tmp_path: Path) -> None:

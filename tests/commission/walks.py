@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from tests.harness import START_NS, Clock, reference
+from tests.review.drives import Rewriter
 from vehicle_iface.cli.commission import walk_and_review
 from vehicle_iface.codec.database import load_binding
 from vehicle_iface.commission.readings import Moment
@@ -78,7 +79,13 @@ class Person:
 
 
 class DeafBus(EmbeddedBus):
-    """Fails the test when anybody sends."""
+    """Fails the test when anybody sends; `rewriter` makes the vehicle's sensors worse."""
+
+    rewriter: Rewriter | None = None
+
+    def drain(self) -> list[CanFrame]:
+        frames = super().drain()
+        return frames if self.rewriter is None else self.rewriter.rewrite(frames)
 
     def send(self, *frames: CanFrame) -> int:
         raise AssertionError(f"sent {frames}")
@@ -104,13 +111,21 @@ def walk(
 
 
 def walk_with(
-    vehicle: SimulatedVehicle, person: Person, folder: Path, profile: Path, *, step_timeout_s: float = 12.0
+    vehicle: SimulatedVehicle,
+    person: Person,
+    folder: Path,
+    profile: Path,
+    *,
+    step_timeout_s: float = 12.0,
+    rewriter: Rewriter | None = None,
 ) -> Commissioning:
     """A walk with a vehicle and a person."""
     clock = Clock()
+    bus = DeafBus(vehicle, clock.now_ns, clock.sleep_until)
+    bus.rewriter = rewriter
     return walk_and_review(
         load_binding(load_profile(profile)),
-        DeafBus(vehicle, clock.now_ns, clock.sleep_until),
+        bus,
         person,
         folder / "walk.log",
         channels={"": "can0"},

@@ -48,7 +48,12 @@ def record(route: str, seconds: float = 40.0) -> tuple[CanFrame, ...]:
 @cache
 def record_noisily(route: str, seed: int = 0) -> tuple[CanFrame, ...]:
     """The same as sensors see it: white noise, and constant errors."""
-    noise, rng = SensorNoise(), np.random.default_rng(seed)
+    return tuple(rewrite(record(route), disturbance(np.random.default_rng(seed))))
+
+
+def disturbance(rng: np.random.Generator, *, times: float = 1.0) -> Callable[[dict[str, float]], None]:
+    """Adds sensor errors to the fields of a message: white noise, `times` that of good sensors, and constant errors."""
+    noise = SensorNoise()
     errors = {
         "x_m": (noise.position_m, 0.0, 1.0),
         "y_m": (noise.position_m, 0.0, 1.0),
@@ -63,31 +68,40 @@ def record_noisily(route: str, seed: int = 0) -> tuple[CanFrame, ...]:
     def disturb(values: dict[str, float]) -> None:
         for field in (name for name in errors if name in values):
             sigma, offset, scale = errors[field]
-            values[field] = values[field] * scale + offset + rng.normal(0.0, sigma)
+            values[field] = values[field] * scale + offset + rng.normal(0.0, times * sigma)
         if "heading_rad" in values:
             values["heading_rad"] = wrapped_rad(values["heading_rad"])
 
-    return tuple(rewrite(record(route), disturb))
+    return disturb
 
 
-def rewrite(frames: Frames, change: Callable[[dict[str, float]], None]) -> list[CanFrame]:
+def rewrite(frames: Iterable[CanFrame], change: Callable[[dict[str, float]], None]) -> list[CanFrame]:
     """The frames, with the fields of each message of the sample as `change` leaves them."""
-    database = reference()
-    messages = {message.can_id: message for message in database.sample}
-    decoder, encoder = Decoder(database.sample), Encoder(database.sample)
-    changed = []
-    for frame in frames:
-        decoded = decoder.decode(frame) if frame.can_id in messages else None
+    return Rewriter(change).rewrite(frames)
+
+
+class Rewriter:
+    """Changes the fields of each message of the sample; counters go on from call to call."""
+
+    def __init__(self, change: Callable[[dict[str, float]], None]) -> None:
+        self._change, sample = change, reference().sample
+        self._messages = {message.can_id: message for message in sample}
+        self._decoder, self._encoder = Decoder(sample), Encoder(sample)
+
+    def rewrite(self, frames: Iterable[CanFrame]) -> list[CanFrame]:
+        """The frames in their order."""
+        return [self._rewrite_frame(frame) for frame in frames]
+
+    def _rewrite_frame(self, frame: CanFrame) -> CanFrame:
+        decoded = self._decoder.decode(frame) if frame.can_id in self._messages else None
         if decoded is None:
-            changed.append(frame)
-            continue
-        pairs = zip(messages[frame.can_id].fields, decoded.values, strict=True)
+            return frame
+        pairs = zip(self._messages[frame.can_id].fields, decoded.values, strict=True)
         values = {field: value for field, value in pairs if value is not None}
-        change(values)
-        again = encoder.encode(decoded.name, SimpleNamespace(**values))
-        encoder.commit((again,))
-        changed.append(again._replace(stamp_ns=frame.stamp_ns))
-    return changed
+        self._change(values)
+        again = self._encoder.encode(decoded.name, SimpleNamespace(**values))
+        self._encoder.commit((again,))
+        return again._replace(stamp_ns=frame.stamp_ns)
 
 
 def delay(frames: Frames, message: str, delay_ms: float) -> list[CanFrame]:

@@ -1,5 +1,6 @@
 """Checks of the motion: which way a number moves when the person in the vehicle moves something."""
 
+import cmath
 import math
 from collections import deque
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ _ASIDE_RAD = math.radians(30.0)
 """A sensor's heading and the path of a short roll may differ by so much."""
 _LEG_M = 0.5
 """The path's direction is that of pieces of this length."""
+_SMOOTHED = 10
+"""Moments of which the mean is taken where noise would be taken for motion."""
 _BRAKING_S = 3.0
 _FACTOR = 2.0
 """A short braking measures the acceleration this well; g instead of m/s² is a factor of ten."""
@@ -136,19 +139,21 @@ class PathCheck(Check):
     def __init__(self, label: str, *, least_rad: float = 0.8) -> None:
         super().__init__(label)
         self._least_rad = least_rad
-        self._from_m: tuple[float, float] | None = None
+        self._past: deque[complex] = deque(maxlen=_SMOOTHED)
+        self._from_m: complex | None = None
         self._course_rad: float | None = None
         self._turned_rad = 0.0
 
     def take(self, moment: Moment) -> None:
         if moment.place_m is None:
             return
-        if self._from_m is None:
-            self._from_m = moment.place_m
-        dx_m, dy_m = moment.place_m[0] - self._from_m[0], moment.place_m[1] - self._from_m[1]
-        if math.hypot(dx_m, dy_m) < _LEG_M:
+        self._past.append(complex(*moment.place_m))
+        here_m = sum(self._past) / len(self._past)
+        if self._from_m is None or abs(moment.numbers.get("speed_mps", 0.0)) < CREEPING_MPS:
+            self._from_m = here_m
+        if abs(here_m - self._from_m) < _LEG_M:
             return
-        course_rad, self._from_m = math.atan2(dy_m, dx_m), moment.place_m
+        course_rad, self._from_m = cmath.phase(here_m - self._from_m), here_m
         self._turned_rad += wrapped_rad(course_rad - self._course_rad) if self._course_rad is not None else 0.0
         self._course_rad = course_rad
         if self._turned_rad >= self._least_rad:
@@ -176,6 +181,7 @@ class RollCheck(Check):
         super().__init__(speed.label)
         self._speed, self._place, self._heading = speed, place, heading
         self._way_m = self._standing_s = 0.0
+        self._speeds: deque[float] = deque(maxlen=_SMOOTHED)
         self._from_m: tuple[float, float] | None = None
         self._headings: list[complex] = []
         self._has_come = False
@@ -188,7 +194,8 @@ class RollCheck(Check):
         if self._from_m is None:
             self._from_m = moment.place_m
         self._way_m += speed_mps * PERIOD_S
-        if abs(speed_mps) > CREEPING_MPS:
+        self._speeds.append(speed_mps)
+        if abs(sum(self._speeds)) > CREEPING_MPS * len(self._speeds):
             self._standing_s = 0.0
             heading_rad = moment.numbers.get("heading_rad")
             if heading_rad is not None:
