@@ -13,7 +13,7 @@ from hil_bench.applicable import adapt, find_inapplicable, scale_for
 from hil_bench.case import Need, Then
 from hil_bench.cases import CATALOGUE
 from hil_bench.parts import Part, parts_of
-from hil_bench.peer.build import open_wire
+from hil_bench.peer.build import examine, open_wire
 from hil_bench.peer.conditions import holds, satisfy_all
 from hil_bench.peer.infer import InferredStop
 from hil_bench.peer.place import Place
@@ -24,7 +24,7 @@ from hil_bench.profile import ProfileError
 from hil_bench.vocabulary import Wait
 from hil_bench.wire import Wire
 from scenes import WIRE, named
-from vehicle_bus_contract.reference import AUTONOMOUS, MS, Frame
+from vehicle_bus_contract.reference import AUTONOMOUS, MS, Frame, S
 
 ROOT = Path(__file__).resolve().parents[2]
 ROVER = ROOT / "docs" / "examples" / "06_own_vehicle" / "rover.toml"
@@ -201,7 +201,9 @@ def test_a_smaller_vehicle_drives_smaller_and_slower_routes_in_its_own_frame() -
         assert max(map(abs, driven.speed_mps)) <= 0.9 * wire.profile["limits"]["speed_max_mps"] + 1e-9
         assert driven.heading_rad == route.heading_rad
         share = max(map(abs, driven.speed_mps)) / max(map(abs, route.speed_mps))
-        assert driven.time_s[-1] * share == pytest.approx(route.time_s[-1] * wire.length_share)
+        assert share <= 0.8 * 1.5 / 5.0 + 1e-9
+        assert driven.time_s[-1] >= route.time_s[-1]
+        assert all(b > a for a, b in itertools.pairwise(driven.time_s))
     assert wire.frame_id == "odom"
 
 
@@ -272,3 +274,36 @@ def test_a_command_has_the_signals_of_its_branch_only() -> None:
 def test_a_vehicle_that_is_only_watched_cannot_be_judged() -> None:
     with pytest.raises(ProfileError, match="can only be watched"):
         open_wire("toyota_rav4")
+
+
+def hunter_frames(mode: int, speed: float, *, from_ms: int = 0, to_ms: int = 1000) -> list[Frame]:
+    """CONTROL_MODE_SETTING ten times a second, MOTION_COMMAND fifty times."""
+    wire = open_wire("agilex_hunter")
+    said = [
+        (at_ms, wire.pack("MOTION_COMMAND", 0, **{"MOTION_COMMAND.LINEAR_VELOCITY": speed}))
+        for at_ms in range(from_ms, to_ms, 20)
+    ]
+    said += [
+        (at_ms + 1, wire.pack("CONTROL_MODE_SETTING", 0, **{"CONTROL_MODE_SETTING.MODE": mode}))
+        for at_ms in range(from_ms, to_ms, 100)
+    ]
+    return [replace(frame, stamp_ns=S + at_ms * MS) for at_ms, frame in sorted(said, key=lambda one: one[0])]
+
+
+def test_a_speed_without_can_control_is_found_once_the_message_must_have_come() -> None:
+    wire = open_wire("agilex_hunter")
+    found = examine(wire, hunter_frames(0, 0.5)).violations
+    assert all("LINEAR_VELOCITY is 0.5 although the vehicle is not enabled" in text for text in found)
+    assert len(found) == 44
+    late = [*hunter_frames(0, 0.0, to_ms=200), *hunter_frames(1, 0.5, from_ms=200)]
+    assert not examine(wire, late).violations
+
+
+def test_commands_that_end_with_a_release_are_no_silence() -> None:
+    wire = open_wire("agilex_hunter")
+    driven, again = hunter_frames(1, 0.5), hunter_frames(1, 0.5, from_ms=3000, to_ms=4000)
+    released = hunter_frames(0, 0.0, from_ms=1000, to_ms=3000)
+    end = [frame for frame in released if frame.can_id == 0x421]
+    assert not examine(wire, [*driven, *end, *again]).silences
+    assert [pair.is_enabled for pair in examine(wire, [*driven, *end]).pairs][-20:] == [False] * 20
+    assert examine(wire, [*driven, *again]).silences

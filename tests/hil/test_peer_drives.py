@@ -123,7 +123,6 @@ HUNTER, ADS_DV, PACMOD, RAPTOR = "agilex_hunter", "fs_ai_ads_dv", "pacmod3", "ne
 DEFECTS: dict[str, tuple[str, str, str, Callable[[float], float], str]] = {
     "a speed above the limit": (HUNTER, "MOTION_COMMAND", "LINEAR_VELOCITY", sometimes(2.0), "m/s asked for"),
     "wheels beyond their limit": (HUNTER, "MOTION_COMMAND", "STEERING_ANGLE", sometimes(0.6), "front wheels to 0.6"),
-    "a speed without CAN control": (HUNTER, "CONTROL_MODE_SETTING", "MODE", sometimes(0.0, 5), "not enabled"),
     "wheels that jump": (PACMOD, "STEERING_CMD", "POSITION", sometimes(0.1), "wheels faster than 0.4"),
     "both pedals": (PACMOD, "BRAKE_CMD", "BRAKE_CMD", lambda _: 0.2, "throttle and brake at once"),
     "too much throttle": (PACMOD, "ACCEL_CMD", "ACCEL_CMD", lambda value: 2.5 * value, "m/s²"),

@@ -1,17 +1,18 @@
 """The catalogue for one vehicle: which cases apply to it, and how fast and how far they drive."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
 from hil_bench import routes
 from hil_bench.case import Case, Need, Then
-from hil_bench.expect import Expectation, FallsSilent, LetsGo, MomentaryAtMost, Stops, WatchdogActs
+from hil_bench.expect import Expectation, FallsSilent, LetsGo, MomentaryAtMost, Standstill, Stops, WatchdogActs
 from hil_bench.parts import Part, parts_of
 from hil_bench.routes import Route
 from hil_bench.wire import Wire
 
 STALE = {"STATE_STALE"}
+SHOWN_BY_MOTION_S = 1.0
+"""A reaction with more time than this waits for the vehicle's motion, not for its bus."""
 LEAST_ERROR_SHARE = 0.5
 """Errors of a path shrink less than the path: a controller looks ahead as far as it does."""
 FASTEST_SHARE = 0.9
@@ -38,9 +39,10 @@ def adapt(case: Case, wire: Wire) -> Case:
     """
     if wire.speed_share == wire.length_share == 1.0 and not any(wire.later_s.values()):
         return case
-    route = case.route()
-    driven = scale_for(route, wire)
-    share = max(map(abs, driven.speed_mps)) / max(map(abs, route.speed_mps))
+    length, share = _shares(case.route(), wire)
+    slower = max(1.0, length / share)
+    see = tuple(_give_time(one, slower) for one in case.see)
+    lasts = slower if see != case.see else 1.0
     waited = [
         wire.later_s[one.waits_for] for one in case.see if isinstance(one, Stops | LetsGo | FallsSilent | WatchdogActs)
     ]
@@ -52,9 +54,11 @@ def adapt(case: Case, wire: Wire) -> Case:
     )
     return replace(
         case,
-        route=_always(driven),
+        route=_always(scale_for(case.route(), wire)),
         at_mps=case.at_mps * share if case.at_mps > 0.0 else case.at_mps,
-        for_s=case.for_s + max(waited, default=0.0),
+        reach_s=case.reach_s * slower,
+        see=see,
+        for_s=case.for_s * lasts + max(waited, default=0.0),
         max_path_error_m=error_m,
         then=then,
         needs=needs,
@@ -64,15 +68,23 @@ def adapt(case: Case, wire: Wire) -> Case:
 
 def scale_for(route: Route, wire: Wire) -> Route:
     """A route of the catalogue as this vehicle drives it."""
-    fastest_mps = FASTEST_SHARE * float(wire.profile["limits"]["speed_max_mps"])
-    if wire.speed_share == wire.length_share == 1.0 and max(map(abs, route.speed_mps)) <= fastest_mps:
-        return route
-    return routes.scale(
-        route,
-        length=wire.length_share,
-        speed=wire.speed_share,
-        fastest_mps=fastest_mps if math.isfinite(fastest_mps) else math.inf,
-    )
+    length, speed = _shares(route, wire)
+    return route if length == speed == 1.0 else routes.scale(route, length=length, speed=speed)
+
+
+def _shares(route: Route, wire: Wire) -> tuple[float, float]:
+    """By which lengths and speeds are multiplied: in curves by the turning radius, straight on by the acceleration."""
+    fastest_mps = FASTEST_SHARE * float(wire.profile["limits"]["speed_max_mps"]) / max(map(abs, route.speed_mps))
+    speed = min(wire.speed_share, fastest_mps)
+    is_straight = len(set(route.heading_rad)) == 1
+    return (min(wire.length_share, speed**2 / wire.along_mps2) if is_straight else wire.length_share), speed
+
+
+def _give_time(expectation: Expectation, slower: float) -> Expectation:
+    """What shows only as the vehicle moves shows later on a slower one."""
+    if isinstance(expectation, Stops | Standstill) and expectation.within_s >= SHOWN_BY_MOTION_S:
+        return replace(expectation, within_s=expectation.within_s * slower)
+    return expectation
 
 
 def _reasons(expectation: Expectation) -> tuple[str, ...]:

@@ -47,6 +47,8 @@ class Case:
     route: Callable[[], Route] = routes.straight
     at_mps: float = 2.5
     """The injection begins at this speed; 0: as soon as the vehicle is engaged; below 0: before that."""
+    reach_s: float = 12.0
+    """Time in which the vehicle reaches that speed."""
     inject: Injection | None = None
     for_s: float = 0.5
     """Duration of the injection."""

@@ -128,7 +128,7 @@ def check_preparation(case: Case, observed: Observation, rig: Rig) -> list[Check
         wrong.append("it was not engaged")
     elif abs(before[0].speed_mps) < case.at_mps - SLOWER_MPS * rig.wire.speed_share:
         wrong.append(f"{observed.at_s(rig.touched_ns):.3f} s: {before[0].speed_mps:.2f} m/s")
-    found = [check(f"it drives at {case.at_mps} m/s when the injection begins", wrong)]
+    found = [check(f"it drives at {case.at_mps:.3g} m/s when the injection begins", wrong)]
     if case.samples:
         ticks = sum(rig.inject_ns <= i.at_ns <= rig.end_ns and i.mode == AUTONOMOUS for i in observed.history)
         driven = ticks // rig.wire.ticks_per_sample

@@ -39,12 +39,11 @@ class Route:
         return path
 
 
-def scale(one: Route, *, length: float, speed: float, fastest_mps: float) -> Route:
-    """The same route for another vehicle: smaller and slower, no faster than `fastest_mps`, and with as much time."""
-    speed = min(speed, fastest_mps / max(map(abs, one.speed_mps)))
+def scale(one: Route, *, length: float, speed: float) -> Route:
+    """The same route for another vehicle, smaller and slower, with at least as much time."""
     return Route(
         one.name,
-        [t * length / speed for t in one.time_s],
+        [t * max(1.0, length / speed) for t in one.time_s],
         [x * length for x in one.x_m],
         [y * length for y in one.y_m],
         one.heading_rad,

@@ -25,7 +25,6 @@ from hil_bench.routes import Route
 from hil_bench.wire import Wire
 
 ENGAGE_S = 25.0
-REACH_SPEED_S = 12.0
 REARM_S = 8.0
 REARM_AGAIN_S = 2.5
 HEALTHY_S = 0.8
@@ -166,7 +165,9 @@ def _run_phases(rig: Rig, case: Case) -> None:
     elif rig.wait_for(lambda: rig.is_engaged or rig.device.poll() is not None, ENGAGE_S, "the device to engage"):
         rig.note(EventKind.PREPARATION, "engaged")
         if case.at_mps > 0.0 and case.inject is not None:
-            rig.wait_for(lambda: abs(rig.vehicle.plant.speed_mps) >= case.at_mps, REACH_SPEED_S, f"{case.at_mps} m/s")
+            rig.wait_for(
+                lambda: abs(rig.vehicle.plant.speed_mps) >= case.at_mps, case.reach_s, f"{case.at_mps:.3g} m/s"
+            )
         _inject(rig, case)
     _after_injection(rig, case)
 

@@ -26,8 +26,7 @@ def later_s(profile: Mapping[str, Any], roles: Roles, reader: CommandReader) -> 
     late_s = 2.0 * max(0.0, period_s - PERIOD_S)
     infer_s = 0.0 if reader.has_stop else INFER_S
     slow_s = max(0.0, max((roles.periods_s[name] for name in roles.status), default=period_s) - 0.02)
-    enabling = [send for send in profile.get("send", ()) if send["message"] in reader.enabling_messages]
-    enable_s = max((float(send.get("period_s", 0.0)) for send in enabling), default=0.0)
+    enable_s = enable_period_s(profile, reader)
     return {
         Wait.NOTHING: late_s,
         Wait.STATE: late_s + max(0.0, timing["state_stale_s"] - 0.05) + infer_s,
@@ -35,6 +34,12 @@ def later_s(profile: Mapping[str, Any], roles: Roles, reader: CommandReader) -> 
         Wait.STATUS_LOST: late_s + slow_s + max(0.0, timing["status_stale_s"] - 0.1) + infer_s,
         Wait.SILENCE: late_s + max(0.0, timing["state_silent_s"] - 0.5),
     }
+
+
+def enable_period_s(profile: Mapping[str, Any], reader: CommandReader) -> float:
+    """Of the messages besides commands that say whether these are enabled; 0 where commands say so themselves."""
+    enabling = [send for send in profile.get("send", ()) if send["message"] in reader.enabling_messages]
+    return max((float(send.get("period_s", 0.0)) for send in enabling), default=0.0)
 
 
 def accel_slack_mps2(profile: Mapping[str, Any], reader: CommandReader) -> float:
@@ -51,10 +56,15 @@ def length_share(profile: Mapping[str, Any]) -> float:
     return float(max(SHORTEST_SHARE, turn_m / REFERENCE_TURN_M))
 
 
+def along_mps2(profile: Mapping[str, Any]) -> float:
+    """Acceleration of routes."""
+    limits, brake_mps2 = profile["limits"], profile["behavior"]["safe_deceleration_mps2"]
+    return float(min(1.0, ALONG_SHARE * limits["accel_max_mps2"], BRAKE_SHARE * brake_mps2))
+
+
 def speed_share(profile: Mapping[str, Any], length: float) -> float:
     """How much slower routes are, by the limits of speed, acceleration and braking."""
-    limits, brake_mps2 = profile["limits"], profile["behavior"]["safe_deceleration_mps2"]
-    along_mps2 = min(ALONG_SHARE * limits["accel_max_mps2"], BRAKE_SHARE * brake_mps2)
+    limits = profile["limits"]
     across = limits["lateral_accel_mps2"] / ACROSS_MPS2
     usual = SPEED_SHARE * limits["speed_max_mps"] / USUAL_MPS
-    return float(min(1.0, usual, math.sqrt(length * along_mps2), math.sqrt(length * across)))
+    return float(min(1.0, usual, math.sqrt(length * along_mps2(profile)), math.sqrt(length * across)))

@@ -18,6 +18,7 @@ MISSED_PERIODS = 2.5
 CLOSE_PERIODS = 0.4
 DRIVING = ("throttle", "drive_mps2", "speed_mps", "accel_mps2")
 RESTING_SLACK = 1e-6
+ENABLE_SLACK_S = 0.02
 
 
 def examine_peer(wire: PeerWire, frames: Iterable[Frame]) -> Record:
@@ -35,7 +36,19 @@ def examine_peer(wire: PeerWire, frames: Iterable[Frame]) -> Record:
         _judge_slow_answers(wire, record)
     if wire.commands_angle:
         judge_wheel_rates(record, wire.limits)
+    _add_releases(examination.releases, record)
     return record
+
+
+def _add_releases(releases: list[Pair], record: Record) -> None:
+    """Where another message than the commands releases the vehicle, commands may end with it."""
+    stamps = [release.stamp_ns for release in releases]
+    record.silences = [
+        (begin_ns, end_ns)
+        for begin_ns, end_ns in record.silences
+        if not any(begin_ns <= stamp_ns <= end_ns for stamp_ns in stamps)
+    ]
+    record.pairs = sorted([*record.pairs, *releases], key=lambda pair: pair.stamp_ns)
 
 
 class _Examination:
@@ -49,6 +62,10 @@ class _Examination:
         self._group: dict[str, DecodedFrame] = {}
         self._besides, self._stop = Besides(wire), InferredStop(wire)
         self._speed_mps, self._direction = 0.0, 1.0
+        self.releases: list[Pair] = []
+        """Said by messages other than commands."""
+        self._drives_since_ns: int | None = None
+        """Commands ask for a drive, although the vehicle is not enabled."""
 
     def take(self, frame: Frame) -> None:
         """Decode one frame and judge it."""
@@ -78,6 +95,8 @@ class _Examination:
         else:
             record.violations += [f"{self._at(frame.stamp_ns)}: {text}" for text in self._besides.find_faults(decoded)]
             self._take_command(decoded)
+            if name not in self.wire.command and name in self.wire.reader.enabling_messages:
+                self._take_enable(decoded)
 
     def _is_in_sequence(self, decoded: DecodedFrame, where: str) -> bool:
         """Note every step that is not 1; True for what a receiver accepts."""
@@ -147,15 +166,32 @@ class _Examination:
         self.record.pairs.append(pair)
         self.record.violations += [f"{self._at(pair.stamp_ns)}: {text}" for text in self._wrong_values(pair)]
 
+    def _take_enable(self, decoded: DecodedFrame) -> None:
+        """A message besides the commands says whether these are enabled."""
+        if not self.wire.reader.is_enabled(self._newest):
+            asked = self.wire.reader.read(self._newest, speed_mps=self._speed_mps, direction=self._direction)
+            said = DecodedFrame(decoded.stamp_ns, "COMMAND", {"ACCEL_REQUEST": 0.0, "SAFE_STOP": 0.0, **asked})
+            self.releases.append(Pair(said, said))
+
+    def _unasked_drive(self, pair: Pair) -> Iterator[str]:
+        """A drive of a vehicle that is not enabled, once the message that enables must have come."""
+        carriers = [dotted for field in DRIVING for dotted in self.wire.carriers(field)]
+        driving = [dotted for dotted in carriers if abs(self._newest.get(dotted, 0.0)) > RESTING_SLACK]
+        if pair.is_enabled or not driving:
+            self._drives_since_ns = None
+            return
+        since_ns = self._drives_since_ns = self._drives_since_ns or pair.stamp_ns
+        grace_s = self.wire.enable_period_s + ENABLE_SLACK_S if self.wire.enable_period_s else 0.0
+        if pair.stamp_ns - since_ns >= grace_s * S:
+            for dotted in driving:
+                yield f"{dotted} is {self._newest[dotted]:g} although the vehicle is not enabled"
+
     def _wrong_values(self, pair: Pair) -> Iterator[str]:
         wire, asked, limits = self.wire, pair.drive, self.wire.limits
         angle = asked["FRONT_WHEEL_ANGLE_REQUEST"]
         if wire.commands_angle and abs(angle) > limits.steer_rad + wire.wheel_count_rad:
             yield f"front wheels to {angle:.4f} rad"
-        for field in DRIVING if not pair.is_enabled else ():
-            for dotted in wire.carriers(field):
-                if abs(self._newest.get(dotted, 0.0)) > RESTING_SLACK:
-                    yield f"{dotted} is {self._newest[dotted]:g} although the vehicle is not enabled"
+        yield from self._unasked_drive(pair)
         both = [[self._newest.get(name, 0.0) for name in wire.carriers(field)] for field in wire.opposed]
         if both and all(any(value > RESTING_SLACK for value in values) for values in both):
             yield f"{' and '.join(wire.opposed)} at once"
