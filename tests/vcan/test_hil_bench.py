@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import defects
+import msgspec
 import pytest
 from hil_bench import result
 from hil_bench.bus import Bus
@@ -71,9 +72,16 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 def bench(
-    tmp_path: Path, cases: Sequence[str], *, device: str = "", recording: str = "", viewer: str = ""
+    tmp_path: Path,
+    cases: Sequence[str],
+    *,
+    device: str = "",
+    recording: str = "",
+    viewer: str = "",
+    profile: str = "reference",
 ) -> tuple[int, Run, str]:
     command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(tmp_path / "report")]
+    command += ["--profile", profile]
     command += [word for case in cases for word in ("--case", case)]
     command += ["--device", device] if device else []
     command += ["--recording-device", recording] if recording else []
@@ -148,6 +156,20 @@ def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> Non
     frames = (folder / next(case for case in run.cases if case.name == "state-lost").candump).read_text()
     assert f"{CHANNEL} 080#" in frames
     assert f"{CHANNEL} 110#" in frames
+
+
+@pytest.mark.timeout(LONGEST_S)
+def test_the_program_passes_with_another_makers_vehicle_and_what_does_not_apply_is_said(tmp_path: Path) -> None:
+    cases, left, said = ["state-lost", "gear-contradicts"], ["state-lost"], ""
+    for attempt in range(ATTEMPTS):
+        if left:
+            folder = tmp_path / str(attempt)
+            folder.mkdir()
+            _, run, said = bench(folder, cases, profile="agilex_hunter")
+            driven, absent = run.cases
+            assert (absent.verdict, "gear" in absent.why) == (Verdict.NOT_APPLICABLE, True)
+            left = late_cases(msgspec.structs.replace(run, cases=[driven]), said)
+    assert left == [], said
 
 
 @pytest.mark.timeout(LONGEST_S)

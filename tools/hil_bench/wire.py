@@ -62,6 +62,8 @@ class Wire:
 
     tells_reasons = True
     """False: commands have no signal for their reason."""
+    tells_enable = True
+    """False: commands are always to be obeyed; a release is their end."""
     has_stop_signal = True
     """False: a stop is inferred from what is commanded."""
     commands_acceleration = True

@@ -88,6 +88,10 @@ class LetsGo:
         with_reason = f" with {' or '.join(self.reasons)}" if observed.wire.tells_reasons else ""
         text = f"ENABLE = 0{with_reason} within {within_s * 1e3:.0f} ms, until armed again"
         after = observed.between(observed.inject_ns, observed.then_ns)
+        if not observed.wire.tells_enable:
+            late_ns = observed.inject_ns + round(within_s * S)
+            wrong = [describe(observed, pair) for pair in after if pair.stamp_ns > late_ns]
+            return check(f"no command from {within_s * 1e3:.0f} ms on, until armed again", wrong), []
         released = [pair for pair in after if not pair.is_enabled and observed.has_reason(pair, self.reasons)]
         if not released:
             found = sorted({pair.reason for pair in after if not pair.is_enabled})

@@ -244,6 +244,7 @@ class PeerWire(Wire):
         self.loses_its_place = self.fields.place.source == "odometry"
         self.counters = min((layout.protections[name].counters for name in self.sample), default=0) or 1
         self.tells_reasons, self.has_stop_signal = self.reader.has_reason, self.reader.has_stop
+        self.tells_enable = bool(self.reader.enabling_messages)
         form = self.reader.longitudinal
         self.commands_acceleration, self.commands_angle = form != "speed", self.reader.lateral != "yaw_rate"
         self.can_reverse = self.reader.has_gear or (form in ("speed", "acceleration") and self.reader.is_signed)
