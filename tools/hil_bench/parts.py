@@ -40,6 +40,7 @@ class Part(StrEnum):
     WHEELS = "a measured front wheel angle"
     REASON = "a reason with each command"
     REVERSE = "a command to drive backwards"
+    BACKWARDS = "a measured speed with a sign"
     SHORT_ID = "identifiers of 11 bits"
     PATIENCE = "a limit for old state of more than two periods"
 
@@ -76,6 +77,7 @@ def parts_of(wire: Wire) -> frozenset[Part]:
         Part.WHEELS: has("FRONT_WHEEL_ANGLE"),
         Part.REASON: wire.tells_reasons,
         Part.REVERSE: wire.can_reverse,
+        Part.BACKWARDS: wire.measures_backwards,
         Part.SHORT_ID: all(wire.ids[name] <= 0x7FF for name in wire.sample),
         Part.PATIENCE: timing["state_stale_s"] >= PERIODS_UNTIL_STALE * wire.period_s,
     }

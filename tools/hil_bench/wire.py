@@ -72,7 +72,9 @@ class Wire:
     """False: a yaw rate is commanded, which is no angle at low speed."""
     accel_slack_mps2, engaging_slack_mps2, speed_slack_mps = 0.002, 1e-9, 0.0
     """Tolerances of commanded values, for rounding."""
-    can_reverse = True
+    can_reverse = measures_backwards = True
+    tow_mps2 = 14.0
+    """Acceleration by a tow that makes the vehicle too fast whatever it brakes."""
     watchdog_s = 0.1
     """The vehicle stops itself when a command is missing for this long."""
     speed_share = length_share = along_mps2 = 1.0

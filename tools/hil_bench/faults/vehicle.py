@@ -1,7 +1,7 @@
 """Faults of the vehicle itself: its driver, its mode, its pose and its mechanics."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 from hil_bench.faults.base import Injection
 from hil_bench.rig import Rig
@@ -20,6 +20,15 @@ def change_vehicle(**changed: object) -> Injection:
         yield
         for owner, attribute, value in before:
             setattr(owner, attribute, value)
+
+    return inject
+
+
+def tow_forward() -> Injection:
+    """Tow the vehicle against its brakes, so that it becomes too fast but not as fast as it never can be."""
+
+    def inject(rig: Rig) -> AbstractContextManager[None]:
+        return change_vehicle(plant_push_mps2=rig.wire.tow_mps2)(rig)
 
     return inject
 

@@ -15,6 +15,8 @@ REFERENCE_TURN_M, USUAL_MPS, ACROSS_MPS2 = 3.95, 5.0, 3.0
 ALONG_SHARE, BRAKE_SHARE, SPEED_SHARE = 0.4, 0.35, 0.8
 """Of the limits, used by routes; the brake's is below what makes a command a stop."""
 SHORTEST_SHARE = 0.2
+SPEED_BRAKE_MPS2 = 4.0
+"""Of the vehicle's own speed controller."""
 TABLE_SHARE, FEEDBACK_SHARE = 0.05, 0.35
 """Of the greatest acceleration: what a pedal's table and its feedback may make of one."""
 
@@ -48,6 +50,14 @@ def accel_slack_mps2(profile: Mapping[str, Any], reader: CommandReader) -> float
     pedals = profile["command"].get("pedals")
     share = 0.0 if pedals is None else FEEDBACK_SHARE if "feedback" in pedals else TABLE_SHARE
     return float(0.002 + count + share * profile["limits"]["accel_max_mps2"])
+
+
+def tow_mps2(profile: Mapping[str, Any], reader: CommandReader) -> float:
+    """Acceleration by a tow: more than any brake, and so little more that the speed stays plausible."""
+    limits = profile["limits"]
+    brake_mps2 = max(-limits["accel_min_mps2"], SPEED_BRAKE_MPS2 if reader.longitudinal == "speed" else 0.0)
+    room_mps = profile.get("plausibility", {}).get("speed_mps", 2.0 * limits["speed_max_mps"]) - limits["speed_max_mps"]
+    return float(brake_mps2 + min(8.0, 0.4 * room_mps))
 
 
 def length_share(profile: Mapping[str, Any]) -> float:

@@ -25,6 +25,8 @@ class InferredStop:
         self._slow_mps = SLOW_S * float(wire.profile["behavior"]["safe_deceleration_mps2"])
         """Below this speed the brake may be released."""
         self._count = max(1e-6, wire.reader.count("speed_mps"))
+        self._stops = False
+        """The last command was a stop; it goes on until nothing brakes any more."""
         self._lately: deque[tuple[int, float]] = deque()
 
     def is_stop(self, asked: Mapping[str, float], *, speed_mps: float, at_ns: int) -> bool:
@@ -32,18 +34,22 @@ class InferredStop:
         if self._has_signal:
             return bool(asked["SAFE_STOP"])
         if self._is_speed:
-            return self._is_slower(asked["SPEED_REQUEST"], at_ns)
-        accel_mps2 = asked["ACCEL_REQUEST"]
-        if abs(speed_mps) < STANDS_MPS:
-            return accel_mps2 <= 0.0
-        if abs(speed_mps) < self._slow_mps:
-            return accel_mps2 * speed_mps < 0.0
-        return -math.copysign(1.0, speed_mps) * accel_mps2 >= self._least_mps2
+            self._stops = self._is_slower(asked["SPEED_REQUEST"], at_ns)
+        else:
+            self._stops = self._is_braked(asked["ACCEL_REQUEST"], speed_mps)
+        return self._stops
 
     def slope_mps2(self) -> float:
         """How fast the commanded speed changes, over the last 0.1 s."""
         (first_ns, first), (last_ns, last) = self._lately[0], self._lately[-1]
         return (abs(last) - abs(first)) / (last_ns - first_ns) * S if last_ns > first_ns else 0.0
+
+    def _is_braked(self, accel_mps2: float, speed_mps: float) -> bool:
+        if abs(speed_mps) < STANDS_MPS:
+            return accel_mps2 <= 0.0
+        brake_mps2 = -math.copysign(1.0, speed_mps) * accel_mps2
+        goes_on = self._stops or abs(speed_mps) < self._slow_mps
+        return brake_mps2 >= self._least_mps2 or (goes_on and brake_mps2 > 0.0)
 
     def _is_slower(self, commanded_mps: float, at_ns: int) -> bool:
         self._lately.append((at_ns, commanded_mps))
@@ -52,4 +58,5 @@ class InferredStop:
         if abs(commanded_mps) < self._count / 2.0:
             return True
         slope_mps2 = self.slope_mps2()
-        return slope_mps2 <= -self._least_mps2 or (slope_mps2 < 0.0 and abs(commanded_mps) < self._slow_mps)
+        goes_on = self._stops or abs(commanded_mps) < self._slow_mps
+        return slope_mps2 <= -self._least_mps2 or (goes_on and slope_mps2 < 0.0)

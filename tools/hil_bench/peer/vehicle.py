@@ -6,6 +6,7 @@ from typing import Any
 
 from vehicle_bus_contract.reference import AUTONOMOUS, DRIVE, PARK, READY, REVERSE, DecodedFrame, Frame, S
 
+from hil_bench.peer.allowances import SPEED_BRAKE_MPS2
 from hil_bench.peer.infer import InferredStop
 from hil_bench.peer.signals import echoed_signals, sent_values
 from hil_bench.peer.wire import LONGEST_TICK_S, MODE_NUMBERS, PeerWire
@@ -15,7 +16,7 @@ from hil_bench.vehicle import DRIVER_TORQUE_NM, GEARS, MODES, PAIRS_TO_ENGAGE, S
 
 SPEED_LAG_S = 0.3
 """Of its speed controller, which accelerates and brakes within these limits."""
-SPEED_DRIVE_MPS2, SPEED_BRAKE_MPS2, SPEED_HOLD_MPS2 = 2.5, 4.0, 0.3
+SPEED_DRIVE_MPS2, SPEED_HOLD_MPS2 = 2.5, 0.3
 NEAR_M, ARRIVED_S = 1.5, 1.5
 """A vehicle that is told no reason has arrived when it has been at rest for this long near the end of its route."""
 ECHO_CHANGES_NS, ECHO_STATES = S // 2, 16

@@ -249,6 +249,11 @@ class PeerWire(Wire):
         self.commands_acceleration, self.commands_angle = form != "speed", self.reader.lateral != "yaw_rate"
         self.can_reverse = self.reader.has_gear or (form in ("speed", "acceleration") and self.reader.is_signed)
         self.opposed = OPPOSED.get(form, ())
+        speeds = sources_of(self.fields.forms["speed_mps"])
+        is_signed = (
+            isinstance(self.fields.forms["speed_mps"], Mapping) and "negative_if" in self.fields.forms["speed_mps"]
+        )
+        self.measures_backwards = is_signed or all(self.signals[name].bits_range[0] < 0.0 for name in speeds)
         self._numbers = self._read_numbers()
 
     def _take_allowances(self) -> None:
@@ -260,6 +265,7 @@ class PeerWire(Wire):
         self.enable_period_s = allowances.enable_period_s(profile, self.reader)
         self.later_s = allowances.later_s(profile, roles, self.reader)
         self.accel_slack_mps2 = self.engaging_slack_mps2 = allowances.accel_slack_mps2(profile, self.reader)
+        self.tow_mps2 = allowances.tow_mps2(profile, self.reader)
         self.speed_slack_mps = 2.0 * self.reader.count("speed_mps")
         self.along_mps2 = allowances.along_mps2(profile)
         self.length_share = allowances.length_share(profile)
