@@ -39,7 +39,7 @@ class Part(StrEnum):
     YAW_RATE = "a measured yaw rate"
     WHEELS = "a measured front wheel angle"
     REASON = "a reason with each command"
-    REVERSE = "a command to drive backwards"
+    REVERSE = "a command to drive backwards, and a measured speed with a sign"
     BACKWARDS = "a measured speed with a sign"
     SHORT_ID = "identifiers of 11 bits"
     PATIENCE = "a limit for old state of more than two periods"

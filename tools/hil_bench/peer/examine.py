@@ -159,7 +159,7 @@ class _Examination:
         asked = self.wire.reader.read(self._newest, speed_mps=self._speed_mps, direction=self._direction)
         if asked.get("GEAR_REQUEST", NO_REQUEST) != NO_REQUEST and abs(self._speed_mps) <= MOVES_MPS:
             self._direction = -1.0 if asked["GEAR_REQUEST"] == REVERSE else 1.0
-        stop = self._stop.is_stop(asked, speed_mps=self._speed_mps, at_ns=decoded.stamp_ns)
+        stop = self._stop.is_stop(asked, speed_mps=self._speed_mps, direction=self._direction, at_ns=decoded.stamp_ns)
         asked = {"ACCEL_REQUEST": self._stop.slope_mps2() if "SPEED_REQUEST" in asked else 0.0, **asked}
         asked["SAFE_STOP"] = float(stop)
         pair = Pair(DecodedFrame(first_ns, "COMMAND", asked), DecodedFrame(decoded.stamp_ns, "COMMAND", asked))

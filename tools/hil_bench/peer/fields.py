@@ -49,8 +49,8 @@ class Fields:
                     found[STATE_NAMES[key]] = value
         return found
 
-    def write(self, message: str, values: Values) -> dict[str, float]:
-        """One of the vehicle's messages: signals in the DBC's unit, by the reference vehicle's names of fields."""
+    def write(self, values: Values) -> dict[str, float]:
+        """All signals that the vehicle sends, in fields' units, by the reference vehicle's names of fields."""
         fields = {key: values.get(name, 0.0) for key, name in STATE_NAMES.items() if key not in PLACE_FIELDS}
         fields |= self.place.measure(values.get("POS_X", 0.0), values.get("POS_Y", 0.0), values.get("HEADING", 0.0))
         given: dict[str, float] = {}
@@ -58,16 +58,11 @@ class Fields:
             given |= self._spread(key, form, fields[key])
         for key, dotted in self.status.items():
             given[dotted] = self._carried(dotted, values.get(SIGNAL_NAMES["status"][key], 0.0))
-        told = {**self._tell(values, fields, given), **given}
-        return {
-            dotted.partition(".")[2]: self._signals[dotted].to_dbc(value)
-            for dotted, value in told.items()
-            if dotted.startswith(f"{message}.")
-        }
+        return {**self._tell(values, fields, given), **given}
 
     def _tell(self, values: Values, fields: Values, given: Values) -> Values:
         """The signals of conditions, so that mode, driver, validity and signs are understood."""
-        names = self.conditions.names()
+        names = self.conditions.names
         if not names:
             return {}
         actions = (

@@ -29,14 +29,14 @@ class InferredStop:
         """The last command was a stop; it goes on until nothing brakes any more."""
         self._lately: deque[tuple[int, float]] = deque()
 
-    def is_stop(self, asked: Mapping[str, float], *, speed_mps: float, at_ns: int) -> bool:
-        """Whether this command stops the vehicle, or holds it at standstill."""
+    def is_stop(self, asked: Mapping[str, float], *, speed_mps: float, direction: float, at_ns: int) -> bool:
+        """Whether this command stops the vehicle, or holds it at standstill. `direction`: 1 forwards, −1 backwards."""
         if self._has_signal:
             return bool(asked["SAFE_STOP"])
         if self._is_speed:
             self._stops = self._is_slower(asked["SPEED_REQUEST"], at_ns)
         else:
-            self._stops = self._is_braked(asked["ACCEL_REQUEST"], speed_mps)
+            self._stops = self._is_braked(asked["ACCEL_REQUEST"], speed_mps, direction)
         return self._stops
 
     def slope_mps2(self) -> float:
@@ -44,9 +44,9 @@ class InferredStop:
         (first_ns, first), (last_ns, last) = self._lately[0], self._lately[-1]
         return (abs(last) - abs(first)) / (last_ns - first_ns) * S if last_ns > first_ns else 0.0
 
-    def _is_braked(self, accel_mps2: float, speed_mps: float) -> bool:
+    def _is_braked(self, accel_mps2: float, speed_mps: float, direction: float) -> bool:
         if abs(speed_mps) < STANDS_MPS:
-            return accel_mps2 <= 0.0
+            return accel_mps2 * direction <= 0.0
         brake_mps2 = -math.copysign(1.0, speed_mps) * accel_mps2
         goes_on = self._stops or abs(speed_mps) < self._slow_mps
         return brake_mps2 >= self._least_mps2 or (goes_on and brake_mps2 > 0.0)

@@ -1,6 +1,6 @@
 """The messages that a profile names: identifiers, lengths, signals and protection."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,7 +8,15 @@ from cantools.database.can import Message, Signal
 from vehicle_bus_contract.reference import Frame
 
 from hil_bench.peer.protection import Protection, UnknownProtectionError, read_protection
-from hil_bench.peer.signals import PeerSignal, field_signals, read_signal, received_signals, sent_values, sources_of
+from hil_bench.peer.signals import (
+    PeerSignal,
+    field_signals,
+    initial_of,
+    read_signal,
+    received_signals,
+    sent_values,
+    sources_of,
+)
 from hil_bench.profile import ProfileError, ProfileFiles
 
 EXTENDED = 1 << 31
@@ -26,8 +34,12 @@ class Layout:
     messages: Mapping[str, Message]
     signals: Mapping[str, PeerSignal]
     protections: Mapping[str, Protection]
-    used: Mapping[str, tuple[str, ...]]
-    """The signals that the profile names, of each message."""
+    dotted: Mapping[str, tuple[tuple[str, str], ...]]
+    """The signals that the profile names, of each message: by full and short name."""
+    initial: Mapping[str, Mapping[str, float]]
+    """Values of all signals of each message, in the DBC's unit, where nothing else is said."""
+    branches: Mapping[str, Sequence[Mapping[str, float]]]
+    """Of a multiplexed message, the multiplexer's value of each branch."""
     ids: Mapping[str, int]
     names: Mapping[int, str]
     """Identifier, with `EXTENDED` → message."""
@@ -67,14 +79,16 @@ def read_layout(files: ProfileFiles) -> Layout:
         messages=messages,
         signals=signals,
         protections=protections,
-        used={one: tuple(name.partition(".")[2] for name in signals if name.startswith(f"{one}.")) for one in messages},
+        dotted={one: tuple((n, n.partition(".")[2]) for n in signals if n.startswith(f"{one}.")) for one in messages},
+        initial={one: {s.name: initial_of(s) for s in message.signals} for one, message in messages.items()},
+        branches={name: _branches_of(message) for name, message in messages.items()},
         ids=ids,
         names={can_id: name for name, can_id in ids.items()},
         groups=_read_groups(profile, messages),
     )
 
 
-def branches_of(message: Message) -> list[dict[str, int]]:
+def _branches_of(message: Message) -> list[dict[str, float]]:
     """The multiplexer's value of each branch, of a multiplexed message."""
     chosen = {
         (signal.multiplexer_signal, number) for signal in _inner(message) for number in signal.multiplexer_ids or ()

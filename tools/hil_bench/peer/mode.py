@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from vehicle_bus_contract.reference import AUTONOMOUS, EMERGENCY_STOP, FAULT, MANUAL, READY
@@ -54,7 +55,7 @@ class Conditions:
         condition: Condition | None = self.profile["state"].get("pose", {}).get("valid")
         return condition
 
-    @property
+    @cached_property
     def signs(self) -> list[tuple[str, Condition]]:
         """Field → the condition that makes it negative."""
         forms = self.profile["state"]["signals"].items()
@@ -97,10 +98,11 @@ class Conditions:
             self._chosen[key] = next(values for values in found if values is not None)
         return self._chosen[key]
 
-    def names(self) -> set[str]:
+    @cached_property
+    def names(self) -> frozenset[str]:
         """All signals in conditions."""
         every = [*self.when.values(), *self.driver.values(), *(sign for _, sign in self.signs), self.valid]
-        return {signal for condition in every for signal in signals_of(condition)}
+        return frozenset(signal for condition in every for signal in signals_of(condition))
 
     def _mode_goals(self, mode: int) -> list[tuple[Condition, bool]] | None:
         goals: list[tuple[Condition, bool]] = []

@@ -1,5 +1,6 @@
 """The signals that a profile names: where the DBC has them, and what they mean in SI."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from hil_bench.peer.conditions import signals_of
 from hil_bench.peer.units import size_of
 
 DEGREES = ("latitude_deg", "longitude_deg")
+"""Fields that are no SI."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +26,8 @@ class PeerSignal:
     low: float
     high: float
     """Range, in the DBC's unit."""
+    bits_range: tuple[float, float]
+    """What the bits can carry, in the DBC's unit."""
     names: Mapping[str, int]
     missing: tuple[int, ...]
     """Raw values by which the sender says that it has none."""
@@ -58,11 +62,6 @@ class PeerSignal:
         """One count, in the field's unit."""
         return abs(self.factor * float(self.signal.scale))
 
-    @property
-    def bits_range(self) -> tuple[float, float]:
-        """What the bits can carry, in the DBC's unit."""
-        return _bits_range(self.signal)
-
 
 def read_signal(database: Database, profile: Mapping[str, Any], dotted: str, *, own_unit: bool = False) -> PeerSignal:
     """Raises `KeyError` for a signal that the DBC does not have. `own_unit`: its values are not converted."""
@@ -72,6 +71,8 @@ def read_signal(database: Database, profile: Mapping[str, Any], dotted: str, *, 
     names = {str(word): int(number) for number, word in (signal.choices or {}).items()}
     names = {str(word): int(number) for number, word in notes.get("names", {}).items()} or names
     size = 1.0 if own_unit or names else size_of(notes.get("unit", signal.unit))
+    if any(dotted in sources_of(profile["state"]["signals"].get(key)) for key in DEGREES):
+        size /= math.radians(1.0)
     low, high = _bits_range(signal)
     stated = notes.get("range", (signal.minimum, signal.maximum))
     if None not in stated and stated[0] != stated[1]:
@@ -84,6 +85,7 @@ def read_signal(database: Database, profile: Mapping[str, Any], dotted: str, *, 
         offset=float(notes.get("offset", 0.0)),
         low=low,
         high=high,
+        bits_range=_bits_range(signal),
         names=names,
         missing=tuple(notes.get("not_available", ())),
     )

@@ -107,7 +107,7 @@ class PeerVehicle(Vehicle):
         direction = -1.0 if self.gear == REVERSE else 1.0
         asked = self.wire.reader.read(self._newest, speed_mps=plant.speed_mps, direction=direction)
         if name in self.wire.command or COMMAND not in self.commands:
-            stop = self._stop.is_stop(asked, speed_mps=plant.speed_mps, at_ns=now_ns)
+            stop = self._stop.is_stop(asked, speed_mps=plant.speed_mps, direction=direction, at_ns=now_ns)
         else:
             stop = bool(self.commands[COMMAND]["SAFE_STOP"])
         self._asked = {"ACCEL_REQUEST": 0.0, **asked, "SAFE_STOP": float(stop)}
@@ -145,7 +145,7 @@ class PeerVehicle(Vehicle):
         if self.mode != AUTONOMOUS:
             return super()._pedals()
         is_speed = self.wire.reader.longitudinal == "speed"
-        brakes = self._asked["SPEED_REQUEST"] == 0.0 if is_speed else bool(self._requested("SAFE_STOP"))
+        brakes = self._asked.get("SPEED_REQUEST", 0.0) == 0.0 if is_speed else bool(self._requested("SAFE_STOP"))
         return self._requested("ACCEL_REQUEST"), brakes
 
     def _update_mode(self, now_ns: int) -> None:
@@ -162,11 +162,12 @@ class PeerVehicle(Vehicle):
         for dotted in self._echoes:
             states = min(ECHO_STATES, 1 << self.wire.signals[dotted].signal.length)
             flat[dotted] = float(self._tick * self.period_ns // ECHO_CHANGES_NS % states)
-        return [self._pack_next(name, flat) for name, every in self._every.items() if self._tick % every == 0]
+        told = {**self.wire.fields.write(flat), **{dotted: flat[dotted] for dotted in self._echoes}}
+        return [self._pack_next(name, told) for name, every in self._every.items() if self._tick % every == 0]
 
     def _pack_next(self, name: str, values: dict[str, float]) -> TxFrame:
         self._counters[name] += 1
-        return TxFrame(name, self.counter_of(name), self.wire.pack(name, self._counters[name], **values))
+        return TxFrame(name, self.counter_of(name), self.wire.pack_signals(name, self._counters[name], values))
 
     def _values(self) -> SignalValues:
         values: SignalValues = {name: {} for name in self.wire.periods_s}

@@ -10,11 +10,11 @@ from vehicle_bus_contract.reference import DecodedFrame, Frame
 from hil_bench.peer import allowances
 from hil_bench.peer.command import CommandReader
 from hil_bench.peer.fields import Fields
-from hil_bench.peer.layout import EXTENDED, branches_of, read_layout
+from hil_bench.peer.layout import EXTENDED, read_layout
 from hil_bench.peer.mode import ACTIONS, ORDER
 from hil_bench.peer.protection import write_bits
 from hil_bench.peer.roles import read_roles
-from hil_bench.peer.signals import field_signals, initial_of, sources_of
+from hil_bench.peer.signals import field_signals, sources_of
 from hil_bench.profile import ProfileError, read_files, read_limits
 from hil_bench.vocabulary import SIGNAL_NAMES
 from hil_bench.wire import WHEEL_COUNT_RAD, Protection, Wire
@@ -53,16 +53,20 @@ class PeerWire(Wire):
 
     def pack(self, name: str, counter: int, **values: float) -> Frame:
         """A frame with a good checksum: of the vehicle by fields, of both ends by MESSAGE.SIGNAL."""
+        told = {} if name not in self.periods_s else self.fields.write(values)
+        return self.pack_signals(
+            name, counter, {**told, **{dotted: v for dotted, v in values.items() if "." in dotted}}
+        )
+
+    def pack_signals(self, name: str, counter: int, values: Mapping[str, float]) -> Frame:
+        """A frame with a good checksum, by MESSAGE.SIGNAL; those of other messages are ignored."""
         message, protection = self.layout.messages[name], self.layout.protections[name]
-        signals = {signal.name: initial_of(signal) for signal in message.signals}
-        if name in self.periods_s:
-            signals |= self.fields.write(name, values)
-            branches = branches_of(message)
-            signals |= branches[counter % len(branches)] if branches else {}
-        for dotted, value in values.items():
-            owner, _, short = dotted.partition(".")
-            if owner == name:
-                signals[short] = self.signals[dotted].to_dbc(value)
+        signals = dict(self.layout.initial[name])
+        for dotted, short in self.layout.dotted[name]:
+            if dotted in values:
+                signals[short] = self.signals[dotted].to_dbc(values[dotted])
+        branches = self.layout.branches[name] if name in self.periods_s else ()
+        signals |= branches[counter % len(branches)] if branches else {}
         data = message.encode(signals, strict=False, padding=False)
         if protection.counters:
             data = write_bits(data, protection.counter_bits, counter % protection.counters)
@@ -104,10 +108,10 @@ class PeerWire(Wire):
             frame.data, decode_choices=False, scaling=False
         )
         found = {}
-        for short in self.layout.used[name]:
-            signal = self.signals[f"{name}.{short}"]
+        for dotted, short in self.layout.dotted[name]:
+            signal = self.signals[dotted]
             if short in raw and raw[short] not in signal.missing:
-                found[signal.dotted] = signal.from_raw(raw[short])
+                found[dotted] = signal.from_raw(raw[short])
         if name in self.periods_s:
             found |= self.fields.read_alone(name, found)
         if self.layout.protections[name].counters:
@@ -247,13 +251,14 @@ class PeerWire(Wire):
         self.tells_enable = bool(self.reader.enabling_messages)
         form = self.reader.longitudinal
         self.commands_acceleration, self.commands_angle = form != "speed", self.reader.lateral != "yaw_rate"
-        self.can_reverse = self.reader.has_gear or (form in ("speed", "acceleration") and self.reader.is_signed)
         self.opposed = OPPOSED.get(form, ())
         speeds = sources_of(self.fields.forms["speed_mps"])
         is_signed = (
             isinstance(self.fields.forms["speed_mps"], Mapping) and "negative_if" in self.fields.forms["speed_mps"]
         )
         self.measures_backwards = is_signed or all(self.signals[name].bits_range[0] < 0.0 for name in speeds)
+        by_sign = form in ("speed", "acceleration") and self.reader.is_signed
+        self.can_reverse = self.measures_backwards and (self.reader.has_gear or by_sign)
         self._numbers = self._read_numbers()
 
     def _take_allowances(self) -> None:
