@@ -79,12 +79,14 @@ def test_bits_are_written_where_they_are_read() -> None:
         ("m / s", 1.0),
         ("%", 0.01),
         ("rpm", math.tau / 60),
-        ("furlong", 1.0),
+        ("1/km", 0.001),
+        ("", 1.0),
         (None, 1.0),
     ],
 )
 def test_units_are_known_by_their_spellings(unit: str | None, size: float) -> None:
     assert size_of(unit) == pytest.approx(size)
+    assert size_of("furlong") is None
 
 
 CONDITIONS: list[str | Mapping[str, object]] = [
@@ -227,6 +229,11 @@ def test_a_vehicle_that_reacts_later_is_given_the_time_and_odometry_is_armed_aga
     [
         ("[command.signals]", "[command.none]", "can only be watched"),
         ('"MOTION_COMMAND.STEERING_ANGLE"', '"MOTION_COMMAND.ANGLE"', "ANGLE"),
+        (
+            '"MOTION_COMMAND.STEERING_ANGLE"',
+            '"MOTION_COMMAND.STEERING_ANGLE"\n[signals."MOTION_COMMAND.STEERING_ANGLE"]\nunit = "gon"',
+            "unit 'gon'",
+        ),
         ("lateral_jerk_mps3", "# lateral_jerk_mps3", "lateral_jerk_mps3 is missing"),
     ],
 )

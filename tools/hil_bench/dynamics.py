@@ -86,7 +86,7 @@ def swerving(wire: Wire, record: Record) -> Iterable[str]:
             angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
             rear = pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)
             per_m = (math.tan(angle) - math.tan(rear)) / wheelbase_m
-            slack = per_s * JITTER_NS / S + wire.wheel_count_rad / wheelbase_m
+            slack = per_s * (JITTER_NS / S + wire.wheel_hold_s) + wire.wheel_count_rad / wheelbase_m
             most = limits["lateral_accel_mps2"] / _fastest_mps(lately_mps) ** 2
             if abs(before) > most:
                 pace.counts_from(math.copysign(most, before), granted, slack)
@@ -204,7 +204,8 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
         if not wire.commands_angle:
             continue
         angles = [pair.steer["FRONT_WHEEL_ANGLE_REQUEST"] for pair in engaging]
-        yield from _faster(engaging, angles, limits["front_wheel_rate_radps"], "rad/s while it engages", record)
+        rate = limits["front_wheel_rate_radps"]
+        yield from _faster(engaging, angles, rate, "rad/s while it engages", record, more=rate * wire.wheel_hold_s)
 
 
 def _speeds(record: Record) -> Recent:

@@ -79,6 +79,8 @@ class Wire:
     """The vehicle stops itself when a command is missing for this long."""
     speed_share = length_share = along_mps2 = 1.0
     """By which the speeds and lengths of the cases' routes are multiplied for this vehicle, and their acceleration."""
+    wheel_hold_s = 0.0
+    """How much longer than a sample's period a commanded wheel angle lasts."""
     ticks_per_command = ticks_per_sample = 1
     unjudged: Mapping[str, str] = {}
     """The kinds of `judge.KINDS` that this vehicle's bus has nothing for, and what it lacks."""

@@ -396,10 +396,10 @@ def _wrong_values(pair: Pair, speed_mps: float, limits: Limits, *, is_firm: bool
         yield f"GEAR_REQUEST {gear:.0f} at {speed_mps:.2f} m/s"
 
 
-def judge_wheel_rates(record: Record, limits: Limits) -> None:
+def judge_wheel_rates(record: Record, limits: Limits, more_rad: float = 1e-4) -> None:
     """The wheels' rate over every stretch of enabled commands, however short or long, not only from frame to frame."""
     rate_radps = limits.steer_rate_radps
-    slack_rad = rate_radps * JITTER_NS / S + 1e-4
+    slack_rad = rate_radps * JITTER_NS / S + more_rad
     lowest, highest, before_ns = math.inf, -math.inf, 0
     for pair in record.pairs:
         t_s = (pair.steer.stamp_ns - record.begin_ns) / S

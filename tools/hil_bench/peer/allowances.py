@@ -39,9 +39,10 @@ def later_s(profile: Mapping[str, Any], roles: Roles, reader: CommandReader) -> 
 
 
 def enable_period_s(profile: Mapping[str, Any], reader: CommandReader) -> float:
-    """Of the messages besides commands that say whether these are enabled; 0 where commands say so themselves."""
-    enabling = [send for send in profile.get("send", ()) if send["message"] in reader.enabling_messages]
-    return max((float(send.get("period_s", 0.0)) for send in enabling), default=0.0)
+    """Of the slowest message that says whether commands are enabled; 0 where each command says so itself."""
+    sends = {str(send["message"]): float(send.get("period_s", 0.0)) for send in profile.get("send", ())}
+    periods = {**sends, **profile["command"].get("periods", {})}
+    return max((float(periods.get(name, 0.0)) for name in reader.enabling_messages), default=0.0)
 
 
 def accel_slack_mps2(profile: Mapping[str, Any], reader: CommandReader) -> float:

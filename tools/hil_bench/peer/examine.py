@@ -35,7 +35,7 @@ def examine_peer(wire: PeerWire, frames: Iterable[Frame]) -> Record:
     else:
         _judge_slow_answers(wire, record)
     if wire.commands_angle:
-        judge_wheel_rates(record, wire.limits)
+        judge_wheel_rates(record, wire.limits, 1e-4 + wire.wheel_slack_rad(wire.limits.steer_rate_radps))
     _add_releases(examination.releases, record)
     return record
 

@@ -71,7 +71,7 @@ def read_layout(files: ProfileFiles) -> Layout:
         if any(len(signal.multiplexer_ids or ()) > 1 or signal.is_multiplexer for signal in _inner(message)):
             raise ProfileError(f"{files.path}: {name} has multiplexers in multiplexers, which the bench does not play")
     try:
-        protections = {name: read_protection(profile, message) for name, message in messages.items()}
+        protections = {name: read_protection(profile, message, files.path.parent) for name, message in messages.items()}
     except UnknownProtectionError as error:
         raise ProfileError(f"{files.path}: the bench has no code of its own for {error}") from None
     ids = {name: message.frame_id | EXTENDED * message.is_extended_frame for name, message in messages.items()}

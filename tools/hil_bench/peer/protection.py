@@ -1,7 +1,9 @@
 """Checksums and counters of a profile's messages, computed bit by bit from their definitions."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import runpy
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from cantools.database.can import Message, Signal
@@ -44,6 +46,8 @@ class Protection:
     counters: int = 0
     """Number of values of the counter; 0: none."""
     max_step: int = 3
+    function: Callable[[int, bytes], int] | None = None
+    """The profile's own checksum, of identifier and payload."""
 
     @property
     def has_checksum(self) -> bool:
@@ -69,6 +73,8 @@ class Protection:
     def _compute(self, can_id: int, data: bytes, is_extended: bool, data_id: int | None) -> int:
         clear = write_bits(data, self.checksum_bits, 0)
         owner = data_id if data_id is not None else self.data_id
+        if self.function is not None:
+            return self.function(can_id if data_id is None else data_id, clear)
         if self.kind == "autosar-1":
             assert isinstance(owner, int)
             return crc8(bytes((owner & 0xFF, owner >> 8)) + _without(data, self.checksum_bits))
@@ -117,8 +123,11 @@ class Protection:
 UNPROTECTED = Protection()
 
 
-def read_protection(profile: Mapping[str, Any], message: Message) -> Protection:
-    """The protection of a message. Raises `UnknownProtectionError`, and `KeyError` for a signal that is not there."""
+def read_protection(profile: Mapping[str, Any], message: Message, folder: Path) -> Protection:
+    """The protection of a message, by a profile in this folder.
+
+    Raises `UnknownProtectionError`, and `KeyError` for a signal that is not there.
+    """
     e2e = profile.get("e2e", {})
     if message.name in e2e.get("data_ids", {}):
         if e2e.get("data_id_mode", "BOTH") != "BOTH" or e2e["profile"] not in (1, 5):
@@ -136,10 +145,14 @@ def read_protection(profile: Mapping[str, Any], message: Message) -> Protection:
     own = {"use": use} if isinstance(use, str) else use
     rule = table[own["use"]]
     checksum = rule.get("checksum", {})
-    if checksum and checksum["kind"] not in (*AUTOSAR, "sum", "xor", "crc8", "crc16"):
+    if checksum and checksum["kind"] not in (*AUTOSAR, "sum", "xor", "crc8", "crc16", "python"):
         raise UnknownProtectionError(f"checksum {checksum['kind']}")
     data_id = own.get("data_id", checksum.get("table"))
-    return _build(message, checksum=checksum, counter=rule.get("counter", {}), data_id=data_id)
+    found = _build(message, checksum=checksum, counter=rule.get("counter", {}), data_id=data_id)
+    if checksum.get("kind") == "python":
+        file, _, name = checksum["function"].partition(":")
+        return replace(found, function=runpy.run_path(str(folder / file))[name])
+    return found
 
 
 def _build(

@@ -27,6 +27,7 @@ class Roles:
     command: tuple[str, ...]
     """The messages of a command that come in its shortest period."""
     command_period_s: float
+    periods_of_commands: Mapping[str, float]
     watched_s: Mapping[str, float]
     """For how long each message of a command may be missing."""
     of_device: tuple[str, ...]
@@ -57,6 +58,7 @@ def read_roles(profile: Mapping[str, Any], layout: Layout) -> Roles:
         periods_s=_sent_periods(profile, layout, sample, trigger=trigger, is_counted=is_counted),
         command=tuple(name for name in commands if periods[name] == min(periods.values())),
         command_period_s=min(periods.values()),
+        periods_of_commands=periods,
         watched_s={name: max(SHORTEST_WATCHDOG_S, WATCHDOG_PERIODS * period_s) for name, period_s in periods.items()},
         of_device=tuple(dict.fromkeys([*commands, *sends, *reports])),
         reports=tuple(reports),

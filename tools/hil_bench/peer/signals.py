@@ -9,6 +9,7 @@ from cantools.database.can import Database, Message, Signal
 
 from hil_bench.peer.conditions import signals_of
 from hil_bench.peer.units import size_of
+from hil_bench.profile import ProfileError
 
 DEGREES = ("latitude_deg", "longitude_deg")
 """Fields that are no SI."""
@@ -70,7 +71,13 @@ def read_signal(database: Database, profile: Mapping[str, Any], dotted: str, *, 
     notes = profile.get("signals", {}).get(dotted, {})
     names = {str(word): int(number) for number, word in (signal.choices or {}).items()}
     names = {str(word): int(number) for number, word in notes.get("names", {}).items()} or names
-    size = 1.0 if own_unit or names else size_of(notes.get("unit", signal.unit))
+    unit = notes.get("unit", signal.unit)
+    size = 1.0 if own_unit or names else size_of(unit)
+    if size is None and dotted in _bound_signals(profile):
+        raise ProfileError(
+            f"{dotted}: the bench does not know the unit {unit!r}; [signals] of the profile may name another"
+        )
+    size = size or 1.0  # a condition may compare in a unit of its own
     if any(dotted in sources_of(profile["state"]["signals"].get(key)) for key in DEGREES):
         size /= math.radians(1.0)
     low, high = _bits_range(signal)
@@ -95,6 +102,12 @@ def initial_of(signal: Signal) -> float:
     """What is sent where nothing else is said, in the DBC's unit."""
     raw = signal.raw_initial
     return float(raw if isinstance(raw, int | float) else 0) * float(signal.scale) + float(signal.offset)
+
+
+def _bound_signals(profile: Mapping[str, Any]) -> set[str]:
+    """The signals of fields that have a unit."""
+    state = (name for form in profile["state"]["signals"].values() for name in sources_of(form))
+    return {*state, *(name for names in field_signals(profile).values() for name in names)}
 
 
 def sources_of(form: object) -> tuple[str, ...]:

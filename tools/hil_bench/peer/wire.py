@@ -23,6 +23,7 @@ LONGEST_TICK_S = 0.02
 MODE_NUMBERS = {name.upper(): number for name, number in ORDER.items()}
 ACTION_OF = dict(zip(("driver_brake", "driver_throttle", "driver_steer_torque_nm"), ACTIONS, strict=True))
 OPPOSED = {"pedals": ("throttle", "brake"), "drive_and_brake": ("drive_mps2", "brake_mps2")}
+WHEEL_FIELDS = {"curvature": "curvature_per_m", "yaw_rate": "yaw_rate_radps"}
 KEYS = {name: key for part in ("state", "status", "command") for key, name in SIGNAL_NAMES[part].items()}
 """The reference vehicle's name of a signal → key of the profile."""
 
@@ -225,10 +226,14 @@ class PeerWire(Wire):
     @property
     def wheel_count_rad(self) -> float:
         """Tolerance of the commanded front wheels, for rounding."""
-        per_m = {"curvature": "curvature_per_m", "yaw_rate": "yaw_rate_radps"}.get(self.reader.lateral)
+        per_m = WHEEL_FIELDS.get(self.reader.lateral)
         if per_m is None:
             return max(WHEEL_COUNT_RAD, self.reader.count("front_wheel_angle_rad"))
         return max(WHEEL_COUNT_RAD, self.reader.count(per_m) * float(self.profile["geometry"]["wheelbase_m"]))
+
+    def wheel_slack_rad(self, rate_radps: float) -> float:
+        """Tolerance of a wheel rate: commands that are slower than samples step by as much."""
+        return rate_radps * self.wheel_hold_s + self.wheel_count_rad * (self.wheel_hold_s > 0.0)
 
     # --- from the profile
 
@@ -271,6 +276,9 @@ class PeerWire(Wire):
         self.later_s = allowances.later_s(profile, roles, self.reader)
         self.accel_slack_mps2 = self.engaging_slack_mps2 = allowances.accel_slack_mps2(profile, self.reader)
         self.tow_mps2 = allowances.tow_mps2(profile, self.reader)
+        lateral = WHEEL_FIELDS.get(self.reader.lateral, "front_wheel_angle_rad")
+        periods = [roles.periods_of_commands[name.partition(".")[0]] for name in self.carriers(lateral)]
+        self.wheel_hold_s = max(periods, default=0.0) - roles.command_period_s
         self.speed_slack_mps = 2.0 * self.reader.count("speed_mps")
         self.along_mps2 = allowances.along_mps2(profile)
         self.length_share = allowances.length_share(profile)
