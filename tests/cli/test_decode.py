@@ -45,6 +45,20 @@ def test_the_log_of_every_program_gives_its_values(tmp_path: Path, name: str) ->
         assert arrays["SPEED.V"].tolist() == [100.0]
 
 
+def test_the_folder_of_a_recorded_drive_stands_for_its_frames(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive, options = tmp_path / "drive1", ["--dbc", str(tmp_path / "bus.dbc"), "--out", str(tmp_path / "out.npz")]
+    (tmp_path / "bus.dbc").write_text(DBC)
+    drive.mkdir()
+    assert cli.main(["decode", str(drive), *options]) == 2
+    assert f"{drive}: is a folder without frames.log; name a log, or the folder that" in capsys.readouterr().err
+    (drive / "frames.log").write_text("(1.000000) can0 100#1027000000000000\n")
+    assert cli.main(["decode", str(drive), *options]) == 0
+    with np.load(tmp_path / "out.npz") as arrays:
+        assert arrays["SPEED.V"].tolist() == [100.0]
+
+
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [

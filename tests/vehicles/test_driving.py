@@ -170,7 +170,7 @@ def test_the_summary_shows_the_age_of_each_part_and_how_far_odometry_went(tmp_pa
     way_m = drive.vehicle.state.x_m
     summary = drive.loop.summary()
     assert summary.odometry_m == pytest.approx(way_m, abs=0.1)
-    assert "m driven; it grows wrong with the way" in table(summary)
+    assert "m driven; its error grows with the distance" in table(summary)
     by_time = drive_of("sample_by_time", tmp_path).engage(1.0)
     ages_s = by_time.loop.summary().part_ages_s
     assert ages_s is not UNSET

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from vehicle_iface.cli.channels import find_log_channels
 from vehicle_iface.cli.exit_status import DONE
+from vehicle_iface.cli.files import find_log
 from vehicle_iface.cli.progress import show_progress
 from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec.bus_files import read_dbcs
@@ -45,7 +46,7 @@ def decode(options: argparse.Namespace) -> int:
 
 def _decode(options: argparse.Namespace, file: DbcFile, profile: Profile | None) -> DecodedLog:
     """The messages on the channel that was chosen, or those of each bus on its own."""
-    path, selected = Path(options.log), file.select_messages(options.message)
+    path, selected = find_log(options.log), file.select_messages(options.message)
     _show_faults(file)
     if profile is None:
         if len(options.channels) > 1:

@@ -1,8 +1,19 @@
-"""Files that an option names."""
+"""Files that an option or an argument names."""
 
 from pathlib import Path
 
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.recorder.files import FRAMES
+
+
+def find_log(path: str) -> Path:
+    """The log at a path: the file itself, or the frames in the folder of a recorded drive."""
+    log = Path(path)
+    if not log.is_dir():
+        return log
+    if not (log / FRAMES).is_file():
+        raise ConfigError(f"{log}: is a folder without {FRAMES}; name a log, or the folder that `run --record` wrote")
+    return log / FRAMES
 
 
 def check_writable(path: str, option: str) -> None:

@@ -195,8 +195,8 @@ def _add_decode(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "log",
         metavar="LOG",
-        help="candump (with or without -L and -t), .asc, .trc, .blf, .csv of SavvyCAN or python-can; its stamps become "
-        "MESSAGE:stamp_ns, nanoseconds",
+        help="candump (with or without -L and -t), .asc, .trc, .blf, .csv of SavvyCAN or python-can, or the folder of "
+        "`run --record`; its stamps become MESSAGE:stamp_ns, nanoseconds",
     )
     _add_log_channels(parser)
     which = parser.add_mutually_exclusive_group()
@@ -212,7 +212,9 @@ def _add_decode(parser: argparse.ArgumentParser) -> None:
 
 def _add_review(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "log", metavar="LOG", help="the log of a drive with turns and stops, of any kind that decode reads"
+        "log",
+        metavar="LOG",
+        help="the log of a drive with turns and stops, of any kind that decode reads, or the folder of `run --record`",
     )
     parser.add_argument("--profile", required=True, help="profile of the vehicle: its name, or a .toml file")
     _add_log_channels(parser)

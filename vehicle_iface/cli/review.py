@@ -1,11 +1,10 @@
 """`vehicle-iface review`: checks a profile against a recorded drive."""
 
 import argparse
-from pathlib import Path
 
 from vehicle_iface.cli.channels import find_log_channels
 from vehicle_iface.cli.exit_status import CONTRADICTED, DONE
-from vehicle_iface.cli.files import write_text
+from vehicle_iface.cli.files import find_log, write_text
 from vehicle_iface.cli.progress import show_progress
 from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.profile import load_profile
@@ -17,7 +16,7 @@ from vehicle_iface.review.series import read_drive
 
 def review(options: argparse.Namespace) -> int:
     """Print what was found and write the page; 1 when something contradicts the profile."""
-    log = Path(options.log)
+    log = find_log(options.log)
     profile = load_profile(options.profile)
     channels = find_log_channels(options.channels, profile, command=f"review {options.log}")
     drive = read_drive(log, profile, channels=channels, progress=show_progress)

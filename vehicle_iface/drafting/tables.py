@@ -23,7 +23,7 @@ _POSE_NEEDS = {
 _POSE_FIELDS = ("x_m", "y_m", "latitude_deg", "longitude_deg", "heading_rad", "pose_frame", "pose_valid")
 _POSE_REASONS = {
     "geographic": "latitude and longitude were found, no position in metres",
-    "odometry": "no position was found: reckoned from speed and turning, drifts with the way driven",
+    "odometry": "no position was found: reckoned from speed and turning; its error grows with the distance",
 }
 _OTHER_FORMS = ("drive_mps2", "brake_mps2", "throttle", "brake", "curvature_per_m", "yaw_rate_radps")
 

@@ -65,7 +65,7 @@ def table(summary: RunSummary) -> str:
         ages = ", ".join(f"{name} {age_s * 1e3:.0f} ms" for name, age_s in summary.part_ages_s.items())
         rows.append(("oldest parts of a sample", ages))
     if summary.odometry_m is not UNSET:
-        rows.append(("odometry", f"{summary.odometry_m:.1f} m driven; it grows wrong with the way"))
+        rows.append(("odometry", f"{summary.odometry_m:.1f} m driven; its error grows with the distance"))
     if summary.latency.count:
         rows.append(("latency state→command", "  ".join(_quantiles(summary.latency))))
     if summary.shadow is not UNSET and summary.shadow.takeovers:

@@ -105,7 +105,7 @@ class LiveDetails(Causes, frozen=True, kw_only=True):
     part_ages_s: dict[str, float] | UnsetType = UNSET
     """By message, the greatest age of a part of a sample by time."""
     odometry_m: float | UnsetType = UNSET
-    """The way of dead reckoning, which grows wrong with it."""
+    """The distance of dead reckoning, with which its error grows."""
     bus: ByCause = msgspec.field(default_factory=dict)
 
     def shortened(self) -> "LiveDetails":
@@ -158,7 +158,7 @@ class RunSummary(Causes, frozen=True, kw_only=True):
     part_ages_s: dict[str, float] | UnsetType = UNSET
     """By message, the greatest age of a part of a sample by time."""
     odometry_m: float | UnsetType = UNSET
-    """The way of dead reckoning, which grows wrong with it."""
+    """The distance of dead reckoning, with which its error grows."""
     shadow: ShadowSummary | UnsetType = UNSET
     recorder: RecorderSummary | UnsetType = UNSET
     review: str | UnsetType = UNSET
