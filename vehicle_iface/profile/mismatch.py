@@ -4,12 +4,17 @@ import difflib
 import re
 import typing
 
+_PLACEHOLDER = "TODO"
+"""What `new-profile` writes where a value is needed."""
+
 
 def describe_mismatch(message: str, value: object, kind: object, place: str) -> str:
     """msgspec's message after the place that it is about, with the value, or with the words that are allowed."""
-    text, _, inner = message.replace("`", "").replace("-0.0", "0.0").rpartition(" - at ")
+    text, _, inner = message.replace("`", "").replace("-0.0", "0.0").replace(" | null", "").rpartition(" - at ")
     text, path = (text, inner.removeprefix("$")) if text else (inner, "")
-    if text.startswith("Invalid enum value"):
+    if _find(value, path) == _PLACEHOLDER:
+        text = f"is still {_PLACEHOLDER}; replace it by {'a number' if 'float' in text else 'its value'}"
+    elif text.startswith("Invalid enum value"):
         allowed = [str(word) for word in _words_of(kind)]
         wrong = _find(value, path)
         near = difflib.get_close_matches(wrong, allowed, n=1) if isinstance(wrong, str) else []
