@@ -22,6 +22,7 @@ from vehicle_iface.trajectories.receding import RecedingRoute
 
 VEHICLES = {
     "agilex_hunter": 0.15,
+    "agilex_hunter_ins": 0.15,
     "fs_ai_ads_dv": 0.2,
     "j1939_truck": 0.2,
     "mqb_by_wire": 0.15,
