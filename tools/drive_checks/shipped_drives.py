@@ -107,6 +107,8 @@ def main() -> int:
         for name in vehicles:
             if load_profile(name).only_watches:
                 raise CannotError(f"{name} has no [command] and cannot be driven")
+            if len(load_profile(name).all_buses) > 1:
+                raise CannotError(f"{name} has several buses, and these drives are on one")
     except (CannotError, ConfigError) as error:
         print(f"shipped_drives: {error}", file=sys.stderr)
         return CANNOT
@@ -130,9 +132,10 @@ def main() -> int:
 
 
 def drivable_vehicles() -> tuple[str, ...]:
-    """The shipped profiles of other makers' vehicles that can be driven."""
+    """The shipped profiles of other makers' vehicles that can be driven on one bus."""
     names = sorted(path.stem for path in DBC.glob("*.toml") if path.stem not in REFERENCE)
-    return tuple(name for name in names if not load_profile(name).only_watches)
+    profiles = {name: load_profile(name) for name in names}
+    return tuple(name for name, one in profiles.items() if not one.only_watches and len(one.all_buses) == 1)
 
 
 def _drive_all(vehicles: Sequence[str], options: argparse.Namespace, over: threading.Event) -> list[Drive]:
