@@ -671,7 +671,7 @@ def test_asked_to_end_it_stops_the_vehicle_then_lets_go_and_is_done() -> None:
 
 def test_a_vehicle_that_does_not_come_to_rest_is_let_go_after_ten_seconds() -> None:
     drive = cruising()
-    drive.vehicle._car._goal_mps2 = lambda *_: 0.1  # type: ignore[method-assign]  # brakes that do nothing
+    drive.vehicle._car._target_mps2 = lambda *_: 0.1  # type: ignore[method-assign]  # brakes that do nothing
     drive.loop.shutdown.request()
     took_s = drive.run_until(lambda: drive.loop.shutdown.is_done, 12.0)
     assert 10.0 <= took_s <= 10.3
@@ -977,7 +977,7 @@ def test_who_does_not_drive_answers_samples_that_cannot_be_true_only_while_they_
 
 def test_a_vehicle_that_stands_is_not_frozen() -> None:
     drive = Drive(FixedTrajectory(straight(speed_mps=5.0, time_s=1e6)))
-    drive.vehicle._car._goal_mps2 = lambda *_: 0.0  # type: ignore[method-assign]  # an engine that does nothing
+    drive.vehicle._car._target_mps2 = lambda *_: 0.0  # type: ignore[method-assign]  # an engine that does nothing
     drive.run_s(20.0)
     assert not any(drive.loop.details().implausible.values())
 

@@ -381,7 +381,7 @@ def test_a_second_request_does_not_wait_for_the_warning() -> None:
 
 def test_a_vehicle_that_does_not_come_to_rest_is_let_go_after_ten_seconds_all_the_same() -> None:
     drive = driving(database=with_handover(9.9, holds=True))
-    drive.vehicle._car._goal_mps2 = lambda *_: 0.1  # type: ignore[method-assign]  # brakes that do nothing
+    drive.vehicle._car._target_mps2 = lambda *_: 0.1  # type: ignore[method-assign]  # brakes that do nothing
     drive.loop.shutdown.request()
     assert 10.0 <= drive.run_until(lambda: drive.loop.shutdown.is_done, 12.0) <= 10.3
 

@@ -18,7 +18,7 @@ def choose_actuation(
     speed_mps: float,
     parameters: SimulationParameters,
 ) -> Actuation:
-    """The mode decides who drives; `requested` has the fields of the newest commands."""
+    """Choose the actuation by mode; `requested` has the fields of the newest commands."""
     driver_mps2 = parameters.driver_deceleration_mps2 if driver.brake else 0.0
     if mode is VehicleMode.AUTONOMOUS:
         return _follow_commands(requested, gear)
@@ -34,7 +34,7 @@ def choose_actuation(
 
 
 def find_needed_gear(requested: Mapping[str, float | int]) -> Gear:
-    """The gear of the direction that the newest commands request; NO_REQUEST where they request none."""
+    """Return the gear for the requested direction; NO_REQUEST where the commands request none."""
     direction = requested.get("speed_mps", 0.0)
     if direction == 0.0 and not requested.get("safe_stop", False):
         direction = requested.get("accel_mps2", 0.0)
@@ -54,5 +54,5 @@ def _follow_commands(requested: Mapping[str, float | int], gear: Gear) -> Actuat
 
 
 def _brake(deceleration_mps2: float, speed_mps: float, gear: Gear) -> Actuation:
-    """Against the motion, wheels straight."""
+    """Brake against the motion with straight wheels."""
     return Actuation(gear=gear, accel_mps2=-math.copysign(deceleration_mps2, speed_mps), hold=True)

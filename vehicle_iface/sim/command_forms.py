@@ -13,15 +13,15 @@ SPEED_LAG_S = 0.3
 SPEED_DRIVE_MPS2, SPEED_BRAKE_MPS2 = 2.5, 4.0
 """… and within these accelerations."""
 SPEED_HOLD_MPS2 = 0.3
-"""A commanded speed of 0 is reached, and not only approached: it is braked for at least so hard."""
+"""Minimum deceleration at a commanded speed of 0, so that standstill is reached and not only approached."""
 
 Fields = Mapping[str, float | int]
 Interpret = Callable[[Fields, BicycleState, Gear], Fields]
-"""The newest fields on the bus, the vehicle's state and gear: the same with acceleration and front wheel angle."""
+"""(newest fields, vehicle state, gear) → the fields with acceleration and front wheel angle."""
 
 
 def build_interpreter(database: VehicleDatabase) -> Interpret | None:
-    """How the vehicle of a profile takes its commands; None where they are acceleration and wheel angle themselves."""
+    """Build the conversion of a profile's commands; None where they are acceleration and wheel angle already."""
     if build_former(database.profile, database.command_ranges) is None:
         return None
     reader, speed = CommandReader(database.profile), database.command_ranges.get("speed_mps")
@@ -41,7 +41,7 @@ def build_interpreter(database: VehicleDatabase) -> Interpret | None:
 
 
 def track_speed_mps2(goal_mps: float, speed_mps: float) -> float:
-    """The acceleration with which a speed controller approaches its goal."""
+    """Return the acceleration in m/s² by which the speed controller approaches its target."""
     wanted_mps2 = (goal_mps - speed_mps) / SPEED_LAG_S
     if goal_mps == 0.0 and speed_mps != 0.0:
         wanted_mps2 = math.copysign(max(abs(wanted_mps2), SPEED_HOLD_MPS2), wanted_mps2)

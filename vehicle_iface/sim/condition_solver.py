@@ -1,4 +1,4 @@
-"""Values of signals that make conditions true or false: what a vehicle must send to be understood.
+"""Find signal values that make conditions true or false, for the reports of the simulated vehicle.
 
 A condition on one signal leaves some of that signal's candidate values; only `any`, and the opposite of `all`, leave a
 choice, and those are tried in turn.
@@ -12,31 +12,31 @@ from vehicle_iface.codec.signal_view import SignalView
 from vehicle_iface.profile.forms import Condition
 
 Domains = Mapping[str, tuple[float, ...]]
-"""MESSAGE.SIGNAL → the values that it may have, as they stand in the row, the most ordinary one first."""
+"""MESSAGE.SIGNAL → its possible values, as in the row, the default first."""
 FindPlace = Callable[[str], Place]
 
 
 class Goal(NamedTuple):
-    """A condition, and what it shall be."""
+    """A condition, and its required result."""
 
     condition: Condition
     wanted: bool
 
 
 def signal_of(condition: Condition) -> str | None:
-    """The signal that a condition looks at directly."""
+    """Return the signal of a condition without parts."""
     return condition if isinstance(condition, str) else condition.signal
 
 
 def parts_of(condition: Condition) -> tuple[Condition, ...]:
-    """The conditions that a condition is made of."""
+    """Return the direct parts of a condition."""
     if isinstance(condition, str):
         return ()
     return (*(condition.all or ()), *(condition.any or ()), *((condition.negated,) if condition.negated else ()))
 
 
 def leaves_of(condition: Condition) -> Iterator[Condition]:
-    """All conditions on one signal in it."""
+    """Return all single-signal conditions in a condition."""
     if signal_of(condition) is not None:
         yield condition
     for part in parts_of(condition):
@@ -44,7 +44,7 @@ def leaves_of(condition: Condition) -> Iterator[Condition]:
 
 
 def holds(condition: Condition, values: Mapping[str, float], find: FindPlace) -> bool:
-    """Whether a condition holds when the signals have these values."""
+    """Return whether a condition holds when the signals have these values."""
     if isinstance(condition, str):
         return values[condition] != 0
     if condition.signal is None:
@@ -60,7 +60,7 @@ def holds(condition: Condition, values: Mapping[str, float], find: FindPlace) ->
 
 
 def candidates(view: SignalView, conditions: Iterable[Condition], find: FindPlace) -> tuple[float, ...]:
-    """Values of a signal on either side of all conditions on it, of those that it can carry; the nearest to 0 first."""
+    """Return values that the signal can carry on either side of all conditions on it; the nearest to 0 first."""
     step = view.resolution or 1e-3
     wished = {0.0, step, 1.0, -1.0, *(view.to_field(number) for number in view.enumeration)}
     for condition in conditions:
@@ -77,7 +77,7 @@ def candidates(view: SignalView, conditions: Iterable[Condition], find: FindPlac
 
 
 def zero_and_more(view: SignalView) -> tuple[float, float]:
-    """In the DBC's unit 0, or the number next to it, and the smallest number that is not 0."""
+    """Return 0, or the number next to it, and the smallest number that is not 0, in the DBC's unit."""
     found = candidates(view, (), _find_nothing)
     return view.to_wire(found[0]), view.to_wire(next((one for one in found if one), found[0]))
 
@@ -87,12 +87,12 @@ def _find_nothing(dotted: str) -> Place:
 
 
 def solve(goals: Sequence[Goal], domains: Domains, find: FindPlace) -> Domains | None:
-    """The values that each signal may have when all goals are met; None where there are none."""
+    """Return the values that each signal may have when all goals are met; None where there are none."""
     return next(_narrow(list(goals), [], dict(domains), find), None)
 
 
 def _narrow(goals: list[Goal], choices: list[Goal], domains: Domains, find: FindPlace) -> Iterator[Domains]:
-    """Meet all goals without a choice, then try the parts of one choice after the other."""
+    """Apply all goals without a choice, then try the parts of one choice after the other."""
     while goals:
         goal = goals.pop()
         condition, wanted = goal

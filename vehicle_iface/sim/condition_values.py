@@ -1,4 +1,4 @@
-"""Values of signals that only conditions use, so that mode and driver of the simulated vehicle are recognised."""
+"""Choose values of signals that only conditions use, so that the reported mode and driver are decoded."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -30,12 +30,12 @@ NEXT_BEST = {
     _FAULT: (_FAULT, VehicleMode.EMERGENCY_STOP, _MANUAL, _READY),
     VehicleMode.EMERGENCY_STOP: (VehicleMode.EMERGENCY_STOP, _FAULT, _MANUAL, _READY),
 }
-"""The modes by which a vehicle may say in which it is; the first that its bus can express."""
+"""Modes to report for each mode; the first that the bus can express is used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RowSignal:
-    """A received signal, and its numbers in the row."""
+    """A received signal, and its values in the row."""
 
     view: SignalView
     from_wire: Mapping[int, int] | None
@@ -43,25 +43,25 @@ class RowSignal:
 
 
 class Wanted(NamedTuple):
-    """What shall be understood."""
+    """What the receiver shall decode."""
 
     mode: VehicleMode
     brake: bool
     throttle: bool
     steering: bool
     valid: bool
-    """Of the pose."""
+    """Whether the pose is valid."""
     signs: tuple[bool, ...]
-    """Which fields that have a sign of their own are negative."""
+    """Names of the fields with a separate sign signal that are negative."""
 
 
 class ConditionValues:
-    """Chooses the values. Where not everything can be said at once, the driver comes first, then the mode."""
+    """Chooses the values. Where not everything can be expressed at once, the driver has priority, then the mode."""
 
     def __init__(self, profile: Profile, signals: Mapping[str, RowSignal], fields: Collection[str]) -> None:
-        """`fields` are the signals that are bound to fields: they have the values of these.
+        """`fields` are the signals that are bound to fields and have the fields' values.
 
-        Raises `ConfigError` with a line for each condition that no values fulfil.
+        Raises `ConfigError` with a line for each condition that no values satisfy.
         """
         self._signals = signals
         status = profile.status
@@ -70,17 +70,17 @@ class ConditionValues:
         self._valid = profile.state.pose.valid
         forms = (getattr(profile.state.signals, field) for field in profile.state.signals.__struct_fields__)
         self.signs = tuple(form.negative_if for form in forms if isinstance(form, FieldForm) and form.negative_if)
-        """The conditions of the signs, in the order of `Wanted.signs`."""
+        """Conditions of the signs, in the order of `Wanted.signs`."""
         leaves = [leaf for condition in self._conditions() for leaf in leaves_of(condition)]
         names = {name for leaf in leaves if (name := signal_of(leaf)) is not None}
         self._domains: Domains = {name: self._domain(name, leaves) for name in names}
         self.fixed = tuple(sorted(name for name in names if name in fields))
-        """The signals that are bound to fields, in conditions."""
+        """Signals in conditions that are bound to fields."""
         self.free = tuple(sorted(names - set(self.fixed)))
-        """The other signals in conditions."""
+        """Other signals in conditions."""
         self._fixed_leaves = [leaf for leaf in leaves if signal_of(leaf) in fields]
         self._chosen: dict[tuple[Wanted, tuple[bool, ...]], Mapping[str, float]] = {}
-        faults = [f"{Path(profile.file).name}: {text}" for text in self._faults()]
+        faults = [f"{Path(profile.file).name}: {text}" for text in self._describe_faults()]
         if faults:
             raise ConfigError("\n".join(faults))
 
@@ -88,23 +88,23 @@ class ConditionValues:
         return bool(self._domains)
 
     def choose(self, wanted: Wanted, fixed: Mapping[str, float]) -> Mapping[str, float]:
-        """The value of each signal in a condition, as it stands in the row; those in `fixed` have theirs already."""
+        """Choose the value of each signal in a condition, as in the row; the signals in `fixed` have their values."""
         key = wanted, tuple(holds(leaf, fixed, self.find) for leaf in self._fixed_leaves)
         if key not in self._chosen:
             domains = {name: (fixed[name],) if name in fixed else domain for name, domain in self._domains.items()}
             met: list[Goal] = []
-            for alternatives in self._wishes(wanted):
+            for alternatives in self._list_goals(wanted):
                 met += next((goals for goals in alternatives if solve([*met, *goals], domains, self.find)), [])
             self._chosen[key] = {name: left[0] for name, left in (solve(met, domains, self.find) or domains).items()}
         return {**self._chosen[key], **fixed}
 
     def find(self, dotted: str) -> Place:
-        """What the numbers and names of a signal's conditions mean."""
+        """Return what the numbers and names of a signal's conditions mean."""
         signal = self._signals[dotted]
         return place_of(0, signal.view, signal.from_wire)
 
     def can_express(self, mode: VehicleMode) -> bool:
-        """Whether `[status.when]` has the mode."""
+        """Return whether `[status.when]` has the mode."""
         return getattr(self._when, mode.name.lower()) is not None
 
     def _conditions(self) -> Iterator[Condition]:
@@ -120,23 +120,23 @@ class ConditionValues:
             return tuple(dict.fromkeys(signal.from_wire.values()))
         return candidates(signal.view, (leaf for leaf in leaves if signal_of(leaf) == name), self.find)
 
-    def _wishes(self, wanted: Wanted) -> Iterator[list[list[Goal]]]:
-        """What shall be understood, the most important first; each in several ways, the best first."""
+    def _list_goals(self, wanted: Wanted) -> Iterator[list[list[Goal]]]:
+        """List what shall be decoded, the most important first; each with its alternatives, the best first."""
         driver = [
             Goal(condition, getattr(wanted, name))
             for name in self._driver.__struct_fields__
             if (condition := getattr(self._driver, name)) is not None
         ]
         yield from ([[goal]] for goal in driver if goal.wanted)
-        yield [goals for mode in NEXT_BEST[wanted.mode] for goals in self._mode_goals(mode)]
+        yield [goals for mode in NEXT_BEST[wanted.mode] for goals in self._build_mode_goals(mode)]
         yield from ([[goal]] for goal in driver if not goal.wanted)
         yield from ([[Goal(condition, wanted.valid)]] for condition in (self._valid,) if condition is not None)
         yield from ([[Goal(sign, is_wanted)]] for sign, is_wanted in zip(self.signs, wanted.signs, strict=True))
         if wanted.mode is VehicleMode.AUTONOMOUS and self._when.ready is not None:
             yield [[Goal(self._when.ready, True)]]  # it stays ready: its messages change one after the other
 
-    def _mode_goals(self, mode: VehicleMode) -> Iterator[list[Goal]]:
-        """Its condition holds and none before it does; MANUAL is also where none holds at all."""
+    def _build_mode_goals(self, mode: VehicleMode) -> Iterator[list[Goal]]:
+        """Build the goals of a mode: its condition holds and none before it; MANUAL also where none holds."""
         before: list[Goal] = []
         for name in self._when.__struct_fields__:
             condition = getattr(self._when, name)
@@ -147,10 +147,10 @@ class ConditionValues:
         if mode is _MANUAL:
             yield before
 
-    def _faults(self) -> Iterator[str]:
-        """The conditions that no values make true."""
+    def _describe_faults(self) -> Iterator[str]:
+        """Describe the conditions that no values make true."""
         for mode in VehicleMode:
-            name, ways = mode.name.lower(), list(self._mode_goals(mode))
+            name, ways = mode.name.lower(), list(self._build_mode_goals(mode))
             if getattr(self._when, name) is not None and solve(ways[0], self._domains, self.find) is None:
                 yield f"$.status.when.{name}: no values of its signals make it true and those before it false"
         places = {f"$.status.driver.{name}": getattr(self._driver, name) for name in self._driver.__struct_fields__}

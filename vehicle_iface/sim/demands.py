@@ -1,9 +1,9 @@
-"""What a vehicle demands besides its commands, as far as its profile tells by what is sent to it.
+"""What a vehicle requires in addition to its commands, derived from what its profile sends.
 
 An echo in the profile is a handshake: the vehicle sends one of two values until it comes back, then the other one. A
-value that stays away for ten periods is a lost commander. Where no command has an enable, the vehicle is enabled by
-what the profile sends while engaging, and released when that ends. Nothing else is demanded: what a vehicle expects of
-other messages, a profile does not say.
+value that is missing for ten periods means a lost commander. Where no command has an enable, the vehicle is enabled by
+what the profile sends while engaging, and released when that ends. Nothing else is required: a profile
+does not define what a vehicle expects of other messages.
 """
 
 from collections.abc import Iterator, Mapping
@@ -19,7 +19,7 @@ from vehicle_iface.units import ns_from_s
 
 _ROUNDING = 1e-6
 TURNS_TO_ENGAGE = 2
-"""Each value of a handshake must have come back once."""
+"""Number of echoes needed to engage: each value of a handshake once."""
 
 
 @dataclass(slots=True, eq=False)
@@ -28,26 +28,26 @@ class Handshake:
 
     message: str
     signal: str
-    """Those of the commander."""
+    """Signals of the commander."""
     values: tuple[float, float]
     patience_ns: int
     turns: int = 0
-    """Values that came back in time, one after the other."""
+    """Number of consecutive values that were echoed in time."""
     since_ns: int | None = None
-    """When the last one did."""
+    """Time of the last echo."""
 
     @property
     def value(self) -> float:
-        """What the vehicle sends until it comes back."""
+        """Value that the vehicle sends until it is echoed."""
         return self.values[self.turns % 2]
 
     @property
     def expires_ns(self) -> int | None:
-        """When the commander is lost; None before it has answered."""
+        """Time at which the commander counts as lost; None before its first echo."""
         return self.since_ns + self.patience_ns if self.since_ns is not None else None
 
     def note(self, value: float | None, seen_ns: int) -> None:
-        """The commander has sent this."""
+        """Record a value sent by the commander."""
         if value is None or abs(value - self.value) > _ROUNDING:
             return
         if self.expires_ns is not None and seen_ns >= self.expires_ns:
@@ -63,21 +63,21 @@ class _Value(NamedTuple):
     signal: str
     value: float
     tolerance: float
-    """Half a count."""
+    """Half a count of the signal."""
     when: str
 
     def is_in(self, signals: Mapping[str, float]) -> bool:
-        """Whether a message has the value."""
+        """Return whether a message has the value."""
         return self.signal in signals and abs(signals[self.signal] - self.value) <= self.tolerance
 
 
 class Demands:
-    """Notes what comes, and says whether it is what a vehicle of the profile demands."""
+    """Records received messages, and checks them against what a vehicle of the profile requires."""
 
     def __init__(self, database: VehicleDatabase) -> None:
         profile = database.profile
         self.handshakes = dict(_handshakes(database))
-        """By the vehicle's own MESSAGE.SIGNAL."""
+        """Handshakes by the vehicle's MESSAGE.SIGNAL."""
         has_enable = profile.command.signals.enable is not None
         self._values = [] if has_enable else list(_phased_values(database))
         self._enabling = set[str]()
@@ -89,7 +89,7 @@ class Demands:
         self._came: set[str] = set()
 
     def note(self, name: str, signals: Mapping[str, float], seen_ns: int) -> bool:
-        """An intact message has come, with these values that no field fills; whether it releases the vehicle."""
+        """Record an intact message by its values that no field fills; return whether it releases the vehicle."""
         for handshake in self.handshakes.values():
             if handshake.message == name:
                 handshake.note(signals.get(handshake.signal), seen_ns)
@@ -105,7 +105,7 @@ class Demands:
         return releases
 
     def are_met(self, now_ns: int) -> bool:
-        """Whether all that is demanded of a commander who engages has come."""
+        """Return whether everything required to engage was received."""
         is_enabled = self._enabling <= self._came and all(self._holds.values())
         return is_enabled and all(
             one.turns >= TURNS_TO_ENGAGE and one.expires_ns is not None and now_ns < one.expires_ns
@@ -114,22 +114,22 @@ class Demands:
 
     @property
     def expires_ns(self) -> int | None:
-        """When the commander is lost unless a handshake goes on; None where there is none."""
+        """Time at which the commander counts as lost unless a handshake continues; None without a handshake."""
         deadlines_ns = [one.expires_ns for one in self.handshakes.values() if one.expires_ns is not None]
         return min(deadlines_ns, default=None)
 
     def extend(self, pause_ns: int) -> None:
-        """Move the deadlines: nothing could be received for `pause_ns`."""
+        """Extend the deadlines: nothing could be received for `pause_ns`."""
         for one in self.handshakes.values():
             one.since_ns = None if one.since_ns is None else one.since_ns + pause_ns
 
     def forget(self) -> None:
-        """What enables must come anew: the mode has changed."""
+        """Reset on a change of mode: enabling messages must be received again."""
         self._came.clear()
 
 
 def _handshakes(database: VehicleDatabase) -> Iterator[tuple[str, Handshake]]:
-    """Of each received signal that is sent back and that has no other meaning, with the first that sends it back."""
+    """List the handshakes: each echoed signal without another meaning, with the first signal that echoes it."""
     received = {message.name: message for message in database.received}
     found: dict[str, Handshake] = {}
     for name, signal, source, period_s in _sent_values(database.profile):
@@ -144,7 +144,7 @@ def _handshakes(database: VehicleDatabase) -> Iterator[tuple[str, Handshake]]:
 
 
 def _is_free(message: BoundMessage, signal: str) -> bool:
-    """Whether a vehicle may send what it likes in the signal: it has no other meaning."""
+    """Return whether the simulation may choose the signal's value: it has no other meaning."""
     return not message.fields[message.codec.names.index(signal)]
 
 
@@ -157,7 +157,7 @@ def _phased_values(database: VehicleDatabase) -> Iterator[_Value]:
 
 
 def _sent_values(profile: Profile) -> Iterator[tuple[str, str, object, float]]:
-    """Message, signal, value and period of everything that no field fills."""
+    """List message, signal, value and period of all sent signals that no field fills."""
     periods_s: Mapping[str, float] = profile.command.periods
     for dotted, source in profile.command.values.items():
         name, _, signal = dotted.partition(".")

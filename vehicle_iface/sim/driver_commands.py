@@ -22,9 +22,9 @@ from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_S
 
 MOST_FRAMES = 100_000
-"""At most this many frames are damaged by one line."""
+"""Maximum number of frames that one line corrupts."""
 MOST_STEPS = 15
-"""A whole round of the counter is enough, and a line must not make a tick late."""
+"""Maximum number of counter steps of one line: a full cycle is enough, and a line must not delay a tick."""
 _T = TypeVar("_T")
 _SWITCH = {"0": False, "1": True, "off": False, "on": True}
 _GEARS = {gear.name: gear for gear in (Gear.PARK, Gear.REVERSE, Gear.NEUTRAL, Gear.DRIVE)}
@@ -33,7 +33,7 @@ Words = Sequence[str]
 
 
 def execute(vehicle: SimulatedVehicle, line: str) -> str:
-    """Execute one line; the answer is one line without its end. Never raises for any line."""
+    """Execute one line; return the answer, one line without its end. Never raises."""
     words = line.split()
     if not words or words[0] not in COMMANDS:
         return f"error: {line.strip()[:40]!r}: must be one of {', '.join(COMMANDS)}"
@@ -47,7 +47,7 @@ def execute(vehicle: SimulatedVehicle, line: str) -> str:
 
 
 def status_of(vehicle: SimulatedVehicle) -> dict[str, object]:
-    """The vehicle's true state, for people and tests."""
+    """Return the vehicle's true state, for people and tests."""
     s, d = vehicle.state, vehicle.driver
     return {
         "mode": vehicle.mode.name,
@@ -172,7 +172,7 @@ SENSOR_FAULTS: dict[str, Callable[[SimulatedVehicle, float], SignalFault | None]
     "offset": lambda _vehicle, amount: offset(amount),
     "late": _late,
 }
-"""Its name → what makes it from vehicle and amount; None for no fault."""
+"""Name → function that makes the fault from vehicle and amount; None for no fault."""
 
 
 def _freeze(vehicle: SimulatedVehicle, words: Words) -> str:
@@ -213,7 +213,7 @@ COMMANDS: dict[str, tuple[str, Callable[[SimulatedVehicle, Words], str]]] = {
     "status": ("status", _status),
     "help": ("help", _help),
 }
-"""First word → how it is used, and what it does."""
+"""First word → usage and action."""
 
 
 def _switch(word: str) -> bool:

@@ -1,7 +1,7 @@
 """The driver's controls over a Unix stream socket: one line in, one line out.
 
 `send_line(path, "brake 1")` returns `ok`. `driver_commands` defines the lines.
-Nothing here waits for a client, and no client can make it hold more than a few short lines.
+It never waits for a client, and buffers at most a few short lines of each.
 """
 
 import contextlib
@@ -15,23 +15,23 @@ from pathlib import Path
 from vehicle_iface.errors import ConfigError
 
 LONGEST_LINE = 256
-"""Bytes of one line, its end included; a longer one closes its connection."""
+"""Maximum bytes of one line, its end included; a longer line closes the connection."""
 MOST_CLIENTS = 8
-"""Connections at a time; the oldest makes room."""
+"""Maximum number of connections; the oldest is closed for a new one."""
 LINES_PER_POLL = 4
-"""Of each client, so that a busy client cannot make a tick late."""
+"""Maximum number of lines of a client in one poll, so that a busy client cannot delay a tick."""
 _LONGEST_ANSWER = 65_536
 
 
 def default_path(channel: str) -> str:
-    """The socket of the vehicle on `channel`: in the user's runtime directory, else in /tmp."""
+    """Return the socket path of the vehicle on `channel`: in the user's runtime directory, else in /tmp."""
     runtime = Path(f"/run/user/{os.getuid()}")
     directory = runtime if runtime.is_dir() else Path("/tmp")
     return str(directory / f"vehicle-iface-sim-{re.sub(r'[^A-Za-z0-9_.-]', '_', channel)}.sock")
 
 
 class DriverSocket:
-    """The vehicle's end: only its own user can reach it, and it is gone after `close`."""
+    """Server end of the driver's controls: only its own user can connect, and `close` removes it."""
 
     def __init__(self, path: str) -> None:
         """Listen at `path`; a socket without a listener is replaced.
@@ -52,14 +52,14 @@ class DriverSocket:
         self._clients: dict[socket.socket, bytearray] = {}
 
     def poll(self, answer: Callable[[str], str]) -> int:
-        """Answer the lines that have come, without waiting; how many there were."""
+        """Answer the received lines without waiting; return their number."""
         self._accept()
         return sum(self._serve(client, answer) for client in list(self._clients))
 
     def close(self) -> None:
-        """Hang up and remove the socket, unless another has taken its place. May be called twice."""
+        """Close all connections and remove the socket, unless another has replaced it. May be called twice."""
         for client in list(self._clients):
-            self._hang_up(client)
+            self._close_client(client)
         self._listener.close()
         with contextlib.suppress(OSError):
             if os.stat(self.path).st_ino == self._inode:
@@ -73,28 +73,28 @@ class DriverSocket:
                 return
             client.setblocking(False)
             if len(self._clients) >= MOST_CLIENTS:
-                self._hang_up(next(iter(self._clients)))
+                self._close_client(next(iter(self._clients)))
             self._clients[client] = bytearray()
 
     def _serve(self, client: socket.socket, answer: Callable[[str], str]) -> int:
-        """Answer a few whole lines; hang up at the end and on what is no line."""
+        """Answer a few complete lines; close the connection at its end and on an invalid line."""
         buffer = self._clients[client]
-        is_over = self._is_over_after_reading(client, buffer)
+        is_over = self._read_until_end(client, buffer)
         count = 0
         while count < LINES_PER_POLL and b"\n" in buffer and client in self._clients:
             line, _, rest = bytes(buffer).partition(b"\n")
             buffer[:] = rest
-            self._say(client, answer(line.decode("utf-8", "replace")))
+            self._send(client, answer(line.decode("utf-8", "replace")))
             count += 1
         if len(buffer) >= LONGEST_LINE and b"\n" not in buffer:
-            self._say(client, f"error: line too long: at most {LONGEST_LINE - 1} bytes")
+            self._send(client, f"error: line too long: at most {LONGEST_LINE - 1} bytes")
             is_over = True
         if is_over:
-            self._hang_up(client)
+            self._close_client(client)
         return count
 
-    def _is_over_after_reading(self, client: socket.socket, buffer: bytearray) -> bool:
-        """Fill the buffer to one line's length, once it has no line to answer; whether nothing more comes."""
+    def _read_until_end(self, client: socket.socket, buffer: bytearray) -> bool:
+        """Fill the buffer to one line's length once it has no complete line; return whether the input has ended."""
         if b"\n" in buffer:
             return False
         try:
@@ -106,22 +106,22 @@ class DriverSocket:
         buffer += chunk
         return not chunk
 
-    def _say(self, client: socket.socket, text: str) -> None:
-        """Send one line, or hang up on a client that does not read."""
+    def _send(self, client: socket.socket, text: str) -> None:
+        """Send one line, or close the connection of a client that does not read."""
         try:
             whole = client.send(text.encode() + b"\n") == len(text.encode()) + 1
         except OSError:
             whole = False
         if not whole:
-            self._hang_up(client)
+            self._close_client(client)
 
-    def _hang_up(self, client: socket.socket) -> None:
+    def _close_client(self, client: socket.socket) -> None:
         self._clients.pop(client, None)
         client.close()
 
 
 def send_line(path: str, line: str, *, timeout_s: float = 2.0) -> str:
-    """Send one line to the vehicle that listens at `path`; its answer, one line without its end.
+    """Send one line to the vehicle that listens at `path`; return its answer without the line end.
 
     Raises `ConfigError` when no vehicle listens there or no answer arrives within `timeout_s`.
     """
@@ -149,7 +149,7 @@ def _read_line(client: socket.socket) -> str:
 
 
 def _make_room(path: str) -> None:
-    """Remove a dead socket; refuse to touch anything else."""
+    """Remove a dead socket; reject anything else."""
     try:
         mode = os.lstat(path).st_mode
     except FileNotFoundError:

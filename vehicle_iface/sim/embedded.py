@@ -33,17 +33,17 @@ class EmbeddedBus:
         return bool(self._inbox)
 
     def drain(self) -> list[CanFrame]:
-        """What the vehicle has sent."""
+        """Return the frames that the vehicle has sent."""
         frames, self._inbox = self._inbox, []
         self._counters["received"] += len(frames)
         return frames
 
     def has_room(self) -> bool:
-        """Always true: the vehicle receives at once."""
+        """Return true: the vehicle receives at once."""
         return True
 
     def send(self, *frames: CanFrame) -> int:
-        """The vehicle receives the frames at once; all are taken."""
+        """Hand the frames to the vehicle; all are accepted."""
         now_ns = self._now_ns()
         for frame in frames:
             self.vehicle.receive(frame, now_ns)
@@ -51,11 +51,11 @@ class EmbeddedBus:
         return len(frames)
 
     def counters(self) -> dict[str, int]:
-        """Frames received and sent."""
+        """Return the frames received and sent."""
         return dict(self._counters)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there are no resources to release."""
 
     def _advance(self) -> None:
         now_ns = self._now_ns()

@@ -13,24 +13,24 @@ PAIRS_TO_ENGAGE = 3
 
 
 class Event(Enum):
-    """What can happen to the mode."""
+    """Events that may change the mode."""
 
     PAIRS_RECEIVED = auto()
-    """The commander has shown `PAIRS_TO_ENGAGE` good pairs, and the driver does nothing."""
+    """`PAIRS_TO_ENGAGE` intact pairs were received, and the driver is not active."""
     RELEASED = auto()
-    """An intact command with ENABLE = 0."""
+    """An intact command with ENABLE = 0 was received."""
     OVERRIDE = auto()
     """The driver brakes, accelerates or steers."""
     COMMANDS_LOST = auto()
-    """The watchdog."""
+    """The watchdog has expired."""
     FAULT = auto()
-    """A fault of the vehicle itself."""
+    """The vehicle itself has a fault."""
     EMERGENCY_STOP = auto()
-    """The red button."""
+    """The emergency stop button was pressed."""
     MADE_READY = auto()
-    """The driver hands over."""
+    """The driver hands over control."""
     RESET = auto()
-    """The driver acknowledges a fault or releases the red button."""
+    """The driver acknowledges a fault or releases the emergency stop button."""
 
 
 _MANUAL, _READY, _AUTONOMOUS, _FAULT, _EMERGENCY_STOP = (
@@ -57,7 +57,7 @@ TRANSITIONS = {
     (_FAULT, Event.EMERGENCY_STOP): _EMERGENCY_STOP,
     (_EMERGENCY_STOP, Event.RESET): _MANUAL,
 }
-"""Without an entry the mode stays."""
+"""Next mode; without an entry the mode stays."""
 
 
 class CommandWatch:
@@ -70,17 +70,17 @@ class CommandWatch:
     """
 
     def __init__(self, periods_ns: Mapping[str, int]) -> None:
-        """`periods_ns`: of each command message, how often it comes; of a pair, the slowest comes once."""
+        """`periods_ns`: period of each command message; a pair has the slowest once."""
         slowest_ns = max(periods_ns.values(), default=0)
         self._most_per_pair = {kind: round(slowest_ns / period_ns) for kind, period_ns in periods_ns.items()}
         self._patience_ns = {kind: WATCHDOG_PERIODS * period_ns for kind, period_ns in periods_ns.items()}
         self._last_ns: dict[str, int] = {}
         self._half: Counter[str] = Counter()
         self.pairs = 0
-        """Whole pairs in the current streak."""
+        """Complete pairs in the current streak."""
 
     def note(self, kind: str, *, enabled: bool, seen_ns: int) -> None:
-        """An intact command of `kind` was on the bus at `seen_ns`."""
+        """Record an intact command of `kind`, on the bus at `seen_ns`."""
         last_ns = self._last_ns.get(kind)
         if last_ns is not None and seen_ns - last_ns >= self._patience_ns[kind]:
             self.reset_streak()
@@ -95,7 +95,7 @@ class CommandWatch:
             self.pairs += 1
 
     def extend_watchdog(self, pause_ns: int) -> None:
-        """Move the deadline: no command could be received for `pause_ns`."""
+        """Extend the deadline: no command could be received for `pause_ns`."""
         self._last_ns = {kind: last_ns + pause_ns for kind, last_ns in self._last_ns.items()}
 
     def reset_streak(self) -> None:
@@ -105,7 +105,7 @@ class CommandWatch:
 
     @property
     def expires_ns(self) -> int | None:
-        """When the commands are lost unless more come; None before the first of each kind."""
+        """Time at which the commands count as lost unless more are received; None before the first of each kind."""
         if not self._patience_ns or len(self._last_ns) < len(self._patience_ns):
             return None
         return min([last_ns + self._patience_ns[kind] for kind, last_ns in self._last_ns.items()])

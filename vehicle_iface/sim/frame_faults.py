@@ -11,12 +11,12 @@ class FrameFaults:
     """The faults in force, by message."""
 
     muted: set[str] = field(default_factory=set)
-    """Messages that are lost: their counters step, nothing leaves."""
+    """Messages that are not sent; their counters step."""
     corrupt: Counter[str] = field(default_factory=Counter)
-    """How many of the next frames are damaged."""
+    """Number of the next frames to corrupt, by message."""
 
     def apply(self, message: str, frame: CanFrame) -> CanFrame | None:
-        """What becomes of the next frame of `message`; None where it is lost."""
+        """Apply the faults to the next frame of `message`; None when it is not sent."""
         if self.corrupt[message] > 0:
             self.corrupt[message] -= 1
             frame = _damage(frame)
@@ -24,5 +24,5 @@ class FrameFaults:
 
 
 def _damage(frame: CanFrame) -> CanFrame:
-    """The frame with bits of its first byte inverted: where the checksum is, or under it."""
+    """Invert bits of the frame's first byte: the checksum, or data that it covers."""
     return frame._replace(data=bytes((frame.data[0] ^ 0x5A, *frame.data[1:])))

@@ -1,4 +1,4 @@
-"""A car reduced to two wheels, with actuators that take their time.
+"""Single-track vehicle model with first-order actuators.
 
 Kinematic bicycle about the rear axle's centre (Rajamani, Vehicle Dynamics and Control, 2nd ed., section 2.2;
 both axles steered): neither wheel slips, so each axle's centre moves where its wheel points. With v the speed
@@ -22,12 +22,12 @@ INNER_STEP_S = 0.001
 """No inner step is longer than this."""
 
 DIRECTION = {Gear.DRIVE: 1.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.PARK: 0.0}
-"""Where the engine pushes in each gear."""
+"""Direction of the drive force in each gear."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BicycleParameters:
-    """What kind of car it is. Raises `InvalidValueError` for a number that no car has."""
+    """Parameters of the vehicle. Raises `InvalidValueError` for an impossible value."""
 
     wheelbase_m: float = 2.7
     front_wheel_angle_limit_rad: float = 0.7
@@ -42,15 +42,15 @@ class BicycleParameters:
     drive_limit_mps2: float = 4.0
     brake_limit_mps2: float = 8.0
     speed_limit_mps: float = 40.0
-    """The engine goes no faster, either way."""
+    """Maximum speed that the engine reaches, in either direction."""
     rolling_resistance_mps2: float = 0.1
-    """Slows a coasting vehicle (about 1 % of g: a passenger car's tyres on asphalt)."""
+    """Deceleration of a coasting vehicle (about 1 % of g: a passenger car's tyres on asphalt)."""
     park_deceleration_mps2: float = 4.0
-    """Of the pawl, when PARK is put in before the vehicle has come to rest."""
+    """Deceleration by the pawl, when PARK is selected before standstill."""
     hold_speed_mps: float = 0.05
     """A held vehicle slower than this is braked to standstill, whatever the request."""
     hold_deceleration_mps2: float = 1.0
-    """At least this much below the hold speed."""
+    """Minimum deceleration below the hold speed."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -66,7 +66,7 @@ _MAY_BE_ZERO = frozenset({"rear_wheel_angle_limit_rad", "rolling_resistance_mps2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BicycleState:
-    """Where the car is and what it does; ISO 8855 signs, reference point in the rear axle's centre."""
+    """State of the vehicle; ISO 8855 signs, reference point at the rear axle's centre."""
 
     x_m: float = 0.0
     y_m: float = 0.0
@@ -93,7 +93,7 @@ _STATE_FIELDS = tuple(field.name for field in fields(BicycleState))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Actuation:
-    """What engine, brakes and steering are asked for."""
+    """Requests to engine, brakes and steering."""
 
     gear: Gear = Gear.PARK
     accel_mps2: float | None = None
@@ -116,7 +116,7 @@ class Actuation:
 
 
 class Bicycle:
-    """The car itself: `step` it with what its actuators are asked for, then look at its `state`."""
+    """The vehicle: call `step` with the requests to its actuators, then read `state`."""
 
     def __init__(self, parameters: BicycleParameters | None = None, state: BicycleState | None = None) -> None:
         self.parameters = parameters if parameters is not None else BicycleParameters()
@@ -124,34 +124,34 @@ class Bicycle:
         self._actuator_mps2 = self.state.accel_mps2
 
     def step(self, dt_s: float, actuation: Actuation) -> BicycleState:
-        """Move on by `dt_s` in equal inner steps of at most a millisecond; returns the new state."""
+        """Advance by `dt_s` in equal inner steps of at most a millisecond; return the new state."""
         s = self.state
         x_m, y_m, heading_rad = s.x_m, s.y_m, s.heading_rad
         speed_mps, front_rad, rear_rad = s.speed_mps, s.front_wheel_angle_rad, s.rear_wheel_angle_rad
         accel_mps2 = s.accel_mps2
         p = self.parameters
-        front_goal_rad = _within(actuation.front_wheel_angle_rad, p.front_wheel_angle_limit_rad)
-        rear_goal_rad = _within(actuation.rear_wheel_angle_rad, p.rear_wheel_angle_limit_rad)
-        count, h_s = _inner_steps(dt_s)
+        front_goal_rad = _clamp(actuation.front_wheel_angle_rad, p.front_wheel_angle_limit_rad)
+        rear_goal_rad = _clamp(actuation.rear_wheel_angle_rad, p.rear_wheel_angle_limit_rad)
+        count, h_s = _divide_step(dt_s)
         wheel_share, accel_share = 1.0 - math.exp(-h_s / p.wheel_lag_s), 1.0 - math.exp(-h_s / p.accel_lag_s)
         largest_rad = p.wheel_rate_limit_radps * h_s
         for _ in range(count):
-            new_front_rad = front_rad + _within((front_goal_rad - front_rad) * wheel_share, largest_rad)
-            new_rear_rad = rear_rad + _within((rear_goal_rad - rear_rad) * wheel_share, largest_rad)
-            new_speed_mps = self._driven(speed_mps, actuation, h_s, accel_share)
+            new_front_rad = front_rad + _clamp((front_goal_rad - front_rad) * wheel_share, largest_rad)
+            new_rear_rad = rear_rad + _clamp((rear_goal_rad - rear_rad) * wheel_share, largest_rad)
+            new_speed_mps = self._integrate_speed(speed_mps, actuation, h_s, accel_share)
             accel_mps2 = (new_speed_mps - speed_mps) / h_s if new_speed_mps != 0.0 else 0.0
-            lateral_mps, yaw_radps = self._turning(
+            lateral_mps, yaw_radps = self._compute_turning(
                 (speed_mps + new_speed_mps) / 2,
                 (front_rad + new_front_rad) / 2,
                 (rear_rad + new_rear_rad) / 2,
             )
-            forward_m, left_m = _arc_m((speed_mps + new_speed_mps) / 2, lateral_mps, yaw_radps, h_s)
+            forward_m, left_m = _integrate_arc((speed_mps + new_speed_mps) / 2, lateral_mps, yaw_radps, h_s)
             cos, sin = math.cos(heading_rad), math.sin(heading_rad)
             x_m += forward_m * cos - left_m * sin
             y_m += forward_m * sin + left_m * cos
             heading_rad += yaw_radps * h_s
             speed_mps, front_rad, rear_rad = new_speed_mps, new_front_rad, new_rear_rad
-        lateral_mps, yaw_radps = self._turning(speed_mps, front_rad, rear_rad)
+        lateral_mps, yaw_radps = self._compute_turning(speed_mps, front_rad, rear_rad)
         self.state = BicycleState(
             x_m=x_m,
             y_m=y_m,
@@ -165,44 +165,44 @@ class Bicycle:
         )
         return self.state
 
-    def _turning(self, speed_mps: float, front_rad: float, rear_rad: float) -> tuple[float, float]:
-        """Lateral speed and yaw rate of wheels that do not slip."""
+    def _compute_turning(self, speed_mps: float, front_rad: float, rear_rad: float) -> tuple[float, float]:
+        """Return lateral speed and yaw rate without wheel slip."""
         tan_rear = math.tan(rear_rad)
         return speed_mps * tan_rear, speed_mps * (math.tan(front_rad) - tan_rear) / self.parameters.wheelbase_m
 
-    def _driven(self, speed_mps: float, actuation: Actuation, h_s: float, share: float) -> float:
-        """The speed after `h_s`, in which the actuator makes `share` of its way; what opposes the motion ends at 0."""
-        goal_mps2 = self._goal_mps2(speed_mps, actuation)
+    def _integrate_speed(self, speed_mps: float, actuation: Actuation, h_s: float, share: float) -> float:
+        """Return the speed after `h_s`, in which the actuator closes `share` of its gap; resistance ends at 0 m/s."""
+        goal_mps2 = self._target_mps2(speed_mps, actuation)
         actuator_mps2 = self._actuator_mps2
         actuator_mps2 += (goal_mps2 - actuator_mps2) * share
         direction = DIRECTION[actuation.gear]
-        brakes = _opposite(actuator_mps2, speed_mps)
+        brakes = _are_opposite(actuator_mps2, speed_mps)
         drives = actuator_mps2 * direction > 0.0 and not actuation.hold
         self._actuator_mps2 = actuator_mps2 if brakes or drives else 0.0
         resistance_mps2 = self._resistance_mps2(actuation)
         new_mps = speed_mps + self._actuator_mps2 * h_s
         if speed_mps != 0.0:
             new_mps -= math.copysign(resistance_mps2, speed_mps) * h_s
-        if not _opposite(speed_mps, new_mps):
+        if not _are_opposite(speed_mps, new_mps):
             return new_mps
         self._actuator_mps2 = 0.0
         return 0.0
 
-    def _goal_mps2(self, speed_mps: float, actuation: Actuation) -> float:
-        """What the actuators go for: a brake against the motion, an engine along the gear."""
+    def _target_mps2(self, speed_mps: float, actuation: Actuation) -> float:
+        """Return the target acceleration: a brake acts against the motion, an engine along the gear."""
         p = self.parameters
         wish_mps2 = actuation.accel_mps2 if actuation.accel_mps2 is not None else 0.0
         if actuation.hold and abs(speed_mps) < p.hold_speed_mps:
             return -math.copysign(max(abs(wish_mps2), p.hold_deceleration_mps2), speed_mps)
-        if _opposite(wish_mps2, speed_mps):
-            return _within(wish_mps2, p.brake_limit_mps2)
+        if _are_opposite(wish_mps2, speed_mps):
+            return _clamp(wish_mps2, p.brake_limit_mps2)
         too_fast = abs(speed_mps) >= p.speed_limit_mps
         if wish_mps2 * DIRECTION[actuation.gear] > 0.0 and not actuation.hold and not too_fast:
-            return _within(wish_mps2, p.drive_limit_mps2)
+            return _clamp(wish_mps2, p.drive_limit_mps2)
         return 0.0
 
     def _resistance_mps2(self, actuation: Actuation) -> float:
-        """Deceleration without brakes; a power train that drives compensates it."""
+        """Return the deceleration without brakes; a driving power train compensates it."""
         if actuation.gear is Gear.PARK:
             return self.parameters.park_deceleration_mps2
         if actuation.accel_mps2 is None or actuation.gear is Gear.NEUTRAL:
@@ -210,14 +210,14 @@ class Bicycle:
         return 0.0
 
 
-def _inner_steps(dt_s: float) -> tuple[int, float]:
-    """Count and length of the equal steps of at most `INNER_STEP_S` that make up `dt_s`."""
+def _divide_step(dt_s: float) -> tuple[int, float]:
+    """Return number and length of the equal steps of at most `INNER_STEP_S` that make up `dt_s`."""
     count = math.ceil(checks.non_negative("dt_s", dt_s) / INNER_STEP_S - 1e-9)
     return count, dt_s / count if count else 0.0
 
 
-def _arc_m(forward_mps: float, left_mps: float, yaw_radps: float, h_s: float) -> tuple[float, float]:
-    """The way at a constant velocity and turn rate, in the body's axes at its start (SE(2) exponential)."""
+def _integrate_arc(forward_mps: float, left_mps: float, yaw_radps: float, h_s: float) -> tuple[float, float]:
+    """Return the displacement at constant velocities, in the body's axes at the start (SE(2) exponential)."""
     turn_rad = yaw_radps * h_s
     if abs(turn_rad) < 1e-6:
         along, across = 1.0, turn_rad / 2  # next terms are below 1e-12
@@ -229,11 +229,11 @@ def _arc_m(forward_mps: float, left_mps: float, yaw_radps: float, h_s: float) ->
     )
 
 
-def _within(value: float, limit: float) -> float:
-    """`value`, finite already, clamped to ±`limit`."""
+def _clamp(value: float, limit: float) -> float:
+    """Clamp a finite `value` to ±`limit`."""
     return -limit if value < -limit else limit if value > limit else value
 
 
-def _opposite(a: float, b: float) -> bool:
-    """Whether one is above 0 and the other below; their product may underflow."""
+def _are_opposite(a: float, b: float) -> bool:
+    """Return whether one is above 0 and the other below; their product may underflow."""
     return a < 0.0 < b or b < 0.0 < a

@@ -15,28 +15,28 @@ from vehicle_iface.units import NS_PER_MS
 log = logging.getLogger(__name__)
 
 PAUSE_NS = 20 * NS_PER_MS
-"""Later than this after the due instant, the process was not scheduled, and perhaps the whole machine was not."""
+"""A pass this late after its due instant means that the process, or the whole machine, was not scheduled."""
 REOPEN_EVERY_NS = 100 * NS_PER_MS
-"""How often a lost bus is tried again."""
+"""Period of attempts to reopen a lost bus."""
 
 
 class VehicleBus(Protocol):
-    """What the vehicle needs of a bus; `BusError` means that the link is gone."""
+    """The part of a bus that the vehicle needs; `BusError` means that the link is gone."""
 
     def wait(self, until_ns: int) -> bool:
-        """Sleep until a frame has come or the clock shows `until_ns`."""
+        """Sleep until a frame is received or the clock reaches `until_ns`."""
         ...
 
     def drain(self) -> list[CanFrame]:
-        """All frames that have come, oldest first."""
+        """Return all received frames, oldest first."""
         ...
 
     def send(self, *frames: CanFrame) -> int:
-        """Hand frames over without waiting; how many were taken, the others are lost."""
+        """Send frames without waiting; return how many were accepted, the others are lost."""
         ...
 
     def close(self) -> None:
-        """Give the bus back."""
+        """Close the bus."""
         ...
 
 
@@ -50,10 +50,10 @@ def run_vehicle(
     reopen: Callable[[], VehicleBus] | None = None,
     sleep_until: Callable[[int], None] = machine.sleep_until,
 ) -> None:
-    """Drive the vehicle until `stop()` says so; at the end the bus is closed, the driver socket is not.
+    """Run the vehicle until `stop()` is true; at the end the bus is closed, the driver socket is not.
 
-    A lost bus ends this with `BusError`, unless `reopen` is given: then the vehicle goes on by itself, as a
-    vehicle with a cut cable does, and the bus is tried again every 100 ms. The driver socket is polled each pass.
+    A lost bus ends this with `BusError`, unless `reopen` is given: then the vehicle continues, like
+    one with a cut cable, and tries to reopen the bus every 100 ms. The driver socket is polled each pass.
     """
     line = _Line(bus, reopen, clock, sleep_until)
     try:
@@ -64,7 +64,7 @@ def run_vehicle(
 
 
 def _run_pass(vehicle: SimulatedVehicle, line: "_Line", driver: DriverSocket | None, clock: Callable[[], int]) -> None:
-    """Receive, execute the driver's commands, send: commands that came in time count before the watchdog checks."""
+    """Receive, execute the driver's commands, send: commands received in time count before the watchdog checks."""
     due_ns = vehicle.next_due_ns
     frames = line.receive(due_ns)
     now_ns = clock()
@@ -79,7 +79,7 @@ def _run_pass(vehicle: SimulatedVehicle, line: "_Line", driver: DriverSocket | N
 
 
 class _Line:
-    """The bus while there is one."""
+    """The bus while it is open."""
 
     def __init__(
         self,

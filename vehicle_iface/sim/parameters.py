@@ -6,19 +6,19 @@ from vehicle_iface import checks
 from vehicle_iface.units import NS_PER_MS
 
 TORQUE_LIMIT_NM = 12.7
-"""What the status message can express, to either side."""
+"""Maximum torque that the status message can express, to either side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulationParameters:
-    """How the vehicle behaves on its bus. Raises `InvalidValueError` for what is not positive."""
+    """Behaviour of the vehicle on its bus. Raises `InvalidValueError` for a value that is not positive."""
 
     shortest_period_ns: int = 10 * NS_PER_MS
-    """Of its messages."""
+    """Shortest period of its messages."""
     longest_step_ns: int = 100 * NS_PER_MS
-    """After a longer pause the vehicle has moved for this long only."""
+    """Longest time that the vehicle moves in one step, however long the pause was."""
     gear_change_speed_mps: float = 0.5
-    """Above it another gear is refused."""
+    """Speed above which a gear change is rejected."""
     override_torque_nm: float = 3.0
     fault_deceleration_mps2: float = 3.0
     emergency_deceleration_mps2: float = 6.0
@@ -35,7 +35,7 @@ class SimulationParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driver:
-    """What the person in the vehicle does."""
+    """Actions of the person in the vehicle."""
 
     brake: bool = False
     throttle: bool = False

@@ -15,9 +15,9 @@ class ReceivedMessage:
 
     name: str
     values: Mapping[str, float | int]
-    """Of a command, by the field's name: `enable`, `accel_mps2`, `gear_request`, …"""
+    """Fields of a command, by name: `enable`, `accel_mps2`, `gear_request`, …"""
     signals: Mapping[str, float]
-    """What no field fills and changes, by the signal's name and in the DBC's unit."""
+    """Changing signals that no field fills, by name, in the DBC's unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,30 +48,30 @@ class Wire(Protocol):
     """Between the vehicle's fields and the bytes on its bus."""
 
     command_periods_ns: Mapping[str, int]
-    """Messages that a commander must keep sending, and how often."""
+    """Messages that a commander must keep sending, and their periods."""
     sample: tuple[str, ...]
     """Messages of one state sample, in the order in which they are sent."""
     periods_ns: Mapping[str, int]
-    """Of each message that it sends, status first: its angle belongs to the sample sent after it."""
+    """Periods of the messages that it sends, status first: its angle belongs to the sample sent after it."""
     frame_ids: Mapping[str, int]
     """Frames of reference that it can express, and their numbers."""
     requests_gear: bool
-    """Whether the commands can say which gear is wanted."""
+    """Whether the commands can request a gear."""
     demands: Demands
-    """What the vehicle demands besides commands."""
+    """What the vehicle requires in addition to commands."""
 
     def find_name(self, frame: CanFrame) -> str | None:
-        """The message that the frame claims to be; None where it is none that the vehicle reads."""
+        """Return the message with the frame's identifier; None where the vehicle does not receive it."""
         ...
 
     def is_known(self, frame: CanFrame) -> bool:
-        """Whether the frame has an identifier of this vehicle's profile."""
+        """Return whether the frame has an identifier of this vehicle's profile."""
         ...
 
     def read(self, frame: CanFrame) -> ReceivedMessage | None:
-        """The frame's content; None when it is damaged, out of order or impossible."""
+        """Decode the frame; None when it is damaged, out of order or invalid."""
         ...
 
     def write(self, message: str, report: VehicleReport) -> CanFrame:
-        """The next frame of `message`; its counter steps."""
+        """Encode the next frame of `message`; its counter steps."""
         ...

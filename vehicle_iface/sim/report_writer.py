@@ -1,4 +1,4 @@
-"""From a vehicle's report to the values of the signals that it sends: the reverse of `codec.row_reader`.
+"""Convert a vehicle's report to the values of the sent signals: the reverse of `codec.row_reader`.
 
 Each signal is compiled to a function of the report once, at the start.
 """
@@ -24,25 +24,25 @@ from vehicle_iface.sim.report import VehicleReport
 from vehicle_iface.status import Gear, VehicleMode
 
 _PERIODS = {"heading_rad": math.tau, "longitude_deg": 360.0}
-"""Fields of which values one period apart mean the same."""
+"""Periodic fields, and their periods."""
 _Number = TypeVar("_Number", VehicleMode, Gear)
 _FAULTS = (VehicleMode.FAULT, VehicleMode.EMERGENCY_STOP)
 
 
 class _Instant(NamedTuple):
-    """What the signals of one report are computed from."""
+    """Data from which the signals of one report are computed."""
 
     report: VehicleReport
     pose: VehicleReport | PoseInputs
-    """What the position sensor measures."""
+    """Measurement of the position sensor."""
     chosen: Mapping[str, float]
-    """The values of the signals in conditions, as they stand in the row."""
+    """Values of the signals in conditions, as in the row."""
 
 
 Term = Callable[[_Instant], Value]
 """A signal's value in the DBC's unit."""
 Getter = Callable[[_Instant], float]
-"""A field's value."""
+"""Function that returns a field's value."""
 
 
 class ReportWriter:
@@ -51,7 +51,7 @@ class ReportWriter:
     def __init__(
         self, database: VehicleDatabase, handshakes: Mapping[str, Handshake], *, override_torque_nm: float
     ) -> None:
-        """`handshakes` are by their MESSAGE.SIGNAL. Raises `ConfigError` for conditions that no values fulfil."""
+        """`handshakes` are by MESSAGE.SIGNAL. Raises `ConfigError` for conditions that no values satisfy."""
         self._handshakes = handshakes
         self._profile = database.profile
         self._override_torque_nm = override_torque_nm
@@ -82,14 +82,14 @@ class ReportWriter:
         }
         self._fixed = {dotted: terms[dotted] for dotted in self._conditions.fixed}
         self._branches = {
-            message.name: cycle(_masks(message))
+            message.name: cycle(_build_masks(message))
             for message in database.received
             if database.row.multiplexed & {message.name}
         }
         self._instant: _Instant | None = None
 
     def values_of(self, message: str, report: VehicleReport) -> tuple[Value, ...]:
-        """The values of a message, in the order and the units of its codec; of a multiplexed one the next branch.
+        """Return the values of a message in the order and units of its codec; of a multiplexed message the next branch.
 
         Raises `InvalidValueError` for a position that the vehicle's sensor cannot measure.
         """
@@ -116,11 +116,11 @@ class ReportWriter:
             valid=report.pose_valid,
             signs=tuple([get(instant) < 0.0 for get, _ in self._signed]),
         )
-        fixed = {dotted: self._in_row(dotted, term(instant)) for dotted, term in self._fixed.items()}
+        fixed = {dotted: self._to_row(dotted, term(instant)) for dotted, term in self._fixed.items()}
         return instant._replace(chosen=self._conditions.choose(wanted, fixed))
 
-    def _in_row(self, dotted: str, value: Value) -> float:
-        """What the other end reads."""
+    def _to_row(self, dotted: str, value: Value) -> float:
+        """Return the value that the receiver decodes."""
         signal, value = self._signals[dotted], value or 0.0
         if signal.from_wire is not None:
             return signal.from_wire.get(int(value), 0)
@@ -129,7 +129,7 @@ class ReportWriter:
     # --- terms
 
     def _terms(self) -> Iterator[tuple[str, Term]]:
-        """MESSAGE.SIGNAL and its term, of fields and conditions; the last one of several is right."""
+        """List MESSAGE.SIGNAL and its term, of fields and conditions; of several for one signal the last is valid."""
         for dotted, handshake in self._handshakes.items():
             yield dotted, _handshake_term(handshake)
         for dotted in self._conditions.free:
@@ -150,13 +150,13 @@ class ReportWriter:
         elif source.value is not None:
             yield source.value, self._signed_term(get, source)
         elif source.mean is not None:
-            yield from ((dotted, _clamped(self._view(dotted), get)) for dotted in source.mean)
+            yield from ((dotted, _clamp(self._view(dotted), get)) for dotted in source.mean)
         elif source.sum is not None:
             views = [self._view(dotted) for dotted in source.sum]
             yield from ((dotted, _part_term(views, place, get)) for place, dotted in enumerate(source.sum))
 
     def _plain_term(self, field: str, dotted: str) -> Term:
-        """As it is, beyond the range as well: then the codec refuses it."""
+        """Return the term of an unclamped value: the codec rejects it beyond the range."""
         view, get = self._view(dotted), self._getters[field]
         if field == "pose_valid":
             return self._flag_term(dotted, attrgetter("pose_valid"))
@@ -176,37 +176,37 @@ class ReportWriter:
         assert form.value is not None
         view, sign, find = self._view(form.value), form.negative_if, self._conditions.find
         if sign is None:
-            return _clamped(view, get)
+            return _clamp(view, get)
 
         def magnitude(instant: _Instant) -> float:
             value = get(instant)
             is_negative = holds(sign, instant.chosen, find) if instant.chosen else value < 0.0
             return -value if is_negative else value
 
-        return _clamped(view, magnitude)
+        return _clamp(view, magnitude)
 
     def _status_term(self, field: str, dotted: str) -> Term:
         view = self._view(dotted)
         if field == "mode":
-            modes = _first_of(NEXT_BEST, self._numbers(dotted))
+            modes = _choose_number(NEXT_BEST, self._numbers(dotted))
             return lambda instant: modes[instant.report.mode]
         if field == "gear":
             order = {gear: (gear, Gear.NEUTRAL, Gear.PARK, Gear.DRIVE) for gear in Gear}
-            gears = _first_of(order, self._numbers(dotted))
+            gears = _choose_number(order, self._numbers(dotted))
             return lambda instant: gears[instant.report.gear]
         if field == "driver_steer_torque_nm":
-            return _clamped(view, lambda instant: instant.report.driver_steer_torque_nm)
+            return _clamp(view, lambda instant: instant.report.driver_steer_torque_nm)
         if field == "fault_code":
             return self._fault_code_term(dotted)
         return self._flag_term(dotted, attrgetter(field))
 
     def _flag_term(self, dotted: str, is_set: Callable[[VehicleReport], bool]) -> Term:
-        """0, or the smallest number that is none."""
+        """Return the term of a flag: 0, or the smallest number that is not 0."""
         off, on = zero_and_more(self._view(dotted))
         return lambda instant: on if is_set(instant.report) else off
 
     def _fault_code_term(self, dotted: str) -> Term:
-        """The code, at least 1 for a fault that the mode does not express."""
+        """Return the term of the fault code, at least 1 for a fault that the mode does not express."""
         view, modes = self._view(dotted), self._status.get("mode")
         _, least = zero_and_more(view)
         expressed = self._numbers(modes) if modes is not None else {}
@@ -224,7 +224,7 @@ class ReportWriter:
         return write
 
     def _numbers(self, dotted: str) -> dict[int, int]:
-        """The program's number → the DBC's, of an enumeration."""
+        """Return the program's number → the DBC's number of an enumeration."""
         signal = self._signals[dotted]
         table = signal.from_wire or {number: number for number in signal.view.names}
         return {ours: number for number, ours in reversed(list(table.items()))}
@@ -251,8 +251,8 @@ def _nothing(_: _Instant) -> Value:
     return None
 
 
-def _clamped(view: SignalView, get: Getter) -> Term:
-    """The nearest value that the signal can carry."""
+def _clamp(view: SignalView, get: Getter) -> Term:
+    """Return the nearest value that the signal can carry."""
     low, high = (view.find_nearest(end) if math.isfinite(end) else end for end in view.field_range)
     if low is not None and high is not None and not view.names and not view.rules.missing:
         return lambda instant: view.to_wire(min(high, max(low, get(instant))))
@@ -270,7 +270,7 @@ def _part_term(views: Sequence[SignalView], place: int, get: Getter) -> Term:
 
 
 def split(value: float, views: Sequence[SignalView]) -> list[float]:
-    """Parts whose sum is `value`: the coarsest signal carries the most that leaves a rest for the finer ones."""
+    """Split `value` into parts: the coarsest signal carries the most that leaves a rest for the finer ones."""
     parts, rest = [0.0] * len(views), value
     coarsest_first = sorted(range(len(views)), key=lambda place: -views[place].resolution)
     for index, place in enumerate(coarsest_first):
@@ -281,16 +281,16 @@ def split(value: float, views: Sequence[SignalView]) -> list[float]:
     return parts
 
 
-def _first_of(order: Mapping[_Number, tuple[_Number, ...]], numbers: Mapping[int, int]) -> dict[_Number, int]:
-    """Of each, the number on the wire of the first that has one; else any."""
+def _choose_number(order: Mapping[_Number, tuple[_Number, ...]], numbers: Mapping[int, int]) -> dict[_Number, int]:
+    """Return for each the number on the wire of the first alternative that has one; else any."""
     other = next(iter(numbers.values()), 0)
     return {
         one: next((numbers[int(best)] for best in ways if int(best) in numbers), other) for one, ways in order.items()
     }
 
 
-def _masks(message: BoundMessage) -> Iterator[list[Callable[[Value], Value]]]:
-    """Of each branch, what it makes of each value of the message."""
+def _build_masks(message: BoundMessage) -> Iterator[list[Callable[[Value], Value]]]:
+    """Return the mask of each branch over the values of the message."""
     by_name = {view.signal.name: view.signal for view in message.signals}
     for branch in find_branches(by_name.values()):
         yield [

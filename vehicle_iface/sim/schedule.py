@@ -5,31 +5,31 @@ from typing import NamedTuple
 
 
 class Due(NamedTuple):
-    """What is sent now."""
+    """Messages to send now."""
 
     messages: tuple[str, ...]
-    """In the order of the schedule."""
+    """Message names in the order of the schedule."""
     instant_ns: int
-    """The newest of the instants at which they were due."""
+    """Newest instant at which they were due."""
     missed: int
-    """Instants of the most frequent message that passed without it."""
+    """Number of missed instants of the most frequent message."""
 
 
 class SendSchedule:
-    """The periods of all messages; instants that were missed are not made up for."""
+    """The periods of all messages; missed instants are skipped."""
 
     def __init__(self, periods_ns: Mapping[str, int], start_ns: int) -> None:
         self._messages, self._start_ns = tuple(periods_ns.items()), start_ns
         self._sent = dict.fromkeys(sorted(periods_ns.values()), -1)
-        """The number of the newest instant of each period, the shortest first."""
+        """Number of the newest instant of each period, the shortest first."""
 
     @property
     def next_due_ns(self) -> int:
-        """When the next message is due."""
+        """Time at which the next message is due."""
         return self._start_ns + min([(number + 1) * period_ns for period_ns, number in self._sent.items()])
 
     def take_due(self, now_ns: int) -> Due | None:
-        """The messages that are due, each once; None where there are none."""
+        """Return the messages that are due, each once; None where there are none."""
         passed_ns, sent = now_ns - self._start_ns, self._sent
         numbers = {period_ns: passed_ns // period_ns for period_ns in sent}
         due = {period_ns: number for period_ns, number in numbers.items() if number > sent[period_ns]}

@@ -12,13 +12,13 @@ from vehicle_iface.units import wrapped_rad
 
 LONGEST_DELAY_SAMPLES = 1000
 SignalFault = Callable[[float], float]
-"""From the value that a signal should have now to the one that it has. Called once a sample."""
+"""True value of a signal → faulty value. Called once a sample."""
 FIELDS = tuple(field.name for field in fields(BicycleState))
-"""Signals that can be wrong, under the names of the profile."""
+"""Signals that can have a fault, by the names of the profile."""
 
 
 def frozen() -> SignalFault:
-    """The value at the first call, for ever."""
+    """Make a fault that repeats the value of its first call."""
     held: list[float] = []
 
     def fault(value: float) -> float:
@@ -29,19 +29,19 @@ def frozen() -> SignalFault:
 
 
 def scaled(factor: float) -> SignalFault:
-    """The value times `factor`."""
+    """Make a fault that multiplies by `factor`."""
     checks.finite("factor", factor)
     return lambda value: value * factor
 
 
 def offset(amount: float) -> SignalFault:
-    """The value plus `amount`, in the signal's unit."""
+    """Make a fault that adds `amount`, in the signal's unit."""
     checks.finite("amount", amount)
     return lambda value: value + amount
 
 
 def delayed(samples: int) -> SignalFault:
-    """The value of so many samples ago; until there is one, that of the first call."""
+    """Make a fault that delays by this number of samples; it starts with the value of the first call."""
     if not 1 <= checks.integer("samples", samples) <= LONGEST_DELAY_SAMPLES:
         raise InvalidValueError(f"samples = {samples}: must be 1..{LONGEST_DELAY_SAMPLES}")
     held: deque[float] = deque(maxlen=samples + 1)
@@ -54,7 +54,7 @@ def delayed(samples: int) -> SignalFault:
 
 
 def apply_faults(state: BicycleState, faults: dict[str, SignalFault]) -> BicycleState:
-    """What sensors with these faults say of `state`, by field."""
+    """Return the measurements of `state` by sensors with these faults, by field."""
     values = {name: getattr(state, name) for name in FIELDS}
     for name, fault in faults.items():
         values[name] = fault(values[name])

@@ -1,7 +1,7 @@
-"""The simulated vehicle as a node on the bus: frames in, frames out, no clock, no socket.
+"""The simulated vehicle as a node on the bus: frames in, frames out, without clock and socket.
 
-It keeps the bus contract: each message at its period on an absolute grid, intact commands followed while AUTONOMOUS,
-and a watchdog of its own.
+It implements the bus contract: each message at its period on an absolute grid, intact commands followed while
+AUTONOMOUS, and a watchdog.
 
 Choices that the contract leaves open:
 
@@ -11,10 +11,10 @@ Choices that the contract leaves open:
 - It does not become AUTONOMOUS while the driver brakes, accelerates or steers.
 - Only the driver's reset leads out of FAULT and EMERGENCY_STOP, to MANUAL; only the driver's ready leads from there to
   READY, with feet and hands off.
-- Only command pairs received in READY count. What else it demands is in `demands`.
+- Only command pairs received in READY count. `demands` has its further requirements.
 - In MANUAL and READY the driver's pedals and torque move it; without a pedal it rolls on.
 - EMERGENCY_STOP brakes harder than FAULT; both straighten the wheels and hold at standstill.
-- Commands age by their frame's stamp where there is one, so a vehicle that ran late itself loses none.
+- The age of a command is that of its frame's stamp where there is one, so a late simulation loses none.
 """
 
 from collections import Counter
@@ -38,7 +38,7 @@ from vehicle_iface.units import s_from_ns
 
 
 class SimulatedVehicle:
-    """One vehicle, from driver and commands to frames."""
+    """A vehicle that turns driver inputs and commands into frames."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class SimulatedVehicle:
         frame_id: str = "map",
         interpret: Interpret | None = None,
     ) -> None:
-        """Its first sample is due at `start_ns`. `interpret` makes acceleration and angle of other forms of commands.
+        """The first sample is due at `start_ns`. `interpret` converts commands to acceleration and angle.
 
         Without a `gear` it is in PARK, or in DRIVE where commands have none.
         """
@@ -70,10 +70,10 @@ class SimulatedVehicle:
         self.frozen = False
         """Whether the samples repeat the values of the moment when this was set, with live counters."""
         self.signal_faults: dict[str, SignalFault] = {}
-        """Sensors that are wrong, by the field that they measure."""
+        """Faults of sensors, by the field that they measure."""
         self.frame_faults = FrameFaults()
         self.counters: Counter[str] = Counter()
-        """What happened how often; `other` are frames that are none of the profile's."""
+        """Number of events by kind; `other` counts frames that are not in the profile."""
         self._wire = wire
         self._car = Bicycle(car, start)
         self._watch = CommandWatch(wire.command_periods_ns)
@@ -82,21 +82,21 @@ class SimulatedVehicle:
         self._reported = self._car.state
         self._schedule = SendSchedule(wire.periods_ns, start_ns)
         self._moved_ns: int | None = None
-        """Until when the vehicle has moved; None before its first message."""
+        """Time up to which the motion is simulated; None before the first message."""
 
     @property
     def state(self) -> BicycleState:
-        """Its true state, without sensor faults."""
+        """True state, without sensor faults."""
         return self._car.state
 
     @property
     def messages(self) -> tuple[str, ...]:
-        """Everything that it sends, in this order."""
+        """All messages that it sends, in this order."""
         return tuple(self._wire.periods_ns)
 
     @property
     def sample(self) -> tuple[str, ...]:
-        """The messages of one state sample."""
+        """Messages of one state sample."""
         return self._wire.sample
 
     @property
@@ -106,12 +106,12 @@ class SimulatedVehicle:
 
     @property
     def pairs(self) -> int:
-        """Consecutive good command pairs so far."""
+        """Number of consecutive intact command pairs so far."""
         return self._watch.pairs
 
     @property
     def next_due_ns(self) -> int:
-        """When `advance` has something to do: the next message, or the watchdog before it."""
+        """Time of the next call of `advance`: the next message, or the watchdog before it."""
         due_ns, expires_ns = self._schedule.next_due_ns, self._expires_ns
         if self.mode is VehicleMode.AUTONOMOUS and expires_ns is not None:
             return min(due_ns, expires_ns)
@@ -140,7 +140,7 @@ class SimulatedVehicle:
             self._follow_command(received, seen_ns)
 
     def advance(self, now_ns: int) -> list[CanFrame]:
-        """Move on to `now_ns`; the frames that are due, at most one of each message.
+        """Advance to `now_ns`; return the frames that are due, at most one of each message.
 
         The grid is absolute. Instants that were missed are counted as overruns and not made up for.
         """
@@ -155,13 +155,13 @@ class SimulatedVehicle:
         return self._frames(due.messages)
 
     def extend_watchdog(self, pause_ns: int) -> None:
-        """Give the commands `pause_ns` more: the simulation itself was paused for this long."""
+        """Extend the watchdog by `pause_ns`: the simulation itself was paused for this long."""
         self._watch.extend_watchdog(pause_ns)
         self._wire.demands.extend(pause_ns)
         self.counters["pauses"] += 1
 
     def set_driver(self, driver: Driver) -> None:
-        """The driver's feet and hands from now on.
+        """Set the driver's pedals and steering torque.
 
         Raises `InvalidValueError` for a torque that is not finite or beyond ±`TORQUE_LIMIT_NM`.
         """
@@ -175,18 +175,18 @@ class SimulatedVehicle:
 
     @property
     def is_driver_active(self) -> bool:
-        """Whether the driver brakes, accelerates or steers hard enough to take over."""
+        """Return whether the driver brakes, accelerates or steers hard enough to take over."""
         d = self.driver
         return d.brake or d.throttle or abs(d.steer_torque_nm) >= self.parameters.override_torque_nm
 
     def request_ready(self) -> bool:
-        """The driver hands over: MANUAL → READY, with feet and hands off; whether it is READY now."""
+        """Hand over to a commander: MANUAL → READY, unless the driver is active; return whether it is READY now."""
         if not self.is_driver_active:
             self._apply(Event.MADE_READY)
         return self.mode is VehicleMode.READY
 
     def reset(self) -> bool:
-        """The driver acknowledges a FAULT or EMERGENCY_STOP: → MANUAL; whether there was one."""
+        """Acknowledge a FAULT or EMERGENCY_STOP: → MANUAL; return whether there was one."""
         if not self._apply(Event.RESET):
             return False
         self.fault_code = 0
@@ -200,11 +200,11 @@ class SimulatedVehicle:
         self._apply(Event.FAULT)
 
     def press_emergency_stop(self) -> None:
-        """The red button: → EMERGENCY_STOP from everywhere."""
+        """Press the emergency stop button: → EMERGENCY_STOP from every mode."""
         self._apply(Event.EMERGENCY_STOP)
 
     def shift(self, gear: Gear) -> bool:
-        """Put `gear` in; refused (false) above the speed for it."""
+        """Select `gear`; return false, rejected, above the speed for it."""
         if gear in (Gear.NO_REQUEST, self.gear):
             return True
         if abs(self.state.speed_mps) > self.parameters.gear_change_speed_mps:
@@ -214,7 +214,7 @@ class SimulatedVehicle:
         return True
 
     def jump(self, dx_m: float, dy_m: float) -> None:
-        """Move at once, like a pose source that jumps."""
+        """Move at once, like a pose source that jumps by (dx, dy) in m."""
         s = self._car.state
         self._car.state = replace(s, x_m=s.x_m + dx_m, y_m=s.y_m + dy_m)
 
@@ -226,7 +226,7 @@ class SimulatedVehicle:
 
     @property
     def _expires_ns(self) -> int | None:
-        """When the commander is lost, by its commands or by a handshake."""
+        """Time at which the commander counts as lost, by its commands or by a handshake."""
         deadlines_ns = (self._watch.expires_ns, self._wire.demands.expires_ns)
         return min([one for one in deadlines_ns if one is not None], default=None)
 
@@ -254,7 +254,7 @@ class SimulatedVehicle:
                 self.shift(find_needed_gear(self._requested))
 
     def _apply(self, event: Event) -> bool:
-        """Take the transition of `event`; whether the mode changed."""
+        """Apply the transition of `event`; return whether the mode changed."""
         mode = TRANSITIONS.get((self.mode, event))
         if mode is None:
             return False

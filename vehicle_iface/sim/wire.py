@@ -1,6 +1,6 @@
-"""Between the simulated vehicle's fields and the bytes of its profile: the bus seen from the other side.
+"""Convert between the simulated vehicle's fields and the frames of its profile, from the vehicle's side.
 
-What the program receives is sent here, and what the program sends is received.
+Messages that the program receives are sent here, and messages that it sends are received.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,7 +24,7 @@ from vehicle_iface.units import ns_from_s
 
 
 class ProfileWire:
-    """The wire of one profile."""
+    """Encoder and decoder for the vehicle of one profile."""
 
     def __init__(self, database: VehicleDatabase) -> None:
         timing, periods_s = database.profile.timing, database.profile.command.periods
@@ -52,15 +52,15 @@ class ProfileWire:
         self._expressible: dict[str, tuple[Value, ...]] = {}
 
     def find_name(self, frame: CanFrame) -> str | None:
-        """The message whose identifier the frame has; None where it is no command and nothing sent besides."""
+        """Return the message with the frame's identifier; None where the program does not send it."""
         return self._names.get((frame.can_id, frame.is_extended, frame.bus))
 
     def is_known(self, frame: CanFrame) -> bool:
-        """Whether the frame has an identifier of the profile."""
+        """Return whether the frame has an identifier of the profile."""
         return (frame.can_id, frame.is_extended, frame.bus) in self._ids
 
     def read(self, frame: CanFrame) -> ReceivedMessage | None:
-        """The message in the frame; None when it is damaged, out of sequence or impossible."""
+        """Decode the message in the frame; None when it is damaged, out of sequence or invalid."""
         received = self._decoder.decode(frame)
         if received is None:
             return None
@@ -78,10 +78,10 @@ class ProfileWire:
         )
 
     def write(self, message: str, report: VehicleReport) -> CanFrame:
-        """The next frame of `message`.
+        """Encode the next frame of `message`.
 
-        A report with a number beyond its signal's range is sent as the last one within it: the sensor is at its
-        end. `SignalError`, or `InvalidValueError` for a place, when there was none yet.
+        A report with a number beyond its signal's range repeats the last one within it: the sensor is at its limit.
+        Raises `SignalError`, or `InvalidValueError` for a place, when there was none yet.
         """
         try:
             values = self._writer.values_of(message, report)
@@ -104,7 +104,7 @@ def simulated_vehicle(
     gear: Gear | None = None,
     frame_id: str | None = None,
 ) -> SimulatedVehicle:
-    """A vehicle as the database's profile describes it; `frame_id` is that of its pose, map where there is a choice.
+    """Build a vehicle as the database's profile describes it; `frame_id` is that of its pose, map where possible.
 
     Raises `InvalidValueError` for a frame of reference that its bus has no number for, and `ConfigError` for conditions
     that no values fulfil. A start that the bus cannot express is a `SignalError` of the first `advance`.
@@ -138,7 +138,7 @@ def _parameters(profile: Profile, wire: ProfileWire) -> SimulationParameters:
 
 
 def _periods_ns(database: VehicleDatabase) -> Iterator[tuple[str, int]]:
-    """Of each message that the vehicle sends, its own period or else that of its role; what completes a sample last."""
+    """Return the period of each message that the vehicle sends; the message that completes a sample is last."""
     timing, state = database.profile.timing, database.profile.state
     for message in (*database.status, *database.auxiliary):
         yield message.name, ns_from_s(message.cycle_s or timing.status_period_s)
