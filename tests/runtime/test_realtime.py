@@ -72,7 +72,7 @@ def lacking(found: dict[str, Any], word: str) -> bool:
 
 
 @pytest.mark.parametrize("without_rights", [False, True])
-def test_each_step_holds_or_says_that_it_does_not(without_rights: bool) -> None:
+def test_each_step_succeeds_or_reports_that_it_failed(without_rights: bool) -> None:
     found = claimed(without_rights=without_rights)
     assert found["is_fifo"] != lacking(found, "SCHED_FIFO")
     assert (found["locked_kb"] > 0) != lacking(found, "memory is not locked")
@@ -81,7 +81,7 @@ def test_each_step_holds_or_says_that_it_does_not(without_rights: bool) -> None:
     assert found["slack_ns"] in (0, 1)  # newer kernels say 0 of every SCHED_FIFO thread
 
 
-def test_without_rights_each_lack_has_its_command() -> None:
+def test_each_missing_permission_is_reported_with_its_command() -> None:
     found = claimed(without_rights=True)
     assert not found["is_fifo"]
     assert len(found["lacks"]) == 2

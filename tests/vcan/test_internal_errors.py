@@ -65,7 +65,7 @@ def test_frames_that_are_not_ours_to_send_or_too_many_stay_here_and_nothing_else
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_without_the_right_to_real_time_it_says_what_mends_it_and_drives(programs: Programs, bus: Observer) -> None:
+def test_without_permission_for_real_time_it_drives_and_reports_the_remedy(programs: Programs, bus: Observer) -> None:
     setpriv = shutil.which("setpriv")
     assert setpriv is not None, "util-linux is missing"
     bounds = "-sys_nice,-ipc_lock,-sys_resource"

@@ -150,7 +150,7 @@ class Control:
         """What it has measured, once it has ended by itself."""
         assert self._process is not None
         said, complaints = self._process.communicate(timeout=60)
-        lacking = [line for line in complaints.splitlines() if "no right to SCHED_FIFO" in line]
+        lacking = [line for line in complaints.splitlines() if "no permission for SCHED_FIFO" in line]
         if self._process.returncode != 0 or lacking:
             raise BenchmarkError(lacking[0] if lacking else f"the control process failed:\n{complaints}")
         return json.loads(said.splitlines()[-1])

@@ -146,19 +146,19 @@ def _lock_memory(_: RealtimeSettings) -> str:
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(MCL_CURRENT | MCL_ONFAULT) == 0:
         return ""
-    cause = {errno.ENOMEM: "more than its limit `ulimit -l`", errno.EPERM: "no right to"}
+    cause = {errno.ENOMEM: "more than its limit `ulimit -l`", errno.EPERM: "no permission for it"}
     why = cause.get(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
     return f"memory is not locked ({why}), a pass can wait for the disk when it runs short; `{FIX_LOCK}`"
 
 
 def _set_fifo(settings: RealtimeSettings) -> str:
-    """Before every ordinary program; what this thread starts later is ordinary again."""
+    """Run this thread before every ordinary program; what it starts later is ordinary again."""
     if not hasattr(os, "sched_setscheduler"):
         return "this system has no SCHED_FIFO: other programs can delay the loop"
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(settings.priority))
     except PermissionError:
-        return f"no right to SCHED_FIFO, other programs can delay the loop; `{FIX_FIFO}`, or run as root"
+        return f"no permission for SCHED_FIFO, other programs can delay the loop; `{FIX_FIFO}`, or run as root"
     return ""
 
 
