@@ -126,6 +126,19 @@ def test_a_shadow_says_how_far_another_commander_is_from_it() -> None:
         assert "other commander" not in banner_html(replace(of, details=other))
 
 
+def test_the_banner_says_how_far_odometry_came_and_which_part_of_a_sample_was_oldest() -> None:
+    details = LiveDetails(
+        link=LinkDetails(state="UP"), odometry_m=51.66, part_ages_s={"ABS": 0.002, "GNSS<": 0.0491, "ESP": 0.01}
+    )
+    words = _Words(banner_html(replace(view(driving()), details=details))).text
+    assert "position by odometry: 51.7 m driven; its error grows with the distance" in words
+    assert "oldest part of a sample: GNSS<, 49 ms" in words
+    for other in (None, LiveDetails(link=LinkDetails(state="UP"), part_ages_s={})):
+        words = _Words(banner_html(replace(view(driving()), details=other))).text
+        assert "odometry" not in words
+        assert "oldest" not in words
+
+
 @pytest.mark.parametrize("state", list(ControllerState))
 def test_the_banner_names_state_and_reason(state: ControllerState) -> None:
     content = banner_html(view(driving(controller_state=state, reason=Reason.DEVIATION)))

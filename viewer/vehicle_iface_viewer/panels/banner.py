@@ -105,7 +105,7 @@ def _session_lines(view: View) -> Iterator[str]:
     info = view.info
     if info is None:
         return
-    yield f'<div id="bus"><b>{plain(info.arming)}</b> · {plain(info.bus)} · channel {plain(info.channel)}</div>'
+    yield f'<div id="bus"><b>{plain(info.arming)}</b> · {plain(info.bus)}</div>'
     yield from _link_lines(view)
     yield from _shadow_lines(view)
     if info.bus_hint:
@@ -115,6 +115,7 @@ def _session_lines(view: View) -> Iterator[str]:
     elif view.recorder is not None:
         yield f'<div id="recorder">recording to {plain(view.recorder.folder)}</div>'
     yield f"<div>profile {plain(info.profile or '–')} · route {plain(info.route or '–')}</div>"
+    yield from _sample_lines(view)
 
 
 def _link_lines(view: View) -> Iterator[str]:
@@ -130,6 +131,19 @@ def _link_lines(view: View) -> Iterator[str]:
         loads = ", ".join(f"{plain(name)} {load:.1f} %" for name, load in by_bus.items())
         shown = f"{loads or f'{link.load_percent:.1f} %'} · {link.frames_per_s:.0f} frames/s"
         yield f'<div id="load">bus load {shown}</div>'
+
+
+def _sample_lines(view: View) -> Iterator[str]:
+    """How far odometry has come, and how old the oldest part of a sample was."""
+    if view.details is None:
+        return
+    if view.details.odometry_m is not UNSET:
+        distance = f"{view.details.odometry_m:.1f} m driven; its error grows with the distance"
+        yield f'<div id="odometry">position by odometry: {distance}</div>'
+    ages_s = view.details.part_ages_s
+    if ages_s is not UNSET and ages_s:
+        oldest = max(ages_s, key=lambda name: ages_s[name])
+        yield f'<div id="oldest">oldest part of a sample: {plain(oldest)}, {ages_s[oldest] * 1e3:.0f} ms</div>'
 
 
 def _shadow_lines(view: View) -> Iterator[str]:
