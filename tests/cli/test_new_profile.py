@@ -21,7 +21,8 @@ def test_out_writes_the_draft_and_says_what_comes_next(tmp_path: Path, capsys: p
     assert cli.main(["new-profile", str(DBC), "--out", str(out)]) == 0
     assert tomllib.loads(out.read_text("utf-8"))["name"] == "mine"
     shown = capsys.readouterr().out
-    assert shown == f"{out}: 34 fields bound, 0 to fill in; next: vehicle-iface check-dbc {out}\n"
+    counts = f"{out}: 34 fields bound, 0 to choose, numbers to fill in"
+    assert shown == f"{counts}; next: complete each TODO, then vehicle-iface check-dbc {out}\n"
     assert cli.main(["check-dbc", str(out)]) == 2
 
 

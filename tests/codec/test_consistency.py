@@ -96,6 +96,7 @@ DBC_FAULTS = [
     ("BO_ 273 MOTION", "BO_ 273 MOTOIN", r"no message 'MOTION' in reference\.dbc; nearest: MOTOIN"),
     ('1 "READY" ', "", r"VEHICLE_STATUS\.MODE: VAL_ table without READY"),
     (' 17 "NOT_ENGAGED"', "", r"REASON: VAL_ table without NOT_ENGAGED"),
+    (' 7 "NO_REQUEST"', "", r"GEAR_REQUEST: VAL_ table without NO_REQUEST; .* no gear_request: \[command\.values\]"),
     ("GEAR_REQUEST : 56|3@1+ (1,0) [0|7]", "GEAR_REQUEST : 56|3@1+ (1,0) [0|4]",
      r"GEAR_REQUEST: 7 means NO_REQUEST, and the range is \[0, 4\]"),
     ("VAL_ 256 MODE", "VAL_ 256 MOED", r"reference\.dbc"),

@@ -196,6 +196,38 @@ def test_the_form_of_the_command_follows_from_its_signals(tmp_path: Path) -> Non
     assert re.search(r'^(# )?curvature_per_m = "GuidanceSystemCommand.CurvatureCommand"', text, re.MULTILINE)
 
 
+def test_commands_of_torque_and_brake_in_percent_are_pedals(tmp_path: Path) -> None:
+    pedals = "".join(
+        f' SG_ {name}_REQ : {bit}|8@1+ (0.5,0) [0|100] "%" CAR\n' for name, bit in (("TORQUE", 16), ("BRAKE", 24))
+    )
+    text = draft_text(
+        tmp_path,
+        (' SG_ ACC : 16|16@1- (0.001,0) [-10|10] "m/s^2" CAR\n', pedals),
+        (' SG_ SPD : 48|16@1- (0.01,0) [-50|50] "m/s" CAR\n', ""),
+    )
+    command = tomllib.loads(text)["command"]
+    assert command["longitudinal"] == "pedals"
+    assert (command["signals"]["throttle"], command["signals"]["brake"]) == ("CMD.TORQUE_REQ", "CMD.BRAKE_REQ")
+
+
+@pytest.mark.parametrize(("more", "is_bound"), [("", False), (' 7 "NO_REQUEST"', True)])
+def test_a_gear_request_is_bound_where_a_value_may_request_no_gear(tmp_path: Path, more: str, is_bound: bool) -> None:
+    request = ' SG_ GEAR_REQ : 1|3@1+ (1,0) [0|7] "" CAR\n SG_ STEER'
+    names = f'VAL_ 128 GEAR_REQ 0 "P" 1 "R" 2 "N" 3 "D"{more} ;\nVAL_'
+    text = draft_text(tmp_path, (" SG_ STEER", request), ("VAL_", names))
+    assert ("gear_request" in tomllib.loads(text)["command"]["signals"]) is is_bound
+    assert ("none of its names means NO_REQUEST" in text) is not is_bound
+
+
+@pytest.mark.parametrize(("command_ms", "trigger"), [(10, "MOTION"), (50, "POSE"), (100, "POSE")])
+def test_each_command_finds_a_new_sample(tmp_path: Path, command_ms: int, trigger: str) -> None:
+    motion = "\nBO_ 273 MOTION: 8 CAR\n SG_ YAW : 32"
+    periods = f'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 1000;\nBA_ "GenMsgCycleTime" BO_ 272 50;\n\
+BA_ "GenMsgCycleTime" BO_ 273 10;\nBA_ "GenMsgCycleTime" BO_ 128 {command_ms};\nVAL_'
+    text = draft_text(tmp_path, (" SG_ YAW : 32", motion), ("VAL_", periods))
+    assert tomllib.loads(text)["state"]["trigger"] == trigger
+
+
 def test_a_frame_of_reference_that_is_not_known_is_a_question(tmp_path: Path) -> None:
     frame = ' SG_ POSE_FRAME : 4|2@1+ (1,0) [0|3] "" PC\n SG_ BRAKE'
     text = draft_text(tmp_path, (" SG_ BRAKE", frame), ("VAL_ 256", 'VAL_ 256 POSE_FRAME 0 "MAP" 1 "YARD" ;\nVAL_ 256'))

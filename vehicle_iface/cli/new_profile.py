@@ -24,6 +24,7 @@ def new_profile(options: argparse.Namespace) -> int:
     except OSError as error:
         raise ConfigError(f"--out {out}: cannot be written: {error.strerror}") from None
     print_safely(
-        f"{out}: {draft.bound_count} fields bound, {draft.open_count} to fill in; next: vehicle-iface check-dbc {out}"
+        f"{out}: {draft.bound_count} fields bound, {draft.open_count} to choose, numbers to fill in; "
+        f"next: complete each TODO, then vehicle-iface check-dbc {out}"
     )
     return DONE

@@ -28,6 +28,13 @@ _VOCABULARIES: dict[str, tuple[dict[str, int], tuple[str, ...]]] = {
 """Field → the program's names and numbers, and the names that a DBC must have."""
 
 
+_REMEDIES = {
+    "mode": "; [status.modes] may give other names that meaning",
+    "gear": "; [status.gears] may give other names that meaning",
+    "gear_request": "; [status.gears] may give other names that meaning. A vehicle that cannot be asked for no gear "
+    "has no gear_request: [command.values] sends it one gear",
+}
+"""The way on where a name is missing, by field."""
 _OPEN = {"mode": int(VehicleMode.FAULT), "gear": UNKNOWN_GEAR, "gear_request": UNKNOWN_GEAR}
 """Fields whose signals may have names that the program does not know, and what those names mean."""
 
@@ -75,8 +82,7 @@ def enumeration_faults(binding: Binding, dotted: str) -> Iterator[ConfigError]:
         found.add(name)
     missing = [name for name in needed if name not in found]
     if missing:
-        remedy = f"; [status.{field}s] may give other names that meaning" if field in ("mode", "gear") else ""
-        yield binding.file.fault(dotted, f"VAL_ table without {', '.join(missing)}{remedy}")
+        yield binding.file.fault(dotted, f"VAL_ table without {', '.join(missing)}{_REMEDIES.get(field, '')}")
     if binding.roles.get(dotted.partition(".")[0]) in SENT_ROLES:
         yield from _range_faults(binding, dotted, needed)
 

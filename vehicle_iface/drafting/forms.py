@@ -7,8 +7,8 @@ from typing import Literal
 
 from vehicle_iface.drafting.choice import choose_fields
 from vehicle_iface.drafting.draft import Draft, FieldDraft, ModeFlags
-from vehicle_iface.drafting.rules import RULE_OF, Section
-from vehicle_iface.drafting.scoring import BINDING_SCORE, Candidate
+from vehicle_iface.drafting.rules import GEAR_NAMES, RULE_OF, Section
+from vehicle_iface.drafting.scoring import BINDING_SCORE, Candidate, fold_names
 from vehicle_iface.drafting.survey import MessageFacts, SignalFacts, Survey, survey_dbc
 from vehicle_iface.drafting.words import word_set
 from vehicle_iface.profile.forms import FieldForm
@@ -40,6 +40,7 @@ def draft_profile(dbc: Path) -> Draft:
     fields = choose_fields(survey)
     _take_wheel_speeds(survey, fields)
     pose_source = _choose_pose(fields)
+    _check_gear_request(fields)
     mode = fields["status", "mode"]
     has_mode = mode.value is not None or any(one.score >= BINDING_SCORE for one in mode.others)
     flags = None if has_mode else _find_flags(survey)
@@ -123,7 +124,8 @@ def _choose_pose(fields: Fields) -> Literal["local", "geographic", "odometry"]:
 
 
 def _choose_sample(survey: Survey, fields: Fields) -> tuple[str, ...]:
-    """The messages of pose and speed, and of other state that comes as often; the position's message is the trigger."""
+    """The messages of pose and speed, and of other state that comes as often. The position's message is the trigger;
+    where commands are sent more often, it is the one that comes as often as they."""
     by_field = {
         name: dict.fromkeys(one.signal.message for one in field.chosen)
         for (section, name), field in fields.items()
@@ -132,13 +134,25 @@ def _choose_sample(survey: Survey, fields: Fields) -> tuple[str, ...]:
     needed = dict.fromkeys(message for name in _ONE_SAMPLE for message in by_field.get(name, ()))
     if not needed:
         return ()
-    trigger = next(iter(needed))
+    trigger = _choose_trigger(survey, fields, tuple(needed))
     mode = {one.signal.message for one in fields["status", "mode"].chosen}
     others = {message for messages in by_field.values() for message in messages} - mode
     period = survey.messages[trigger].cycle_ms
     as_often = {name for name in others if period and survey.messages[name].cycle_ms == period}
     rest = [name for name in survey.messages if name in as_often | set(needed) and name != trigger]
     return (trigger, *rest)
+
+
+def _choose_trigger(survey: Survey, fields: Fields, needed: Sequence[str]) -> str:
+    """The first message, unless a command is due more often than it comes: each command needs a new sample."""
+    commands = {
+        one.signal.message for (section, _), field in fields.items() if section == "command" for one in field.chosen
+    }
+    period = min((survey.messages[name].cycle_ms for name in commands if survey.messages[name].cycle_ms), default=0)
+    if survey.messages[needed[0]].cycle_ms <= period or not period:
+        return needed[0]
+    often = (name for name in needed if (cycle := survey.messages[name].cycle_ms) and period % cycle == 0)
+    return next(often, needed[0])
 
 
 # --- status
@@ -176,6 +190,19 @@ def _drop_flags(fields: Fields, flags: ModeFlags) -> None:
 
 
 # --- command
+
+
+def _check_gear_request(fields: Fields) -> None:
+    """A request of a gear needs a value that requests none: the program asks only for a change."""
+    names = [name for one in fields["command", "gear_request"].chosen for name in one.signal.names.values()]
+    gears = {spelling for gear, spellings in GEAR_NAMES.items() if gear != "NO_REQUEST" for spelling in spellings}
+    if names and gears.issuperset(fold_names(names).values()):
+        _drop(
+            fields,
+            "command",
+            ["gear_request"],
+            "none of its names means NO_REQUEST; [command.values] may send one gear",
+        )
 
 
 def _choose_form(fields: Fields, forms: Mapping[str, tuple[str, ...]], keep: tuple[str, str]) -> str:
