@@ -1,11 +1,15 @@
 """Several buses as one: merged by stamps, each frame sent on its own, and the loss of one is told with its name."""
 
+import re
 import socket
 from collections.abc import Iterator
+from pathlib import Path
 
+import msgspec
 import pytest
 
-from tests.harness import Clock, ms
+from tests.buses.two_buses import load_vehicle
+from tests.harness import Clock, Drive, ms
 from vehicle_iface import clock
 from vehicle_iface.bus.base import add_bus_name
 from vehicle_iface.bus.controller_events import ControllerEvent
@@ -15,7 +19,8 @@ from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame, FrameKey
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.link import Link
-from vehicle_iface.telemetry.details import LinkDetails
+from vehicle_iface.runtime.summary import table
+from vehicle_iface.telemetry.details import LinkChange, LinkDetails, LinkSummary
 
 
 class Part:
@@ -261,6 +266,24 @@ def test_the_load_of_each_bus_is_known_and_the_greatest_is_the_link_s(linked: Li
         rates_hz={"vehicle 0x100 STATUS": 14.0, "ins 0x100 STATUS": 40.0},
     )
     assert linked.link.load.whole("UP", [], names, counted).highest_load_percent == 20.0
+
+
+def test_a_lost_bus_and_the_load_of_each_are_in_the_summary(tmp_path: Path) -> None:
+    summary = Drive(database=load_vehicle(tmp_path)).loop.summary()
+    changes = [LinkChange(at_s=1.0, state="DOWN", why="bus ins: can1: down")]
+    loads = {"vehicle": 10.0, "ins": 20.0}
+    link = LinkSummary(
+        state="UP",
+        transitions=changes,
+        load_percent=20.0,
+        loads_percent=loads,
+        highest_load_percent=25.0,
+        frames_per_s=60.0,
+        rates_hz={},
+    )
+    shown = table(msgspec.structs.replace(summary, link=link))
+    assert re.search(r"^  link lost +bus ins: can1: down$", shown, re.MULTILINE)
+    assert "bus load vehicle 10.0 %, ins 20.0 % (at most 25.0 %)" in shown
 
 
 def test_a_bus_that_is_one_has_itself_as_its_only_part(parts: dict[str, Part]) -> None:

@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.buses.two_buses import BUSES, CAR, load_vehicle, write_vehicle
-from vehicle_iface.codec.database import load_database
+from vehicle_iface.codec.database import J1939_PGN, load_database
 from vehicle_iface.codec.decoder import Decoder, DropCause
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.codec.lint import check_file
@@ -100,6 +101,14 @@ def test_the_same_identifier_on_another_bus_is_another_message(tmp_path: Path) -
     assert decoder.drops == {(DropCause.WRONG_LENGTH, "ins:STATUS"): 1, (DropCause.UNKNOWN_ID, ""): 1}
     assert decoder.seen[FrameKey(256)] == 1
     assert decoder.seen[FrameKey(256, bus=1)] == 2
+
+
+def test_a_message_known_by_a_part_of_its_identifier_is_known_on_its_bus_only(tmp_path: Path) -> None:
+    position = next(message for message in load_vehicle(tmp_path).sample if message.name == "INS_POS")
+    decoder = Decoder([replace(position, can_id=0x18FEF121, is_extended=True, id_mask=J1939_PGN)])
+    other_priority = CanFrame(0x0CFEF121, bytes(8), is_extended=True, bus=1)
+    assert decoder.decode(other_priority) is not None
+    assert decoder.decode(other_priority._replace(bus=0)) is None
 
 
 def test_a_frame_is_encoded_for_the_bus_of_its_message(tmp_path: Path) -> None:

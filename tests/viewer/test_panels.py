@@ -235,6 +235,19 @@ def test_the_banner_has_the_bus_load_and_nothing_about_a_link_that_is_up() -> No
     assert 'id="link"' not in shown
 
 
+def test_of_several_buses_the_load_of_each_is_shown() -> None:
+    loads = {"vehicle": 14.6, "ins": 20.0}
+    link = LinkDetails(state="UP", load_percent=20.0, loads_percent=loads, frames_per_s=612.0, rates_hz={})
+    shown = banner_html(replace(view(Snapshot(0, 3, 0)), details=LiveDetails(link=link)))
+    assert "bus load vehicle 14.6 %, ins 20.0 % · 612 frames/s" in shown
+
+
+def test_a_link_that_is_not_up_is_shown_with_its_reason() -> None:
+    link = LinkDetails(state="DOWN", why="bus ins: can1: <Network> is down")
+    shown = banner_html(replace(view(Snapshot(0, 3, 0)), details=LiveDetails(link=link)))
+    assert ">link DOWN: bus ins: can1: &lt;Network&gt; is down</div>" in shown
+
+
 def test_every_number_and_curve_of_the_page_shows_the_field_that_it_names() -> None:
     fields = {name: float(place) for place, name in enumerate(Snapshot._fields, 1)}
     fields |= dict.fromkeys(
