@@ -16,7 +16,7 @@ _SI_FIELDS = {"longitudinal": "accel_mps2", "lateral": "front_wheel_angle_rad"}
 class CommandFormer:
     """Forms the commands of one profile. All numbers are finite and within the ranges of their signals.
 
-    `form` proposes and `commit` says that it was sent, as with the gate: what was not sent is not counted from.
+    `form` proposes and `commit` says that it was sent, as with the gate: the next command starts from what was sent.
     """
 
     def __init__(self, profile: Profile, ranges: Mapping[str, WireRange]) -> None:
@@ -46,7 +46,7 @@ class CommandFormer:
         self._replaced = {_SI_FIELDS[key]: frozenset(FORM_SIGNALS[key][getattr(command, key)]) for key in FORM_SIGNALS}
 
     def form(self, permitted: SafeCommand, motion: MeasuredMotion, now_ns: int) -> WireCommand:
-        """The command to be encoded, from what is permitted at `now_ns` and the vehicle as it was measured."""
+        """Return the command to be encoded, from what is permitted at `now_ns` and the vehicle as it was measured."""
         speed_mps = permitted.speed_mps
         if self._speed is not None:
             speed_mps = self._speed.form(permitted, motion, now_ns)
@@ -60,14 +60,14 @@ class CommandFormer:
         )  # fmt: skip
 
     def commit(self) -> None:
-        """The last command was sent."""
+        """Record that the last command was sent."""
         if self._speed is not None:
             self._speed.commit()
         if self._pedals is not None:
             self._pedals.commit()
 
     def commit_fields(self, fields: Collection[str]) -> set[str]:
-        """Only these fields of the last command were sent; the fields of the permission that they carry.
+        """Record that only these fields were sent; return the fields of the permission that they carry.
 
         A quantity in several signals counts as sent when all of them were.
         """
@@ -104,14 +104,14 @@ def _wire_command(
 
 
 def _cut(value: float, wire: WireRange) -> float:
-    """Limited to the signal's range; a value that is no number stays one, and the encoder refuses it."""
+    """Limit to the signal's range; NaN stays NaN, and the encoder rejects it."""
     if not math.isfinite(value):
         return value
     return min(wire.high, max(wire.low, value))
 
 
 def build_former(profile: Profile, ranges: Mapping[str, WireRange]) -> CommandFormer | None:
-    """The profile's former; None where the vehicle takes acceleration and wheel angle as they are permitted."""
+    """Return the profile's former; None where the vehicle takes acceleration and wheel angle as they are permitted."""
     command = profile.command
     if command.longitudinal == "acceleration" and command.lateral == "wheel_angle":
         return None

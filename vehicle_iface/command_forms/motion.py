@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 LONGEST_STEP_S = 0.1
-"""After a longer silence a target moves on by no more than this much time."""
+"""Maximum time by which a target advances after a pause."""
 
 
 class MeasuredMotion(NamedTuple):
@@ -15,21 +15,21 @@ class MeasuredMotion(NamedTuple):
     accel_mps2: float
     """Along the body's x axis."""
     reversing: bool
-    """Whether it drives backwards or, standing, would."""
+    """Whether the vehicle drives backwards or, at standstill, would."""
     engaging: bool = False
-    """Whether it does not obey yet."""
+    """Whether the vehicle is engaging and does not follow commands yet."""
 
 
 class WireRange(NamedTuple):
-    """What all signals of a field can carry, in the field's unit."""
+    """Range that all signals of a field can carry, in the field's unit."""
 
     low: float
     high: float
     step: float
-    """Of one count; 0 for a float."""
+    """Size of one count; 0 for a float."""
 
     def floor(self, limit: float) -> float:
-        """The greatest value up to `limit` (not below 0) that can be sent exactly."""
+        """Return the greatest value up to `limit` (not below 0) that can be sent exactly."""
         limit = min(limit, self.high)
         return math.floor(limit / self.step + 1e-6) * self.step if self.step else limit
 

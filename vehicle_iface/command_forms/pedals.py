@@ -19,7 +19,7 @@ CORRECTION_SHARE = 0.3
 
 
 class PedalPair(NamedTuple):
-    """What is sent; at most one of the two is above 0."""
+    """The values to send; at most one of the two is above 0."""
 
     drive: float
     brake: float
@@ -65,7 +65,7 @@ class PedalFormer:
         self._proposed: _Sent | None = None
 
     def form(self, permitted: SafeCommand, motion: MeasuredMotion, now_ns: int) -> PedalPair:
-        """Both commands in their signals' units."""
+        """Compute both commands in their signals' units."""
         along_mps2 = -permitted.accel_mps2 if motion.reversing else permitted.accel_mps2
         if not permitted.enable or along_mps2 == 0.0:
             self._proposed = None
@@ -78,7 +78,7 @@ class PedalFormer:
         return PedalPair(command, 0.0) if is_drive else PedalPair(0.0, command)
 
     def commit(self) -> None:
-        """The proposed commands were sent."""
+        """Record that the proposed commands were sent."""
         self._last = self._proposed
 
     def _may_drive(self, permitted: SafeCommand, motion: MeasuredMotion) -> bool:
@@ -96,7 +96,7 @@ class PedalFormer:
         *,
         is_drive: bool,
     ) -> float:
-        """The size of the acceleration after correction by its error."""
+        """Return the size of the acceleration after correction by its error."""
         if permitted.safe_stop or motion.engaging or abs(motion.speed_mps) < STANDING_MPS:
             self._proposed = None
             return size_mps2
@@ -114,7 +114,7 @@ class PedalFormer:
 
 
 def identity_table(highest: float) -> Table:
-    """A command that is the acceleration itself."""
+    """Return a command that is the acceleration itself."""
     return ((0.0, 0.0), (highest, highest))
 
 

@@ -1,4 +1,4 @@
-"""The reverse of forming a command: the acceleration and the road wheel angle that a vehicle's command asks for."""
+"""The reverse of forming a command: the acceleration and the road wheel angle that a vehicle's command requests."""
 
 import math
 from collections.abc import Mapping

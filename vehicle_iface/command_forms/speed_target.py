@@ -48,7 +48,7 @@ class SpeedTarget:
         self._proposed: _Sent | None = None
 
     def form(self, permitted: SafeCommand, motion: MeasuredMotion, now_ns: int) -> float:
-        """The speed to be sent, m/s: signed, or the magnitude where the signal is unsigned (the sign is the gear's)."""
+        """Compute the speed to send in m/s: signed, or its magnitude where the signal is unsigned (sign by gear)."""
         if not permitted.enable:
             self._proposed = None
             return 0.0
@@ -75,5 +75,5 @@ class SpeedTarget:
         return target_mps if self._is_unsigned else sign * target_mps
 
     def commit(self) -> None:
-        """The proposed target was sent."""
+        """Record that the proposed target was sent."""
         self._last = self._proposed

@@ -7,11 +7,11 @@ from vehicle_iface.commission.readings import Moment
 from vehicle_iface.review.findings import Judgement
 
 PERIOD_S = 0.05
-"""Between two moments of a walk."""
+"""Time between two moments of a walk."""
 PREPARED = 5
-"""Moments before a step is asked for."""
+"""Number of moments watched before the person is asked for a step."""
 HELD = 4
-"""Moments for which something must hold: one sample with an error is no movement."""
+"""Number of moments for which a condition must hold: a single wrong sample is no movement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,7 +19,7 @@ class CheckResult:
     """The verdict on one signal in one step."""
 
     about: str
-    """Its name."""
+    """Name of the signal."""
     judgement: Judgement
     text: str
 
@@ -30,10 +30,10 @@ class Check(ABC):
     def __init__(self, label: str) -> None:
         self.label = label
         self.results: tuple[CheckResult, ...] = ()
-        """Empty as long as nothing is certain."""
+        """Results; empty until they are certain."""
 
     def prepare(self, moment: Moment) -> None:  # noqa: B027  # most need no such moment
-        """Watch a moment before the person is asked: where things are when the step begins."""
+        """Watch a moment before the person is asked, for the values at the beginning of the step."""
 
     @abstractmethod
     def take(self, moment: Moment) -> None:
@@ -41,11 +41,11 @@ class Check(ABC):
 
     @abstractmethod
     def show(self, moment: Moment) -> str:
-        """What is seen now, with its unit."""
+        """Return the present measurement as text, with its unit."""
 
     @abstractmethod
     def explain(self) -> str:
-        """Why there is no result, once the time is over."""
+        """Explain, after the time limit, why there is no result."""
 
     def agree(self, text: str) -> None:
         """End with the profile confirmed."""
@@ -56,5 +56,5 @@ class Check(ABC):
         self.results = (CheckResult(about=self.label, judgement=Judgement.CONTRADICTED, text=text),)
 
     def give_up(self) -> CheckResult:
-        """The result where the time is over."""
+        """Return the result after the time limit."""
         return CheckResult(about=self.label, judgement=Judgement.UNKNOWN, text=self.explain())

@@ -12,12 +12,12 @@ from vehicle_iface.standstill import CREEPING_MPS
 from vehicle_iface.units import wrapped_rad
 
 ROLLED_M = (1.0, 4.0)
-"""What counts as about two metres."""
+"""Distances that count as about two metres."""
 _STOPPED_S = 1.0
 _ASIDE_RAD = math.radians(30.0)
-"""A sensor's heading and the path of a short roll may differ by so much."""
+"""Maximum difference between a sensor's heading and the path of a short roll."""
 _LEG_M = 0.5
-"""The path's direction is that of pieces of this length."""
+"""Length of the pieces from which the path's direction is computed."""
 _SMOOTHED = 10
 """Moments of which the mean is taken where noise would be taken for motion."""
 _BRAKING_S = 3.0
@@ -35,7 +35,7 @@ class Field:
     signs: str = "left positive"
 
     def show(self, moment: Moment) -> str:
-        """Its value now."""
+        """Return the present value as text."""
         value = moment.numbers.get(self.name)
         if value is None:
             return f"{self.name}: no value"
@@ -256,7 +256,7 @@ class BrakingCheck(Check):
         super().__init__(accel.label)
         self._accel, self._least_mps = accel, least_mps
         self._past: deque[tuple[float, float]] = deque(maxlen=round(_BRAKING_S / PERIOD_S))
-        """Speed's magnitude, and what the acceleration adds up to since the beginning."""
+        """Magnitude of the speed, and integral of the acceleration since the beginning, both in m/s."""
         self._sum_mps = self._most_mps = 0.0
 
     def take(self, moment: Moment) -> None:
@@ -288,7 +288,7 @@ class BrakingCheck(Check):
 
 
 def show_place(moment: Moment) -> str:
-    """The position now."""
+    """Return the present position as text."""
     if moment.place_m is None:
         return "position: no value"
     return f"x {moment.place_m[0]:+.2f} m, y {moment.place_m[1]:+.2f} m"

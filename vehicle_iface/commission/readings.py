@@ -1,4 +1,4 @@
-"""What the bus says at one moment, by the profile under review."""
+"""The values on the bus at one moment, decoded by the profile under review."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from vehicle_iface.status import VehicleStatus
 from vehicle_iface.units import s_from_ns
 
 MAX_AGE_S = 1.0
-"""An older value is none."""
+"""Age beyond which a value counts as missing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class Readings:
         self._names = {one.key: one.name for one in messages}
         self._masked = [one for one in messages if one.id_mask != EXACT_ID]
         self.labels = self._motion.labels
-        """The signals of each bound field of the state."""
+        """Signals of each bound field of the state."""
 
     def take(self, frame: CanFrame) -> None:
         """Decode a frame of any node."""
@@ -52,7 +52,7 @@ class Readings:
             self._assembler.take(received)
 
     def read(self, now_ns: int) -> Moment:
-        """The newest values."""
+        """Return the newest values."""
         time_s = s_from_ns(now_ns - (self._motion.first_ns or now_ns))
         fresh = {
             name: reading.value

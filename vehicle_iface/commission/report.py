@@ -1,4 +1,4 @@
-"""What a walk came to: in words, as a page, and as JSON for programs."""
+"""The result of a walk: as text, as a page, and as JSON for programs."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,30 +20,30 @@ class Commissioning:
     profile_name: str
     log_name: str
     log_sha256: str
-    """Empty, as `log_name` is, where no frame came."""
+    """Hash of the log; empty, as `log_name` is, where no frame was received."""
     steps: Sequence[StepResult]
     review: Review | None
-    """None where no frame came."""
+    """Review of the log; None where no frame was received."""
 
     @property
     def contradictions(self) -> list[str]:
-        """What the walk and the log say against the profile, in words."""
+        """Contradictions of the profile by the walk and the log, in words."""
         of_walk = [one.text for step in self.steps for one in step.results if one.judgement is Judgement.CONTRADICTED]
         return of_walk + [one.text for one in (self.review.contradictions if self.review is not None else ())]
 
     @property
     def unseen(self) -> list[StepResult]:
-        """Steps of which something was not seen."""
+        """Steps in which a signal was not observed."""
         return [step for step in self.steps if any(one.judgement is Judgement.UNKNOWN for one in step.results)]
 
     @property
     def is_sound(self) -> bool:
-        """Whether all was seen, and nothing is against the profile."""
+        """Whether everything was observed, and nothing contradicts the profile."""
         return self.review is not None and not self.contradictions and not self.unseen
 
 
 def describe(found: Commissioning) -> str:
-    """The result in one sentence."""
+    """Return the result in one sentence."""
     contradictions, unseen = len(found.contradictions), len(found.unseen)
     if contradictions:
         return f"{contradictions} contradiction{'s' if contradictions > 1 else ''} between profile and vehicle"
@@ -55,7 +55,7 @@ def describe(found: Commissioning) -> str:
 
 
 def summarize(found: Commissioning) -> Iterator[str]:
-    """Lines for a person: what is against the profile, then what was not seen, then the result."""
+    """Return lines for a person: contradictions of the profile, missing observations, the result."""
     yield from (f"contradiction: {text}" for text in found.contradictions)
     if found.review is not None:
         for finding in found.review.contradictions:
@@ -67,7 +67,7 @@ def summarize(found: Commissioning) -> Iterator[str]:
 
 
 def render_page(found: Commissioning) -> str:
-    """One page that needs nothing from anywhere else."""
+    """Return a self-contained HTML page."""
     log = f", log <b>{escape(found.log_name)}</b>, SHA-256 <code>{found.log_sha256}</code>" if found.log_name else ""
     subject = f"Profile <b>{escape(found.profile_name)}</b> against the vehicle{log}"
     return wrap_page(f"Commissioning of {found.profile_name}", _parts(found, subject))
@@ -87,7 +87,7 @@ def _parts(found: Commissioning, subject: str) -> Iterator[str]:
 
 
 def to_json(found: Commissioning, *, is_written: bool) -> str:
-    """All verdicts, and the numbers of the review; `is_written` says whether the profile has the record now."""
+    """Return all verdicts, and the numbers of the review; `is_written` says whether the profile has the record now."""
     return dump_json(
         {
             "profile": found.profile_name,

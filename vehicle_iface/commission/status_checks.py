@@ -9,12 +9,12 @@ from vehicle_iface.status import VehicleStatus
 
 _REST_S = 1.0
 _OTHER_S = 3.0
-"""A lever passes gears that were not asked for; one that stays is another one."""
+"""Time after which another gear counts as selected: a lever passes gears that were not asked for."""
 _NO_STATUS = "no status came that the loop accepts"
 
 
 class RestCheck(Check):
-    """Nobody touches it: the flag is clear for a second."""
+    """The control is released: the flag is clear for a second."""
 
     def __init__(self, label: str, read: Callable[[VehicleStatus], bool], name: str) -> None:
         super().__init__(label)
@@ -61,7 +61,7 @@ class PressCheck(Check):
         self._was_set, self._was_clear = self._was_set or is_set is True, self._was_clear or is_set is False
 
     def _note(self, moment: Moment) -> bool | None:
-        """Whether the flag is set; None as long as it has not been so for long enough."""
+        """Return whether the flag is set; None as long as it has not been so for long enough."""
         if moment.status is None:
             return None
         is_set = self._rest.read(moment.status)
@@ -79,7 +79,7 @@ class PressCheck(Check):
 
 
 class ChoiceCheck(Check):
-    """A gear or mode becomes the one that was asked for."""
+    """A gear or mode changes to the one that was asked for."""
 
     def __init__(
         self, label: str, read: Callable[[VehicleStatus], IntEnum | None], name: str, wanted: IntEnum, action: str
@@ -120,7 +120,7 @@ class ChoiceCheck(Check):
 
 
 def show_flag(check: RestCheck, moment: Moment) -> str:
-    """The flag now."""
+    """Return the present state of the flag as text."""
     if moment.status is None:
         return f"{check.name}: no value"
     return f"{check.name} {'set' if check.read(moment.status) else 'clear'}"

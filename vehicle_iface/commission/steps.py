@@ -1,4 +1,4 @@
-"""What is asked of the person in the vehicle, step by step: only what the profile binds a signal for."""
+"""The steps that the person in the vehicle is asked for: only those for which the profile binds a signal."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -13,11 +13,11 @@ from vehicle_iface.review.series import POSITION, join_signals
 from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
 
 WHEEL_RAD = 0.05
-"""A road wheel has been turned when it has by this, or by half of what the profile allows."""
+"""Angle by which a road wheel counts as turned; at most half of the profile's limit."""
 MOST_WHEEL_RAD = 1.2
-"""No car's road wheel turns further; some 70°."""
+"""Largest plausible angle of a road wheel, about 70°."""
 BRAKED_MPS = 1.0
-"""So much slower is braked, or half of the greatest speed that the profile allows."""
+"""Loss of speed that counts as braking; at most half of the profile's speed limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class Step:
 
 
 def build_steps(binding: Binding, labels: Mapping[str, str]) -> list[Step]:
-    """The walk for a profile; `labels` are the signals of each bound field of the state."""
+    """Build the walk for a profile; `labels` are the signals of each bound field of the state."""
     builder = _Builder(binding, labels)
     steps = (
         builder.rest(),
@@ -68,7 +68,7 @@ class _Builder:
 
     @staticmethod
     def _mode_names(binding: Binding) -> Iterator[str]:
-        """Of its signal or conditions, as the profile or DBC writes them."""
+        """Return the names of the modes, as the profile or DBC writes them."""
         signals, when = binding.profile.status.signals, binding.profile.status.when
         if signals.mode is not None:
             yield from binding.view(signals.mode).names.values()
@@ -76,7 +76,7 @@ class _Builder:
             yield VehicleMode.READY.name  # manual is an override here: it needs a computer that drives
 
     def _label(self, *words: str) -> str:
-        """The signals of fields and conditions of the status; empty where none is bound."""
+        """Return the signals of fields and conditions of the status; empty where none is bound."""
         return join_signals([dotted for word in words for dotted in self._status.get(word, ())])
 
     def _field(self, name: str, unit: str, signs: str = "left positive") -> Field:

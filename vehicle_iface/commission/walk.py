@@ -1,4 +1,4 @@
-"""The walk: one step after the other, each ended by what is seen, by its time limit, or by the person."""
+"""The walk: one step after the other, each ended by its result, its time limit, or the person."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Listener(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepResult:
-    """What was seen of one step."""
+    """Result of one step."""
 
     ask: str
     results: tuple[CheckResult, ...]
@@ -34,37 +34,37 @@ class StepResult:
 
     @property
     def judgement(self) -> Judgement:
-        """The worst of its checks."""
+        """The worst result of its checks."""
         judgements = {one.judgement for one in self.results}
         return next(one for one in (Judgement.CONTRADICTED, Judgement.UNKNOWN, Judgement.AGREES) if one in judgements)
 
 
 class Presenter(Protocol):
-    """Shows the walk to the person, and hears what they want."""
+    """Shows the walk to the person, and reads their input."""
 
     def begin(self, step: Step, number: int, count: int) -> None:
-        """Ask for a step."""
+        """Ask the person for a step."""
         ...
 
     def show(self, step: Step, moment: Moment) -> None:
-        """Show what is seen now."""
+        """Show the present measurements."""
         ...
 
     def end(self, result: StepResult) -> None:
-        """Show what was seen."""
+        """Show the result of a step."""
         ...
 
     def wants_to_skip(self) -> bool:
-        """Whether the person gave this step up; asked once for each moment."""
+        """Return whether the person skips this step; called once for each moment."""
         ...
 
     def wants_to_end(self) -> bool:
-        """Whether the whole walk is to end now."""
+        """Return whether the person ends the walk."""
         ...
 
 
 class Walk:
-    """Reads a bus, and never sends."""
+    """Runs the steps on a bus, and never sends."""
 
     def __init__(
         self,
@@ -81,7 +81,7 @@ class Walk:
         self._due_ns = now_ns()
 
     def go(self, steps: Sequence[Step]) -> list[StepResult]:
-        """Go through the steps; `BusError` when the bus is lost."""
+        """Run the steps; `BusError` when the bus is lost."""
         results = []
         for number, step in enumerate(steps, start=1):
             if self._presenter.wants_to_end():
@@ -94,14 +94,14 @@ class Walk:
         return results
 
     def _prepare(self, step: Step) -> None:
-        """Watch for a quarter of a second what is there before the person is asked."""
+        """Watch the bus for a quarter of a second before the person is asked."""
         for _ in range(PREPARED):
             moment = self._next_moment()
             for check in step.checks:
                 check.prepare(moment)
 
     def _watch(self, step: Step) -> bool:
-        """Watch until each check has a result or the time is over; whether the person skipped it."""
+        """Watch until each check has a result or the time is over; return whether the person skipped it."""
         begin_ns = self._now_ns()
         while not all(check.results for check in step.checks):
             if self._now_ns() - begin_ns >= self._step_timeout_ns:
@@ -116,7 +116,7 @@ class Walk:
         return False
 
     def _next_moment(self) -> Moment:
-        """Receive until the next moment on the grid of `PERIOD_S`, and read what is known then."""
+        """Receive until the next moment on the grid of `PERIOD_S`, and return its values."""
         self._due_ns = max(self._due_ns + ns_from_s(PERIOD_S), self._now_ns())
         is_over = False
         while not is_over:

@@ -10,11 +10,11 @@ from vehicle_iface.pose.odometry import Odometry
 from vehicle_iface.profile import Profile
 
 SIMULATED_ORIGIN = Fix(52.0601, 5.1102)
-"""Where a simulated vehicle's plane touches the earth when the profile leaves the origin to the first fix."""
+"""Origin of a simulated vehicle's plane when the profile's origin is the first fix."""
 
 
 def build_pose_source(profile: Profile) -> PoseSource:
-    """The source of the poses of a profile's vehicle."""
+    """Build the pose source of a profile."""
     pose = profile.state.pose
     if pose.source == "odometry":
         return Odometry(
@@ -29,7 +29,7 @@ def build_pose_source(profile: Profile) -> PoseSource:
 
 
 def build_pose_sensor(profile: Profile) -> Callable[[Pose], PoseInputs]:
-    """What the vehicle's position sensor measures at a pose of its rear axle's centre, for a simulated vehicle.
+    """Build the position sensor of a simulated vehicle: pose of the rear axle's centre → measured fields.
 
     The reverse of `PoseSource.resolve`, and empty for a vehicle without such a sensor. Where the origin is the first
     fix, the simulated vehicle's plane is at `SIMULATED_ORIGIN`.

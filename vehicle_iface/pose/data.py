@@ -6,7 +6,7 @@ import msgspec
 
 
 class Pose(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """A place in the plane and a direction: of the rear axle's centre, or of a sensor where it says so."""
+    """Position and heading in the plane, of the rear axle's centre unless stated otherwise."""
 
     x_m: float
     y_m: float
@@ -37,22 +37,22 @@ class PoseSource(Protocol):
 
     @property
     def driven_m(self) -> float | None:
-        """The way since dead reckoning began, forwards and backwards added; None where the pose is measured."""
+        """Distance in m since dead reckoning began, forwards plus backwards; None where the pose is measured."""
 
     @property
     def invalid_because(self) -> str:
-        """Why the newest sample has no valid pose; empty while it has one, and before the first sample."""
+        """Reason why the newest sample has no valid pose; empty while it has one, and before the first sample."""
 
     def resolve(self, stamp_ns: int, values: PoseInputs) -> Pose | None:
-        """The pose of the rear axle's centre at `stamp_ns`; None: no valid pose.
+        """Return the pose of the rear axle's centre at `stamp_ns`; None: no valid pose.
 
         Only samples whose pose the vehicle calls valid should be given to a measured source: the first of them may
         become the origin. Dead reckoning needs every sample.
         """
 
     def reset(self) -> None:
-        """Start again after a lost link, or to end the invalid pose of an interrupted dead reckoning.
+        """Restart after a lost link, or to end the invalid pose of an interrupted dead reckoning.
 
-        A geographic origin stays. Dead reckoning begins at 0, 0, 0 once more: a trajectory in its frame has lost its
-        place, and must not be followed any further.
+        A geographic origin stays. Dead reckoning restarts at 0, 0, 0: a trajectory in its frame is no longer valid and
+        must not be followed any further.
         """

@@ -15,7 +15,7 @@ SEMI_MAJOR_AXIS_M = 6_378_137.0
 FLATTENING = 1.0 / 298.257_223_563
 """WGS 84: NGA.STND.0036, table 3.1."""
 MAX_DISTANCE_M = 100_000.0
-"""From the origin. A place further away is a fault, such as the 0, 0 of a receiver without a fix."""
+"""Maximum distance from the origin. A farther place is a fault, such as the 0, 0 of a receiver without a fix."""
 _E2 = FLATTENING * (2.0 - FLATTENING)
 _FROM_Z2 = 1.0 / (1.0 - _E2)
 
@@ -46,11 +46,11 @@ class GeographicPlane:
         self._sin, self._cos = math.sin(self._latitude_rad), math.cos(self._latitude_rad)
         normal_m = SEMI_MAJOR_AXIS_M / math.sqrt(1.0 - _E2 * self._sin * self._sin)
         self._outward_m = normal_m * self._cos
-        """The origin in geocentric axes that are turned to its meridian."""
+        """Origin in geocentric axes that are turned to its meridian."""
         self._up_m = normal_m * (1.0 - _E2) * self._sin
 
     def locate(self, fix: Fix) -> PlanePoint | None:
-        """The place in the plane; None when it is not finite, or further than `MAX_DISTANCE_M` from the origin."""
+        """Convert to the plane; None when the place is not finite or beyond `MAX_DISTANCE_M` from the origin."""
         latitude_rad = math.radians(fix.latitude_deg)
         if not (abs(fix.latitude_deg) <= 90.0 and math.isfinite(fix.longitude_deg)):
             return None
@@ -65,7 +65,7 @@ class GeographicPlane:
         return PlanePoint(east_m, self._cos * up_m - self._sin * outward_m)
 
     def fix_at(self, point: PlanePoint) -> Fix:
-        """The place on the ellipsoid above or below a place in the plane: the reverse of `locate`, longitude in ±180.
+        """Convert a place in the plane to the ellipsoid: the reverse of `locate`, longitude in ±180.
 
         Raises `InvalidValueError` further than `MAX_DISTANCE_M` from the origin.
         """
@@ -86,7 +86,7 @@ class GeographicPlane:
         return Fix(math.degrees(latitude_rad), math.remainder(longitude_deg, 360.0))
 
     def convergence_rad(self, fix: Fix) -> float:
-        """The angle from the plane's east to the local east at `fix`, counter-clockwise: 2 mrad in 10 km at 52° N.
+        """Return the angle from the plane's east to the local east, counter-clockwise: 2 mrad in 10 km at 52° N.
 
         A receiver's heading is from the local east, so this is added to it. The angle between the meridians along the
         great circle to the origin, by Napier's analogies.
@@ -96,5 +96,5 @@ class GeographicPlane:
         return 2.0 * math.atan(math.tan(0.5 * turn_rad) * math.sin(mean_rad) / math.cos(half_rad))
 
     def _turn_rad(self, longitude_deg: float) -> float:
-        """From the origin's meridian to that of a place, the shorter way round."""
+        """Return the angle from the origin's meridian to that of a place, the shorter way round."""
         return math.radians(math.remainder(longitude_deg - self.origin.longitude_deg, 360.0))

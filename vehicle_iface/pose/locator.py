@@ -1,4 +1,4 @@
-"""The pose of each sample for the loop; where there is none, the last one, marked as invalid."""
+"""The pose of each sample for the loop; where there is none, the last pose, marked as invalid."""
 
 from typing import NamedTuple
 
@@ -24,21 +24,21 @@ class Locator:
 
     @property
     def driven_m(self) -> float | None:
-        """The way since dead reckoning began; None where the pose is measured."""
+        """Distance in m since dead reckoning began; None where the pose is measured."""
         return self._source.driven_m
 
     @property
     def is_interrupted(self) -> bool:
-        """Whether dead reckoning has lost its place: it goes on only after `reset`."""
+        """Whether dead reckoning was interrupted: it continues only after `reset`."""
         return not self._is_measured and bool(self._source.invalid_because)
 
     def locate(self, stamp_ns: int, is_valid: bool, values: PoseInputs) -> Located:
-        """The pose at `stamp_ns`; with a measured source only a valid sample is looked at."""
+        """Return the pose at `stamp_ns`; a measured source uses only valid samples."""
         pose = self._source.resolve(stamp_ns, values) if is_valid or not self._is_measured else None
         if pose is not None:
             self._last = pose
         return Located(self._last, is_valid and pose is not None)
 
     def reset(self) -> None:
-        """Start again: dead reckoning is at 0, 0, 0 once more."""
+        """Restart: dead reckoning begins at 0, 0, 0 again."""
         self._source.reset()

@@ -19,7 +19,7 @@ class LocalPosition:
         self.invalid_because = ""
 
     def resolve(self, stamp_ns: int, values: PoseInputs) -> Pose | None:  # noqa: ARG002
-        """The pose of the rear axle's centre, of that of the sensor."""
+        """Convert the sensor's pose to that of the rear axle's centre."""
         x_m, y_m, heading_rad = values.x_m, values.y_m, values.heading_rad
         if x_m is None or y_m is None or heading_rad is None or not math.isfinite(x_m + y_m + heading_rad):
             self.invalid_because = "position or heading without a value"
@@ -28,11 +28,11 @@ class LocalPosition:
         return self._mount.to_body(Pose(x_m=x_m, y_m=y_m, heading_rad=heading_rad))
 
     def reset(self) -> None:
-        """Nothing is kept from sample to sample."""
+        """Do nothing: no data is kept between samples."""
         self.invalid_because = ""
 
     def measure(self, body: Pose) -> PoseInputs:
-        """What the sensor measures when the rear axle's centre is there."""
+        """Return the sensor's measurement at a pose of the rear axle's centre."""
         sensor = self._mount.to_sensor(body)
         return PoseInputs(x_m=sensor.x_m, y_m=sensor.y_m, heading_rad=sensor.heading_rad)
 
@@ -43,17 +43,17 @@ class GeographicPosition:
     driven_m: float | None = None
 
     def __init__(self, mount: SensorMount, origin: Fix | None) -> None:
-        """Without an origin, it is the first fix: where the sensor is then, not the rear axle.
+        """Without an origin, the first fix becomes the origin: the place of the sensor, not of the rear axle.
 
         Raises `ConfigError` for an origin out of range.
         """
         self._mount = mount
         self.plane = GeographicPlane(origin) if origin is not None else None
-        """The plane that positions are in; None before the first fix."""
+        """Plane of the positions; None before the first fix."""
         self.invalid_because = ""
 
     def resolve(self, stamp_ns: int, values: PoseInputs) -> Pose | None:  # noqa: ARG002
-        """The pose of the rear axle's centre in the plane at the origin."""
+        """Return the pose of the rear axle's centre in the plane at the origin."""
         latitude_deg, longitude_deg, heading_rad = values.latitude_deg, values.longitude_deg, values.heading_rad
         if latitude_deg is None or longitude_deg is None or heading_rad is None or not math.isfinite(heading_rad):
             self.invalid_because = "position or heading without a value"
@@ -69,11 +69,11 @@ class GeographicPosition:
         return self._mount.to_body(Pose(x_m=point.east_m, y_m=point.north_m, heading_rad=heading_rad))
 
     def reset(self) -> None:
-        """The origin stays."""
+        """Do nothing: the origin stays."""
         self.invalid_because = ""
 
     def measure(self, body: Pose) -> PoseInputs:
-        """What the sensor measures when the rear axle's centre is there, the headings in [−π, π].
+        """Return the sensor's measurement at a pose of the rear axle's centre, headings in [−π, π].
 
         Raises `ConfigError` before there is an origin, and `InvalidValueError` too far from it.
         """
@@ -89,7 +89,7 @@ class GeographicPosition:
         )
 
     def _begin(self, fix: Fix) -> GeographicPlane | None:
-        """The plane of the first fix. Receivers send 0, 0 before they have one."""
+        """Create the plane of the first fix. Receivers send 0, 0 before they have one."""
         latitude_deg, longitude_deg = fix
         if not math.isfinite(longitude_deg) or latitude_deg == 0.0 == longitude_deg:
             return None

@@ -1,4 +1,4 @@
-"""From the pose of a sensor to that of the rear axle's centre, and back.
+"""Convert the pose of a sensor to that of the rear axle's centre, and back.
 
 Only the pose is converted. A speed that is measured at the sensor differs from that of the rear axle by the yaw rate
 times the lever arm (v − r·y forwards, v + r·x to the left): bind a speed that the vehicle computes for its rear axle,
@@ -14,14 +14,14 @@ from vehicle_iface.units import wrapped_rad
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorMount:
-    """Where a sensor sits on the vehicle and which way it looks, from the rear axle's centre (body axes)."""
+    """Position and heading of a sensor on the vehicle, from the rear axle's centre in body axes."""
 
     x_m: float = 0.0
     y_m: float = 0.0
     heading_rad: float = 0.0
 
     def to_body(self, sensor: Pose) -> Pose:
-        """The pose of the rear axle's centre, of the sensor's pose in the same frame."""
+        """Convert the sensor's pose to that of the rear axle's centre, in the same frame."""
         heading_rad = sensor.heading_rad - self.heading_rad
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         return Pose(
@@ -31,7 +31,7 @@ class SensorMount:
         )
 
     def to_sensor(self, body: Pose) -> Pose:
-        """The pose of the sensor, of that of the rear axle's centre."""
+        """Convert the pose of the rear axle's centre to that of the sensor, in the same frame."""
         cos, sin = math.cos(body.heading_rad), math.sin(body.heading_rad)
         return Pose(
             x_m=body.x_m + cos * self.x_m - sin * self.y_m,

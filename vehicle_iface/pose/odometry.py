@@ -1,4 +1,4 @@
-"""Dead reckoning: the pose by adding up speed and yaw rate from sample to sample."""
+"""Dead reckoning: the pose by integration of speed and yaw rate from sample to sample."""
 
 import math
 
@@ -13,7 +13,7 @@ class Odometry:
     along the body; where the rear axle moves sideways as well, by its measured lateral speed or by steered rear wheels,
     so does the pose. Without a measured yaw rate it is that of a bicycle without slip, by speed and wheel angles.
 
-    The error grows with the way driven, without limit: `driven_m`. After a gap between two samples of more than
+    The error grows with the distance driven, `driven_m`, without limit. After a gap between two samples of more than
     `max_gap_s` it is unknown how far the vehicle came, and there is no pose until `reset`.
     """
 
@@ -24,7 +24,7 @@ class Odometry:
         self.reset()
 
     def reset(self) -> None:
-        """Begin at 0, 0, 0 with the next sample, also with the way driven."""
+        """Restart at 0, 0, 0 with the next sample, and the distance driven at 0."""
         self.driven_m = 0.0
         self.invalid_because = ""
         self._pose = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
@@ -32,10 +32,9 @@ class Odometry:
         self._speed_mps = self._lateral_mps = self._yaw_radps = 0.0
 
     def resolve(self, stamp_ns: int, values: PoseInputs) -> Pose | None:
-        """The pose at `stamp_ns`.
+        """Return the pose at `stamp_ns`.
 
-        A sample without the values that it needs has no pose and is passed over, and so is one that is older than the
-        sample before it.
+        A sample without the required values, or older than the one before it, has no pose and is ignored.
         """
         speed_mps, yaw_radps = values.speed_mps, self._yaw_rate_radps(values)
         lateral_mps = _lateral_speed_mps(values)
@@ -60,7 +59,7 @@ class Odometry:
         return self._pose
 
     def _move(self, dt_s: float, speed_mps: float, lateral_mps: float, yaw_radps: float) -> None:
-        """Along the arc of the mean speeds: its chord has the direction of the mean heading."""
+        """Move along the arc of the mean speeds: its chord has the direction of the mean heading."""
         if speed_mps == 0.0 == self._speed_mps:  # the bias of a gyroscope does not turn a vehicle that stands
             return
         forward_m = 0.5 * dt_s * (self._speed_mps + speed_mps)
@@ -86,12 +85,12 @@ class Odometry:
 
 
 def _lateral_speed_mps(values: PoseInputs) -> float:
-    """Of the rear axle; 0 where it is neither measured nor steered."""
+    """Return the lateral speed of the rear axle; 0 where it is neither measured nor steered."""
     if values.lateral_speed_mps is not None:
         return values.lateral_speed_mps
     return (values.speed_mps or 0.0) * _tangent(values.rear_wheel_angle_rad or 0.0)
 
 
 def _tangent(angle_rad: float) -> float:
-    """NaN for an infinite angle, where `math.tan` raises."""
+    """Return the tangent; NaN for an infinite angle, where `math.tan` raises."""
     return math.tan(angle_rad) if math.isfinite(angle_rad) else math.nan

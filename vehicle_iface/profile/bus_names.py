@@ -1,4 +1,4 @@
-"""Every place of a profile that names a message or a signal, for names that depend on the buses: `ins:STATUS.MODE`."""
+"""Rename messages and signals in a profile, for names that depend on the buses: `ins:STATUS.MODE`."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -33,7 +33,7 @@ _VALUES = (
     ("body", "signals"),
     ("report", "signals"),
 )
-"""Names, and forms and conditions of names."""
+"""Tables whose values are names, or forms and conditions of names."""
 _NO_NAMES = ("equals", "in")
 """Keys of conditions whose texts are names of values."""
 
@@ -43,11 +43,11 @@ class RenamedMessages(NamedTuple):
 
     profile: Profile
     faults: list[str]
-    """Each `place: text`: keys that have become the same."""
+    """Keys that have become equal, each as `place: text`."""
 
 
 def rename_messages(profile: Profile, rename: Rename) -> RenamedMessages:
-    """The profile with each name of a message as `rename` gives it, alone or in front of a signal's."""
+    """Return the profile with each name of a message as `rename` gives it, alone or in front of a signal's."""
     document: dict[str, object] = msgspec.to_builtins(profile)
     faults: list[str] = []
 
@@ -98,7 +98,7 @@ def rename_messages(profile: Profile, rename: Rename) -> RenamedMessages:
 
 
 def _replace(document: dict[str, object], path: tuple[str, ...], change: Callable[[str, object], object]) -> None:
-    """Replace what stands at a path of tables, where there is something."""
+    """Replace the value at a path of tables, if there is one."""
     table: object = document
     for key in path[:-1]:
         table = table.get(key) if isinstance(table, dict) else None

@@ -27,11 +27,11 @@ _NEEDED_KEYS: Mapping[tuple[type, str], Callable[[Mapping[str, object]], Mapping
     (Command, "signals"): needed_command_signals,
     (Profile, "command"): lambda _: {"signals": "; a vehicle that is only watched has no [command]"},
 }
-"""What a table needs beyond what its type says, by the type around it and its key there."""
+"""Keys that a table needs in addition to its type's, by the type around it and its key there."""
 
 
 def check_document(document: dict[str, object]) -> Iterator[str]:
-    """What the types cannot express: numbers must be finite, `file` is no key, a path has no NUL."""
+    """Check what the types cannot express: numbers are finite, `file` is no key, a path has no NUL."""
     for place, number in _numbers(document, "$"):
         if not math.isfinite(number):
             yield f"{place}: {number}: must be finite"
@@ -49,7 +49,7 @@ def check_document(document: dict[str, object]) -> Iterator[str]:
 def check_tables(
     document: object, kind: type[msgspec.Struct], place: str = "$", needed: Mapping[str, str] = NOTHING_MORE
 ) -> tuple[dict[str, object], list[str]]:
-    """The part of a table that its type allows, and the faults of the rest.
+    """Return the part of a table that its type allows, and the faults of the rest.
 
     `needed` are keys that it must have although its type does not say so, each with the end of its error.
     """
@@ -113,7 +113,7 @@ def _check_value(
 
 
 def check_profile(profile: Profile) -> Iterator[str]:
-    """Names of signals, and numbers that depend on one another."""
+    """Check names of signals, and numbers that depend on one another."""
     yield from _check_names(profile)
     yield from check_bus_names(profile)
     yield from _check_status(profile)
@@ -128,7 +128,7 @@ def check_profile(profile: Profile) -> Iterator[str]:
 
 
 def _numbers(value: object, place: str) -> Iterator[tuple[str, float]]:
-    """Every float in a TOML document with its place."""
+    """List every float in a TOML document with its place."""
     if isinstance(value, float):
         yield place, value
     elif isinstance(value, dict):
@@ -140,26 +140,26 @@ def _numbers(value: object, place: str) -> Iterator[tuple[str, float]]:
 
 
 def _type_of_values(kind: object) -> object:
-    """The type of the values of a table with keys of any name; None where the field is none and may not be one."""
+    """Return the value type of a table with arbitrary keys; None where the field is none and may not be one."""
     tables = (one for one in (kind, *typing.get_args(kind)) if typing.get_origin(one) is dict)
     return next((typing.get_args(table)[1] for table in tables), None)
 
 
 def _nearest(key: str, known: list[str]) -> str | None:
-    """The known key that was probably meant."""
+    """Return the most similar known key."""
     import difflib  # only where there is a fault: it takes a while
 
     return next(iter(difflib.get_close_matches(key, known, n=1)), None)
 
 
 def _table_type(kind: object) -> type[msgspec.Struct] | None:
-    """The table that a field is, or may be."""
+    """Return the table that a field is, or may be."""
     kinds = (kind, *typing.get_args(kind))
     return next((one for one in kinds if isinstance(one, type) and issubclass(one, msgspec.Struct)), None)
 
 
 def _check_names(profile: Profile) -> Iterator[str]:
-    """Signals must be written MESSAGE.SIGNAL."""
+    """Check that signals are written MESSAGE.SIGNAL."""
     named: dict[str, object] = {"$.ignored": profile.ignored or None, "$.constants": tuple(profile.constants) or None}
     named["$.signals"] = tuple(profile.signals) or None
     for section in ("state", "status", "command", "body", "report"):
@@ -182,7 +182,7 @@ def _check_names(profile: Profile) -> Iterator[str]:
 
 
 def _repeated(names: object) -> list[str]:
-    """The signals that a list, a mean or a sum names more than once."""
+    """Return the signals that a list, a mean or a sum names more than once."""
     parts = (names.mean or names.sum) if isinstance(names, FieldForm) else names if isinstance(names, tuple) else ()
     return [name for name, count in Counter(parts or ()).items() if count > 1]
 

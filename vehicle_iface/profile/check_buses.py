@@ -1,4 +1,4 @@
-"""Whether the tables of the buses fit together, and the names that begin with one of theirs."""
+"""Check the tables of the buses, and the names that begin with the name of a bus."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -8,16 +8,16 @@ from vehicle_iface.profile.schema import Profile
 
 _NAME = re.compile(r"\w+")
 _SHORT_FORM = ("dbc", "bus")
-"""The keys that a profile with one bus may have instead of `[buses]`."""
+"""Keys that a profile with one bus may have instead of `[buses]`."""
 
 
 def needed_keys(document: Mapping[str, object]) -> dict[str, str]:
-    """The keys of the buses that a document needs, each with the end of its error."""
+    """Return the keys of the buses that a document needs, each with the end of its error."""
     return {} if "buses" in document else dict.fromkeys(_SHORT_FORM, "")
 
 
 def check_bus_tables(document: Mapping[str, object]) -> Iterator[str]:
-    """Either the short form or `[buses]`, of which each has a usable name."""
+    """Check that there is either the short form or `[buses]`, each with a usable name."""
     buses = document.get("buses")
     if not isinstance(buses, dict):
         return
@@ -32,7 +32,7 @@ def check_bus_tables(document: Mapping[str, object]) -> Iterator[str]:
 
 
 def check_bus_names(profile: Profile) -> Iterator[str]:
-    """A name of a message that begins with the name of a bus begins with one of the profile's."""
+    """Check that a message name with a bus prefix has the name of one of the profile's buses."""
     faults: list[str] = []
 
     def check(place: str, message: str) -> str:

@@ -12,7 +12,7 @@ ALSO_WITH_OTHERS = "speed_mps"
 
 
 def check_command(profile: Profile) -> Iterator[str]:
-    """Every fault of the table with its place; `check_tables` reports the signals that are missing."""
+    """Return every fault of the table with its place; `check_tables` reports the signals that are missing."""
     command = profile.command
     for key, forms in FORM_SIGNALS.items():
         chosen = getattr(command, key)
@@ -35,7 +35,7 @@ def check_command(profile: Profile) -> Iterator[str]:
 
 
 def _check_gear(profile: Profile, command: Command) -> Iterator[str]:
-    """Nothing may drive before the gear is in that was requested, and only the vehicle can tell."""
+    """Check that the vehicle reports its gear: nothing may drive before the requested gear is engaged."""
     if command.signals.gear_request is not None and profile.status.signals.gear is None:
         text = f'longitudinal = "{command.longitudinal}" with a gear_request needs the gear that is in'
         yield f"$.status.signals: gear is missing; {text}"

@@ -15,7 +15,7 @@ from vehicle_iface.profile.state_pose import (
 
 
 def check_pose(profile: Profile) -> Iterator[str]:
-    """Every fault of the table with its place; `check_tables` reports the signals that are missing."""
+    """Return every fault of the table with its place; `check_tables` reports the signals that are missing."""
     state, pose = profile.state, profile.state.pose
     for field in POSE_SIGNALS:
         bound = getattr(state.signals, field)
@@ -57,7 +57,7 @@ def _check_origin(pose: StatePose) -> Iterator[str]:
 
 
 def _check_mount(mount: Mount, length_m: float) -> Iterator[str]:
-    """Numbers that are likely to be in another unit."""
+    """List numbers that are probably in another unit."""
     for key in ("x_m", "y_m"):
         distance_m = getattr(mount, key)
         if abs(distance_m) > length_m:

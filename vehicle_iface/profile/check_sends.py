@@ -7,11 +7,11 @@ from vehicle_iface.profile.schema import Profile
 from vehicle_iface.profile.sends import COUNT, ENABLING, WHEN, SentValue, ValueTable
 
 _TOLERANCE = 1e-6
-"""Of a sample: what a ratio of decimal periods may be off a whole number."""
+"""Maximum deviation of a ratio of decimal periods from a whole number, in samples."""
 
 
 def check_sends(profile: Profile) -> Iterator[str]:
-    """Periods that go together, and messages and values that say when they are sent."""
+    """Check that periods are compatible, and that messages and values state when they are sent."""
     yield from _check_periods(profile)
     yield from _check_enable(profile)
     yield from _check_values("$.command.values", profile.command.values)
@@ -39,7 +39,7 @@ def check_sends(profile: Profile) -> Iterator[str]:
 
 
 def _check_enable(profile: Profile) -> Iterator[str]:
-    """Something enables the vehicle."""
+    """Check that a signal or message enables the vehicle."""
     values = [*profile.command.values.values(), *(source for sent in profile.send for source in sent.values.values())]
     tables = (source for source in values if isinstance(source, ValueTable))
     words = {sent.when for sent in profile.send} | {table.when for table in tables}
@@ -51,7 +51,7 @@ def _check_enable(profile: Profile) -> Iterator[str]:
 
 
 def _check_periods(profile: Profile) -> Iterator[str]:
-    """A command is sent for every n-th sample."""
+    """Check that each command period is a whole number of samples."""
     sample_s = profile.timing.sample_period_s
     periods_s = {f"$.command.periods.{name}": period_s for name, period_s in profile.command.periods.items()}
     for place, period_s in ({"$.timing.command_period_s": profile.timing.command_period_s} | periods_s).items():

@@ -34,7 +34,7 @@ class Feedback(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     kp: NonNegative = 0.0
     """m/s² for each m/s² of the error."""
     ki: NonNegative = 0.0
-    """m/s² for each m/s² of the error that has lasted for a second."""
+    """m/s² for each m/s² of error and second."""
 
 
 class Pedals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -46,7 +46,7 @@ class Pedals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def needed_command_signals(command: Mapping[str, object]) -> dict[str, str]:
-    """The signals that a document's `[command]` needs for its forms, each with the end of its error."""
+    """Return the signals that a document's `[command]` needs for its forms, each with the end of its error."""
     needed: dict[str, str] = {}
     for key, forms in FORM_SIGNALS.items():
         form = command.get(key, _DEFAULTS[key])

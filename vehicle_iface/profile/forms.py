@@ -9,7 +9,7 @@ import msgspec
 SignalName = str
 """MESSAGE.SIGNAL. Checked in `check`: msgspec 0.22 corrupts memory over a pattern inside a union."""
 SIGNAL_NAME = re.compile(r"(?:\w+:)?\w+\.\w+")
-"""The name of a bus may stand before that of the message."""
+"""Pattern of a signal's name; the name of a bus may precede that of the message."""
 SignalNames = SignalName | tuple[SignalName, ...]
 """One signal, or several that carry the same value."""
 
@@ -18,7 +18,7 @@ class ConditionTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     """Either `signal` with one comparison, or one of `all`, `any` and `not`.
 
     Numbers are compared in SI units, or in the signal's own unit where that is not known. A signal without a value
-    fulfils no comparison.
+    satisfies no comparison.
     """
 
     signal: SignalName | None = None
@@ -47,18 +47,18 @@ class FieldForm(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     sum: Signals | None = None
     value: SignalName | None = None
     negative_if: Condition | None = None
-    """Of `value`: negative when this holds."""
+    """Condition under which `value` is negative."""
 
 
 FieldSource = SignalName | FieldForm
-"""Where a received field comes from."""
+"""Source of a received field."""
 
 
 _COMPARISONS = ("equals", "among", "above", "below")
 
 
 def signals_of(form: object) -> Iterator[SignalName]:
-    """The names of all signals in a form, a condition, or a tuple of names."""
+    """Return the names of all signals in a form, a condition, or a tuple of names."""
     if isinstance(form, str):
         yield form
     elif isinstance(form, tuple):
@@ -71,12 +71,12 @@ def signals_of(form: object) -> Iterator[SignalName]:
 
 
 def value_of(form: object) -> object:
-    """A form without the condition on its sign; what is no form is itself."""
+    """Return the form without the condition on its sign; anything else unchanged."""
     return msgspec.structs.replace(form, negative_if=None) if isinstance(form, FieldForm) else form
 
 
 def check_form(form: object, place: str) -> Iterator[str]:
-    """What the types of a form cannot express, as `place: text`."""
+    """Check what the types of a form cannot express; each fault as `place: text`."""
     if isinstance(form, FieldForm):
         kinds = [name for name in ("mean", "sum", "value") if getattr(form, name) is not None]
         if len(kinds) != 1:

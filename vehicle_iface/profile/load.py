@@ -19,21 +19,21 @@ from vehicle_iface.profile.state_pose import name_odometry_frame
 log = logging.getLogger("vehicle_iface")
 
 MAX_DEPTH = 10
-"""Tables and lists inside one another; a profile has four."""
+"""Maximum nesting of tables and lists; a profile has four levels."""
 
 
 class Inspection(NamedTuple):
-    """A profile and what is wrong with it; each text begins with its place."""
+    """A profile and its faults; each text begins with its place."""
 
     profile: Profile | None
-    """Without its faulty values; None where a key that it needs is missing or faulty."""
+    """The profile without its faulty values; None where a required key is missing or faulty."""
     faults: list[str]
     warnings: list[str]
-    """Old names of keys."""
+    """Warnings about old names of keys."""
 
 
 def load_profile(name_or_path: str | Path) -> Profile:
-    """The profile of that name, or in that file when it ends in `.toml`; its warnings are logged.
+    """Load the profile of that name, or of that file when it ends in `.toml`; its warnings are logged.
 
     Raises `ConfigError` with every fault, one a line, each with file and place.
     """
@@ -47,7 +47,7 @@ def load_profile(name_or_path: str | Path) -> Profile:
 
 
 def inspect_profile(path: Path) -> Inspection:
-    """Everything that is wrong with a profile's file. Raises `ConfigError` when it cannot be read or is not TOML."""
+    """Find every fault of a profile's file. Raises `ConfigError` when it cannot be read or is not TOML."""
     document = _read(path)
     renamed = rename_old_keys(document)
     faults = [*renamed.faults, *check_document(document)]
@@ -77,17 +77,17 @@ def _convert(sound: dict[str, object], path: Path) -> Profile | None:
 
 
 def profile_names() -> tuple[str, ...]:
-    """The profiles that can be loaded by name, sorted."""
+    """Return the profiles that can be loaded by name, sorted."""
     return tuple(sorted(path.stem for folder in _folders() for path in folder.glob("*.toml")))
 
 
 def is_packaged(path: Path) -> bool:
-    """Whether the file is one of the profiles that are loaded by name."""
+    """Return whether the file is one of the profiles that are loaded by name."""
     return any(path.resolve().parent == folder.resolve() for folder in _folders())
 
 
 def _folders() -> Iterator[Path]:
-    """Where profiles are: inside the installed package, or beside it in a source checkout."""
+    """Return the folders of profiles: inside the installed package, or beside it in a source checkout."""
     package = Path(__file__).resolve().parents[1]
     return (folder for folder in (package / "dbc", package.parent / "dbc") if folder.is_dir())
 

@@ -1,4 +1,4 @@
-"""What is wrong with a value that its type does not allow: msgspec's words, and what they leave out."""
+"""Describe a value that its type does not allow: msgspec's message, and what it leaves out."""
 
 import difflib
 import re
@@ -9,7 +9,7 @@ _PLACEHOLDER = "TODO"
 
 
 def describe_mismatch(message: str, value: object, kind: object, place: str) -> str:
-    """msgspec's message after the place that it is about, with the value, or with the words that are allowed."""
+    """Return msgspec's message after its place, with the value or with the allowed words."""
     text, _, inner = message.replace("`", "").replace("-0.0", "0.0").replace(" | null", "").rpartition(" - at ")
     text, path = (text, inner.removeprefix("$")) if text else (inner, "")
     if _find(value, path) == _PLACEHOLDER:
@@ -25,14 +25,14 @@ def describe_mismatch(message: str, value: object, kind: object, place: str) -> 
 
 
 def _words_of(kind: object) -> list[object]:
-    """All that the enumerations in a type allow."""
+    """Return all words that the enumerations in a type allow."""
     if typing.get_origin(kind) is typing.Literal:
         return list(typing.get_args(kind))
     return [word for part in typing.get_args(kind) for word in _words_of(part)]
 
 
 def _find(value: object, path: str) -> object:
-    """The value at a path such as `[2][0]` below another one; None where the path does not say which it is."""
+    """Return the value at a path such as `[2][0]` below another one; None where the path does not say which it is."""
     for step in re.findall(r"\[(.*?)\]|\.(\w+)", path):
         if isinstance(value, list) and step[0].isdigit():
             value = value[int(step[0])]

@@ -7,12 +7,12 @@ import msgspec
 
 
 def is_whole_number(text: str) -> bool:
-    """Whether a key of `names` is a number on the bus."""
+    """Return whether a key of `names` is a number on the bus."""
     return re.fullmatch(r"-?[0-9]{1,20}", text) is not None
 
 
 class SignalNotes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a signal means: field = scale · (value in SI) + offset, in SI units of the field."""
+    """Meaning of a signal: field = scale · (value in SI) + offset, in SI units of the field."""
 
     unit: str | None = None
     """The unit of the signal; left out, that of the DBC."""
@@ -24,20 +24,20 @@ class SignalNotes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     names: dict[str, str] | None = None
     """Number = name, instead of the VAL_ table."""
     not_available: tuple[int, ...] = ()
-    """Raw values by which the sender says that it has no value: the field is then missing."""
+    """Raw values that mean "not available": the field is then missing."""
 
 
 class J1939(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How a J1939 message is recognised: by its PGN, whatever the priority."""
+    """Identification of a J1939 message by its PGN, regardless of priority."""
 
     source_address: Annotated[int, msgspec.Meta(ge=0, le=0xFF)] | None = None
-    """Only from this address; left out, from any."""
+    """Accepted source address; left out, any."""
 
 
 class MessageNotes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the DBC leaves out or gets wrong about a message."""
+    """Notes on what the DBC leaves out or states wrongly about a message."""
 
     cycle_ms: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
     sender: Literal["vehicle", "controller"] | None = None
-    """Who sends it, where one placeholder name sends everything."""
+    """Sending node, where the DBC has one placeholder for all nodes."""
     j1939: J1939 | None = None

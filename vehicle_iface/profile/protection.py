@@ -1,4 +1,4 @@
-"""The keys of a profile that say how messages are protected."""
+"""Keys of a profile for the protection of messages."""
 
 from typing import Annotated, Literal
 
@@ -15,17 +15,17 @@ class EndToEnd(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     profile: Literal[1, 2, 5, 11]
     data_id_mode: DataIdMode = "BOTH"
-    """Profiles 1 and 11 (BOTH or NIBBLE); the others have one way only."""
+    """Data id mode of profiles 1 and 11 (BOTH or NIBBLE); the others have only one."""
     crc_signal: str = "CRC"
     counter_signal: str = "COUNTER"
     max_counter_step: Annotated[int, msgspec.Meta(ge=1)] = 3
-    """A greater step of the counter is a wrong sequence."""
+    """Maximum step of the counter; a greater step is a sequence error."""
     data_ids: dict[str, DataId]
     """The data id of each protected message; 16 bytes each in profile 2."""
 
 
 class Checksum(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How a checksum is computed and where it is."""
+    """Rule and signal of a checksum."""
 
     signal: str
     """Its name in the message."""
@@ -33,7 +33,7 @@ class Checksum(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     over: Annotated[tuple[Literal["id", "length", "bytes", "data_id", "counter"], ...], msgspec.Meta(min_length=1)] = (
         "bytes",
     )
-    """What is covered, in this order; `codec.checksums` says as which bytes. A data id that is not named comes last."""
+    """Covered data in this order (bytes: see `codec.checksums`). A data id that is not listed is last."""
     poly: Annotated[int, msgspec.Meta(ge=1, le=0xFFFF)] | None = None
     """Polynomial of a CRC without its highest power, most significant bit first, also where the CRC is reflected."""
     init: Annotated[int, msgspec.Meta(ge=0)] = 0
@@ -45,7 +45,7 @@ class Checksum(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     table: Annotated[tuple[Byte, ...], msgspec.Meta(min_length=1)] | None = None
     """The data id of messages without one of their own: a byte for each value of the counter, or a single one."""
     data_id_mode: DataIdMode | None = None
-    """Of autosar-1 and autosar-11; BOTH where it is left out."""
+    """Data id mode of autosar-1 and autosar-11; BOTH where it is left out."""
     function: str | None = None
     """FILE.py:NAME of kind python, relative to the profile: `checksum(can_id: int, data: bytes) -> int`."""
 
@@ -56,11 +56,11 @@ class SequenceCounter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     signal: str
     """Its name in the message."""
     max_step: Annotated[int, msgspec.Meta(ge=1)] | None = None
-    """A greater step is a wrong sequence; left out, 3 or as many as the counter's width allows."""
+    """Maximum step, a greater one is a sequence error; left out, 3 or as many as the counter's width allows."""
 
 
 class ProtectionRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The protection that several messages have in common: a checksum, a counter, or both."""
+    """Protection shared by several messages: a checksum, a counter, or both."""
 
     checksum: Checksum | None = None
     counter: SequenceCounter | None = None
@@ -75,8 +75,8 @@ class ProtectedMessage(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
 
 class MessageProtection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Rules by name, and which message uses which."""
+    """Rules by name, and the rule of each message."""
 
     rules: dict[str, ProtectionRule]
-    """In the file they stand beside `messages`: `[protection.NAME]`."""
+    """Rules by name; in the file `[protection.NAME]`, beside `messages`."""
     messages: dict[str, str | ProtectedMessage]

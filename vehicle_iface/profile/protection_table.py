@@ -1,4 +1,4 @@
-"""The table `[protection]`, in which rules of any name stand beside `messages`."""
+"""The table `[protection]`, which has rules of any name beside `messages`."""
 
 
 def gather_rules(document: dict[str, object]) -> None:
@@ -10,5 +10,5 @@ def gather_rules(document: dict[str, object]) -> None:
 
 
 def place_rule_in_file(fault: str) -> str:
-    """The fault, its place written as in the file."""
+    """Return the fault with its place as in the file."""
     return fault.replace("$.protection.rules", "$.protection", 1) if fault.startswith("$.protection.rules") else fault

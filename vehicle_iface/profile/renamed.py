@@ -1,4 +1,4 @@
-"""Keys of version 0.1 that have other names now: accepted in this version with a warning, not in the next one."""
+"""Renamed keys of version 0.1: accepted in this version with a warning, not in the next one."""
 
 from typing import NamedTuple
 
@@ -25,12 +25,12 @@ class RenamedKeys(NamedTuple):
 
     warnings: list[str]
     faults: list[str]
-    """Keys that are there by both names."""
+    """Keys that are present by both names."""
     old_places: dict[str, str]
     """Place by the new name: place in the file."""
 
     def place_in_file(self, fault: str) -> str:
-        """The fault, its place written as in the file."""
+        """Return the fault with its place as in the file."""
         for new, old in self.old_places.items():
             if fault.startswith((f"{new}:", f"{new}.", f"{new}[")):
                 return old + fault.removeprefix(new)

@@ -19,11 +19,11 @@ _HEADER = re.compile(r"\s*\[")
 _OWN_HEADER = re.compile(r"\s*\[\s*review\s*\]\s*(#.*)?$")
 _KEY = re.compile(r"(\s*reviewed\s*=\s*)(true|false)\b")
 _PLACES = (re.compile(r"\s*dbc\s*="), re.compile(r"\s*name\s*="))
-"""The line behind which a missing `reviewed` goes: the first of these that there is."""
+"""Keys after which a missing `reviewed` is inserted: after the first that is present."""
 
 
 def require_editable(path: Path) -> None:
-    """`ConfigError` with a way on where the profile is one of the package's, or its file or folder is read-only."""
+    """Raise `ConfigError` with a remedy for a profile of the package, or a read-only file or folder."""
     copy = f"copy it and its DBC to a folder of your own, and give --profile {path.name} there"
     if is_packaged(path):
         raise ConfigError(f"{path}: is part of vehicle-iface and not written; {copy}")
@@ -46,7 +46,7 @@ def write_review(path: Path, record: ReviewRecord) -> None:
 
 
 def insert_review(text: str, record: ReviewRecord) -> str:
-    """The text of a profile with the record; `ValueError` where the text is laid out so that this is not certain."""
+    """Insert the record into the text of a profile; `ValueError` where its layout makes this uncertain."""
     end = "\r\n" if "\r\n" in text else "\n"
     lines = _drop_table(text.split(end))
     first = next((number for number, line in enumerate(lines) if _HEADER.match(line)), len(lines))
@@ -86,7 +86,7 @@ def _set_reviewed(lines: list[str], first: int) -> None:
 
 
 def _drop_table(lines: Sequence[str]) -> list[str]:
-    """The lines without an earlier `[review]`: its header, its keys, and blank lines before it."""
+    """Remove an earlier `[review]`: its header, its keys, and blank lines before it."""
     begin = next((number for number, line in enumerate(lines) if _OWN_HEADER.match(line)), None)
     if begin is None:
         return list(lines)
@@ -112,12 +112,12 @@ def _write_table(record: ReviewRecord) -> list[str]:
 
 
 def _quote(text: str) -> str:
-    """As a basic string of TOML, whose escapes are those of JSON."""
+    """Return a basic string of TOML, whose escapes are those of JSON."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
 
 
 def _replace_file(path: Path, text: str) -> None:
-    """All of the new text or all of the old, whatever happens in between; the file keeps its permissions."""
+    """Replace the file atomically; it keeps its permissions."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with open(handle, "w", encoding="utf-8", newline="") as file:

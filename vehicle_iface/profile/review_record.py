@@ -13,28 +13,28 @@ import msgspec
 from vehicle_iface.errors import ConfigError
 
 Sha256 = Annotated[str, msgspec.Meta(min_length=64, max_length=64)]
-"""In hexadecimal digits."""
+"""A SHA-256 in hexadecimal digits."""
 RECORD_KEYS = ("reviewed", "review")
 """The keys of a profile that a review writes."""
 
 
 class ReviewRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What `vehicle-iface commission` writes after a walk in which everything was seen."""
+    """Record that `vehicle-iface commission` writes after a complete walk."""
 
     date: date
     checks: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
-    """What the person in the vehicle was asked to do, and was seen."""
+    """Steps that the person in the vehicle was asked for and that were observed."""
     log: str
     """Name of the log of the walk."""
     log_sha256: Sha256
     profile_sha256: Sha256
-    """Of the profile's values without `reviewed` and `[review]`; comments and layout do not count."""
+    """Hash of the profile's values without `reviewed` and `[review]`; comments and layout do not count."""
     dbc_sha256: Sha256
-    """Of the DBC's bytes; of several DBCs, that of their SHA-256 in the order of their buses."""
+    """Hash of the DBC's bytes; of several DBCs, that of their SHA-256 in the order of their buses."""
 
 
 def hash_file(path: Path) -> str:
-    """The SHA-256 of a file's bytes; `ConfigError` when it cannot be read."""
+    """Compute the SHA-256 of a file's bytes; `ConfigError` when it cannot be read."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
@@ -42,19 +42,19 @@ def hash_file(path: Path) -> str:
 
 
 def hash_values(text: str) -> str:
-    """The SHA-256 of a profile's values without its record; comments and layout do not count."""
+    """Compute the SHA-256 of a profile's values without its record; comments and layout do not count."""
     document = {key: value for key, value in tomllib.loads(text).items() if key not in RECORD_KEYS}
     return hashlib.sha256(json.dumps(document, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def hash_dbcs(paths: Sequence[Path]) -> str:
-    """The SHA-256 of a profile's DBCs; `ConfigError` when one cannot be read."""
+    """Compute the SHA-256 of a profile's DBCs; `ConfigError` when one cannot be read."""
     hashes = [hash_file(path) for path in paths]
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
 def find_changes(record: ReviewRecord, *, profile: Path, dbcs: Sequence[Path]) -> list[str]:
-    """The files that are not those that were reviewed any more."""
+    """Return the files that have changed since the review."""
     try:
         is_same = hash_values(profile.read_text(encoding="utf-8")) == record.profile_sha256
     except OSError as error:

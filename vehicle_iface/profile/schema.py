@@ -22,7 +22,7 @@ class Geometry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     width_m: Positive
     height_m: Positive
     rear_overhang_m: NonNegative
-    """From the rear axle to the rear end."""
+    """Distance from the rear axle to the rear end."""
     track_m: Positive
     wheel_radius_m: Positive
 
@@ -47,11 +47,11 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Limit of the same angle in rad, by the measured speed."""
     front_wheel_rate_radps: Positive
     front_wheel_deviation_rad: Positive
-    """How far the command may be from the measured angle, to either side."""
+    """Limit of the difference between command and measured angle, to either side."""
     lateral_accel_mps2: Positive
     """At the measured speed, to either side."""
     lateral_jerk_mps3: Positive
-    """The change of that per second."""
+    """Limit of the change of lateral acceleration per second."""
     rear_wheel_angle_rad: NonNegative
     """To either side; 0 where the rear wheels do not steer."""
     rear_wheel_rate_radps: NonNegative
@@ -65,14 +65,14 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     unconfirmed_speed_max_mps: Positive = 3.0
     """Limit where no other signal confirms the speed signal (see `motion_sources`)."""
     gear_change_speed_mps: Positive
-    """Above it the vehicle refuses another gear."""
+    """Speed above which the vehicle rejects a gear change."""
     driver_steer_torque_nm: Positive
-    """From this torque on the driver steers."""
+    """Torque from which on the driver counts as steering."""
     while_engaging: EngagingLimits
 
 
 class Deviation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How far the vehicle may be from the trajectory and the speed limit."""
+    """Limits of the deviation from the trajectory and the speed limit."""
 
     lateral_warn_m: Positive
     """Distance to the path (beside it, before its first point, behind its last) that is counted and shown."""
@@ -87,7 +87,7 @@ class Deviation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class Plausibility(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What this vehicle can do; an implausible sample is dropped, and several in a row stop the vehicle."""
+    """Physical limits of the vehicle; an implausible sample is dropped, and several in a row stop the vehicle."""
 
     speed_mps: Positive
     accel_mps2: Positive
@@ -151,7 +151,7 @@ class Behavior(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class Recovery(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """When driving goes on after a stop: once its cause has been away for this long, in seconds."""
+    """Times in seconds after which driving resumes: the cause of the stop must have been absent for this long."""
 
     state_invalid_s: NonNegative = 0.5
     """Pose invalid, samples implausible, sources of motion that disagreed."""
@@ -172,23 +172,23 @@ class Handover(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """How control is given back at a planned end."""
 
     warning_s: NonNegative
-    """The driver is warned this long before."""
+    """Time for which the driver is warned before the release."""
     hold_until_warned: bool = False
     """Whether the vehicle is held at standstill until the warning is over; otherwise it is released at standstill."""
 
 
 class Bus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A bus that the vehicle is on."""
+    """A bus of the vehicle."""
 
     bitrate: Annotated[int, msgspec.Meta(gt=0)]
-    """Bits per second; of the arbitration phase on CAN FD."""
+    """Bit rate in bits per second; of the arbitration phase on CAN FD."""
     fd: bool = False
     data_bitrate: Annotated[int, msgspec.Meta(gt=0)] | None = None
     """Bits per second of the data phase on CAN FD; left out, that of the arbitration phase."""
 
 
 class NamedBus(Bus, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A bus and what is on it."""
+    """A bus and its DBC."""
 
     dbc: str
     """As `Profile.dbc`."""
@@ -204,7 +204,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     file: str = ""
     """The file that this profile was read from; not a key in it."""
     reviewed: bool = False
-    """Whether somebody has checked limits and signs against the real vehicle."""
+    """Whether limits and signs were checked against the real vehicle."""
     review: ReviewRecord | None = None
     """The walk that set `reviewed`; None where it was set by hand."""
     ignored: tuple[SignalName, ...] = ()
@@ -222,15 +222,15 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     deviation: Deviation
     plausibility: Plausibility
     bus: Bus | None = None
-    """Of the vehicle that is on one bus; left out where `buses` has several."""
+    """The only bus of the vehicle; left out where `buses` has several."""
     buses: dict[str, NamedBus] = {}
-    """By name, instead of `dbc` and `bus`. A frame's `bus` is the place in this order."""
+    """Buses by name, instead of `dbc` and `bus`. A frame's `bus` is the index in this order."""
     e2e: EndToEnd | None = None
     protection: MessageProtection | None = None
     state: State
     status: Status
     command: Command = Command()
-    """Left out where the vehicle is only watched."""
+    """Commands; left out where the vehicle is only watched."""
     send: tuple[SentMessage, ...] = ()
     """Messages that are sent in addition to commands, body and report."""
     body: Body | None = None
@@ -238,7 +238,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def all_buses(self) -> dict[str, NamedBus]:
-        """All buses in their order; by the name "" the one of `dbc` and `bus`."""
+        """All buses in their order; a single bus has the name ""."""
         if self.bus is None:
             return self.buses
         only = NamedBus(dbc=self.dbc, **msgspec.structs.asdict(self.bus))

@@ -5,17 +5,17 @@ from typing import Annotated
 import msgspec
 
 WHEN = ("armed", "engaging", "enabled", "released", "always")
-"""The words of `when`; `command.Phases` says what they mean."""
+"""The words of `when`, explained in `command.Phases`."""
 ENABLING = ("engaging", "enabled")
 COUNT = "count"
 """The value that steps by one from frame to frame."""
 
 
 class ValueTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A value that depends on something: one of `value` with `when`, `complement`, `echo`."""
+    """A variable value: one of `value` with `when`, `complement`, `echo`."""
 
     value: float | None = None
-    """In the DBC's unit. While `when` does not hold, the DBC's initial value is sent."""
+    """Value in the DBC's unit. While `when` does not hold, the DBC's initial value is sent."""
     when: str | None = None
     complement: str | None = None
     """The signal of the same message whose bits are inverted here."""
@@ -28,13 +28,13 @@ SentValue = float | str | ValueTable
 
 
 class SentMessage(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One message beside the commands."""
+    """One message in addition to the commands."""
 
     message: str
     when: str
     once: bool = False
-    """Once each time that `when` begins to hold."""
+    """Send once each time that `when` begins to hold."""
     period_s: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
-    """This often while `when` holds."""
+    """Period while `when` holds."""
     values: dict[str, SentValue] = {}
-    """By signal; those that are left out have the DBC's initial value."""
+    """Values by signal; those that are left out have the DBC's initial value."""

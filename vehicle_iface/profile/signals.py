@@ -1,4 +1,4 @@
-"""The keys of a profile that say what its signals mean to the program: state, status, command, body, report."""
+"""Keys of a profile that bind its signals to fields: state, status, command, body, report."""
 
 from typing import Annotated, Literal
 
@@ -15,7 +15,7 @@ class StateSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """The signals of a `VehicleState`; a field without a signal is 0."""
 
     x_m: FieldSource | None = None
-    """This and the next four: those that the source of the pose needs."""
+    """Position x; of this and the next four fields, those that the pose source needs."""
     y_m: FieldSource | None = None
     heading_rad: FieldSource | None = None
     latitude_deg: FieldSource | None = None
@@ -38,14 +38,14 @@ class State(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     sample: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
     signals: StateSignals
     assemble: Literal["counter", "newest"] | None = None
-    """How the messages become a sample: those with one counter value, or the newest of each when `trigger` arrives.
+    """Rule for samples: messages with one counter value, or the newest of each when `trigger` arrives.
 
     Left out: by the counter where each of several messages is protected by `e2e`, else the newest.
     """
     trigger: str | None = None
     """The message whose arrival completes a sample; left out, the first one."""
     max_age_s: Positive | dict[str, Positive] | None = None
-    """No part is older than this when the trigger arrives, for all or by message; left out, `timing.state_stale_s`."""
+    """Maximum age of a part when the trigger arrives, for all or by message; left out, `timing.state_stale_s`."""
     pose: StatePose = StatePose()
     frames: dict[str, str] = {}
     """Name in the VAL_ table of `pose_frame` = frame of reference."""
@@ -66,7 +66,7 @@ class StatusSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class ModeConditions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The first of these that holds, in this order, is the vehicle's mode; MANUAL when none does."""
+    """Conditions of the modes: the first that holds, in this order, is the vehicle's mode; MANUAL when none does."""
 
     emergency_stop: Condition | None = None
     fault: Condition | None = None
@@ -76,7 +76,7 @@ class ModeConditions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 
 
 class DriverConditions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Any of these is an override."""
+    """Conditions of an override by the driver; any of them is one."""
 
     brake: Condition | None = None
     throttle: Condition | None = None
@@ -84,7 +84,7 @@ class DriverConditions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the vehicle reports about itself other than its motion."""
+    """Reports of the vehicle other than its motion."""
 
     signals: StatusSignals = StatusSignals()
     when: ModeConditions | None = None
@@ -99,7 +99,7 @@ class CommandSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     """The signals that carry a command; which of them a profile needs follows from `longitudinal` and `lateral`."""
 
     enable: SignalNames | None = None
-    """Left out where `send` or `command.values` enables the vehicle."""
+    """Enable flag; left out where `send` or `command.values` enables the vehicle."""
     accel_mps2: SignalNames | None = None
     speed_mps: SignalNames | None = None
     """The speed to be driven with longitudinal = "speed"; else the reference speed, for information."""
@@ -127,7 +127,7 @@ class Command(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     signals: CommandSignals = CommandSignals()
     pedals: Pedals | None = None
     periods: dict[str, Positive] = {}
-    """By message; left out, `timing.command_period_s`. Each a whole multiple of `timing.sample_period_s`."""
+    """Periods by message; left out, `timing.command_period_s`. Each a whole multiple of `timing.sample_period_s`."""
     values: dict[SignalName, SentValue] = {}
     """Signals of command messages that no field fills; left out, the DBC's initial value."""
 
@@ -160,6 +160,6 @@ class ReportSignals(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the program reports about itself."""
+    """Reports of the program."""
 
     signals: ReportSignals

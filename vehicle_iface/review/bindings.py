@@ -14,7 +14,7 @@ from vehicle_iface.review.series import NOT_MEASURED, POSITION, RecordedDrive, S
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldNotes:
-    """How a field comes about: field = scale · (value in SI) + offset."""
+    """Notes of a profile on a field: field = scale · (value in SI) + offset."""
 
     series: Series
     unit: str
@@ -25,13 +25,13 @@ class FieldNotes:
 
 
 def read_notes(drive: RecordedDrive) -> dict[str, FieldNotes]:
-    """By the names that relations use: fields of the state, and those of commands."""
+    """Return the notes by the names that relations use: fields of the state and of commands."""
     named = {**drive.state, **{COMMANDED + name: series for name, series in drive.commands.items()}}
     return {name: _notes_of(drive.binding, name, series) for name, series in named.items()}
 
 
 def find_missing(drive: RecordedDrive) -> list[BindingVerdict]:
-    """Bound fields of the state without a value in the whole log."""
+    """Return the bound fields of the state without a value in the whole log."""
     state = drive.binding.sections["state"]
     fields = {POSITION if field in ("x_m", "latitude_deg") else field: signals for field, signals in state.items()}
     unmeasured = (*NOT_MEASURED, "y_m", "longitude_deg", "valid", "negative_if", *drive.state)
@@ -49,7 +49,7 @@ def find_missing(drive: RecordedDrive) -> list[BindingVerdict]:
 
 
 def units_of(notes: Mapping[str, FieldNotes]) -> dict[str, GivenUnit]:
-    """The units that may be others."""
+    """Return the stated unit of each field that has one."""
     return {name: one.given for name, one in notes.items() if one.given is not None}
 
 
@@ -68,7 +68,7 @@ def _notes_of(binding: Binding, name: str, series: Series) -> FieldNotes:
 
 
 def write_fix(notes: FieldNotes, causes: Sequence[Cause], offset_rad: float = 0.0) -> str:
-    """The notes on a field's signals that the causes ask for; true field = field / gain + `offset_rad`."""
+    """Write the notes on a field's signals that correct the causes; true field = field / gain + `offset_rad`."""
     gain = math.prod(cause.gain for cause in causes)
     rest = math.prod(cause.gain for cause in causes if cause.kind is not Kind.UNIT)
     unit = next((cause.unit for cause in causes if cause.kind is Kind.UNIT), "")

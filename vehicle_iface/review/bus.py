@@ -14,11 +14,11 @@ from vehicle_iface.review.findings import Finding, Level
 from vehicle_iface.review.series import MessageFrames, RecordedDrive
 
 GOOD_SHARE = 0.99
-"""Of the frames: so many must fit a rule. A bus loses and damages some."""
+"""Share of the frames that must fit a rule. A bus loses and damages some."""
 _PERIOD_TOLERANCE = 0.15
 _GAP_PERIODS = 5.0
 _FEWEST = 20
-"""Frames of a message from which on something can be said."""
+"""Minimum number of frames of a message for a finding."""
 _FEWEST_INTACT = 0.5
 _CHECKSUM_NAMES = ("crc", "checksum", "chksum", "chk", "cks", "csum")
 _COUNTER_NAMES = ("counter", "cntr", "count", "cnt", "alive", "rolling", "sequence", "seq")
@@ -26,7 +26,7 @@ _COUNTER_NAMES = ("counter", "cntr", "count", "cnt", "alive", "rolling", "sequen
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MessageTiming:
-    """When the frames of one message came."""
+    """Timing of the frames of one message."""
 
     name: str
     role: str
@@ -36,17 +36,17 @@ class MessageTiming:
     period_ms: float | None
     """The median; None with fewer than two frames."""
     jitter_ms: float | None
-    """From the 1st to the 99th percentile of the periods."""
+    """Difference between the 1st and the 99th percentile of the periods."""
     longest_gap_ms: float | None
     gaps: int
-    """Pauses of more than five periods."""
+    """Number of pauses of more than five periods."""
     out_of_range: int
     protection: str
-    """What is known about counter and checksum, in words."""
+    """Text on counter and checksum."""
 
 
 def review_bus(drive: RecordedDrive) -> tuple[list[MessageTiming], list[Finding]]:
-    """Timing of each bound message, and what is wrong with any."""
+    """Return the timing of each bound message, and findings about the messages."""
     messages = (*drive.database.received, *drive.database.sent)
     protections = [_Protection(drive, message) for message in messages]
     chosen = choose_fits([protection.fits for protection in protections])
@@ -83,7 +83,7 @@ def _measure_timing(drive: RecordedDrive, message: BoundMessage, frames: Message
 
 
 def _period_key(drive: RecordedDrive, message: BoundMessage) -> str:
-    """The key of the profile's timing for a message; empty where several messages have periods of their own."""
+    """Return the key of the profile's timing for a message; empty where several messages have periods of their own."""
     state, is_counted = drive.database.profile.state, drive.database.is_counted
     if message.role is Role.SAMPLE and not is_counted and message.name != (state.trigger or state.sample[0]):
         return ""
@@ -144,7 +144,7 @@ class _Protection:
             self.fits = search_checksum(searched, self._data, GOOD_SHARE)
 
     def describe(self, fit: ChecksumFit | None) -> tuple[list[Finding], str]:
-        """What is wrong or could be protected, and a short text for the table."""
+        """Return findings about the protection, and a short text for the table."""
         if len(self._data) < _FEWEST:
             return [], ""
         checksum_findings, checksum = self._describe_checksum(fit)
@@ -153,7 +153,7 @@ class _Protection:
         return [*checksum_findings, *counter_findings], "; ".join(texts) or "none"
 
     def _count_intact(self) -> float:
-        """Share of frames whose checksum is that of the profile's rule; 0 where there is none."""
+        """Return the share of frames whose checksum matches the profile's rule; 0 without a rule."""
         if self._rule is None or self._rule.checksum is None or self._message.protection is None or not self._data:
             return 0.0
         intact = self._message.protection.intact
@@ -165,7 +165,7 @@ class _Protection:
         return self._find_name(_CHECKSUM_NAMES, 4)
 
     def _find_name(self, words: Sequence[str], least_bits: int) -> str:
-        """The first signal that is called like that, and that the profile does not use for anything else."""
+        """Return the first signal with such a name that the profile does not use for anything else."""
         for name, signal in self._signals.items():
             plain = name.lower()
             is_called = any(word in plain for word in words) or plain.split("_")[-1] in ("cs",)

@@ -1,7 +1,7 @@
-"""Which checksum a signal is: every kind that profiles know, tried on the frames of a log.
+"""Find the checksum rule of a signal: every kind of a profile is tried on the frames of a log.
 
 Of payloads of one length, a CRC with another initial value, another final value or constant bytes before the payload
-differs by the same constant in every frame. So each polynomial is tried once; the constant says the rest. Of a sum it
+differs by the same constant in every frame. So each polynomial is tried once; the constant gives the rest. For a sum it
 is a difference.
 """
 
@@ -28,12 +28,12 @@ OVERS = (
     ("bytes", "id"),
     ("bytes", "length"),
 )
-"""What is covered, the simplest first."""
+"""Coverages that are tried, the simplest first."""
 MAX_FRAMES = 1500
 _FIRST = 40
-"""Frames on which most kinds fail already."""
+"""Number of frames that rules out most kinds."""
 _FEWEST_PAYLOADS = 16
-"""Different ones; fewer fit by chance."""
+"""Minimum number of different payloads; fewer fit by chance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,12 +60,12 @@ class ChecksumFit:
 
     @property
     def is_natural(self) -> bool:
-        """Whether its constants are those that people choose."""
+        """Return whether its constants are common ones."""
         mask = (1 << self.width) - 1
         return self.init in (0, mask) and self.xor_out in (0, mask)
 
     def describe(self) -> str:
-        """For a person."""
+        """Describe the rule for a person."""
         kind = {"sum": "a sum", "xor": "an exclusive or"}.get(
             self.kind, f"{self.kind} with polynomial {self.poly:#04x}"
         )
@@ -76,7 +76,7 @@ class ChecksumFit:
         return f"{kind} over {words}" + (f" ({', '.join(constants)})" if constants else "")
 
     def write_rule(self, message: str, signal: str, counter: str = "") -> str:
-        """The lines of a profile that check it, and a counter."""
+        """Write the lines of a profile that check it, and a counter."""
         over = ", ".join(f'"{part}"' for part in self.over)
         parts = [f'signal = "{signal}"', f'kind = "{self.kind}"', f"over = [{over}]"]
         parts += [f"poly = {self.poly:#04x}"] if self.poly else []
@@ -89,7 +89,7 @@ class ChecksumFit:
 
 
 def search_checksum(message: SearchedMessage, data: Sequence[bytes], good_share: float) -> list[ChecksumFit]:
-    """The rules that fit at least that share of the payloads, the simplest first."""
+    """Return the rules that fit at least that share of the payloads, the simplest first."""
     step = max(1, len(data) // MAX_FRAMES)
     payloads = list(data[::step])
     values = [message.place.read(one) for one in payloads]
@@ -100,14 +100,14 @@ def search_checksum(message: SearchedMessage, data: Sequence[bytes], good_share:
 
 
 def choose_fits(of_messages: Sequence[Sequence[ChecksumFit]]) -> list[ChecksumFit | None]:
-    """One fit for each message: that which fits most of the messages, since one maker uses one rule."""
+    """Return one fit for each message: that which fits most of the messages, since one maker uses one rule."""
     votes = Counter(fit for fits in of_messages for fit in set(fits))
     return [max(fits, key=lambda fit: (fit.is_natural, votes[fit])) if fits else None for fits in of_messages]
 
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A function, and how its constant is written down."""
+    """A checksum function, and how its constant is written."""
 
     kind: str
     over: tuple[str, ...]
@@ -165,7 +165,7 @@ def _try(
 def _constants(
     candidate: _Candidate, covered: bytes | bytearray, constant: int, width: int, mask: int
 ) -> Iterator[tuple[int, int]]:
-    """Initial value and final exclusive or that come to the constant."""
+    """Return initial value and final exclusive or that give the constant."""
     if constant == 0:
         yield 0, 0
     elif candidate.kind == "sum":

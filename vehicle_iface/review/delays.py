@@ -1,4 +1,4 @@
-"""Which messages are late: the fewest that explain all lags at once.
+"""Find late messages: the fewest that explain all lags at once.
 
 A lag between two fields is the difference of their delays, and no delay is below 0.
 """
@@ -11,11 +11,11 @@ from vehicle_iface.review.kinematics import COMMANDED
 from vehicle_iface.review.relations import Outcome, Relation
 
 TOLERANCE_S = 0.035
-"""Sensors filter, and messages wait for one another."""
+"""Lag that is no delay: sensors filter, and messages wait for one another."""
 STEERING_RESPONSE_S = 0.15
-"""A vehicle answers its wheels that much later: its tyres and its inertia."""
+"""Lag of a vehicle's motion behind its wheels, by tyres and inertia."""
 _SURE_S = 0.03
-"""Standard deviation of a lag that is believed."""
+"""Maximum standard deviation of a lag that is used."""
 _SIGMAS = 3.0
 MAX_LATE = 2
 
@@ -36,12 +36,12 @@ class Delay:
 
     message: str
     field: str
-    """Empty where it is the message."""
+    """Name of the late field; empty where the whole message is late."""
     delay_s: float
 
 
 def lags_of(relations: Sequence[Relation], angular: Sequence[Lag]) -> list[Lag]:
-    """The lags that are known well enough; `angular` are further ones."""
+    """Return the lags that are known well enough; `angular` are further ones."""
     found = [
         Lag(y=one.y, x=one.x, lag_s=one.fit.lag_s, error_s=one.fit.lag_error_s)
         for one in relations
@@ -51,7 +51,7 @@ def lags_of(relations: Sequence[Relation], angular: Sequence[Lag]) -> list[Lag]:
 
 
 def find_delays(lags: Sequence[Lag], messages: Mapping[str, str]) -> list[list[Delay]]:
-    """The best explanations of the lags; `messages` are those of the fields. Empty where there is none.
+    """Return the best explanations of the lags; `messages` are those of the fields. Empty where there is none.
 
     Where nothing is late it is one without delays.
     """
@@ -69,7 +69,7 @@ def find_delays(lags: Sequence[Lag], messages: Mapping[str, str]) -> list[list[D
 def _explain(
     chosen: tuple[tuple[str, str], ...], lags: Sequence[Lag], messages: Mapping[str, str]
 ) -> Iterator[list[Delay]]:
-    """The delays of these messages or fields, if they explain every lag."""
+    """Return the delays of these messages or fields, if they explain every lag."""
     delays_s: list[float] = []
     for one in chosen:
         others = [other for other in chosen if other is not one]
@@ -96,7 +96,7 @@ def _explain(
 
 
 def _power(one: tuple[str, str], lag: Lag, messages: Mapping[str, str]) -> int:
-    """1 where it makes the lag greater, −1 where smaller."""
+    """Return 1 where the delay makes the lag greater, −1 where smaller."""
     message, field = one
 
     def is_in(name: str) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from vehicle_iface.trajectory import FloatArray
 
 MAX_POINTS = 900
-"""Of a curve: as many as there are pixels, twice."""
+"""Maximum number of points of a curve: twice the number of pixels."""
 MAX_DOTS = 700
 
 
@@ -20,7 +20,7 @@ class Curve:
 
     name: str
     style: str
-    """Class of the page."""
+    """CSS class of the line."""
     x: FloatArray
     y: FloatArray
 
@@ -32,7 +32,7 @@ class _Axis:
 
     @classmethod
     def over(cls, *values: FloatArray) -> "_Axis":
-        """Room for the values, without the wildest 0.4 %."""
+        """Return an axis over the values, without the most extreme 0.4 %."""
         known = np.concatenate([one[np.isfinite(one)] for one in values])
         if not len(known):
             return cls(-1.0, 1.0)
@@ -41,20 +41,20 @@ class _Axis:
         return cls(float(low - margin), float(high + margin))
 
     def ticks(self, most: int) -> list[float]:
-        """Round numbers within."""
+        """Return round numbers within the axis."""
         step = 10.0 ** math.floor(math.log10((self.high - self.low) / most))
         step *= next(one for one in (1.0, 2.0, 5.0, 10.0, 20.0) if (self.high - self.low) / (one * step) <= most)
         first = math.ceil(self.low / step)
         return [number * step for number in range(first, math.floor(self.high / step) + 1)]
 
     def place(self, value: float, begin: float, end: float) -> float:
-        """Where a value is between two pixels."""
+        """Return the position of a value between two pixels."""
         return begin + (value - self.low) / (self.high - self.low) * (end - begin)
 
 
 @dataclass(frozen=True, slots=True)
 class _Field:
-    """The rectangle that is drawn in, with its axes."""
+    """The drawing area with its axes."""
 
     width: int
     height: int
@@ -72,7 +72,7 @@ class _Field:
         )
 
     def frame(self, x_label: str, y_label: str) -> str:
-        """Grid, numbers and names of the axes."""
+        """Draw grid, numbers and names of the axes."""
         low, high, right = self.height - self.bottom, self.top, self.width - self.right
         parts = []
         for value in self.y.ticks(5):
@@ -92,7 +92,7 @@ class _Field:
         return "".join(parts)
 
     def wrap(self, title: str, content: str) -> str:
-        """The picture, what is outside of the rectangle cut off."""
+        """Return the picture, clipped to the drawing area."""
         width, height = self.width - self.left - self.right, self.height - self.top - self.bottom
         return (
             f'<svg viewBox="0 0 {self.width} {self.height}" role="img" aria-label="{escape(title)}">'
@@ -102,7 +102,7 @@ class _Field:
 
 
 def draw_curves(curves: Sequence[Curve], title: str, y_label: str, *, width: int = 640, height: int = 240) -> str:
-    """Over time."""
+    """Draw curves over time."""
     x = _Axis(float(curves[0].x[0]), float(curves[0].x[-1]) or 1.0)
     field = _Field(width, height, x, _Axis.over(*(curve.y for curve in curves)))
     lines = "".join(
@@ -114,7 +114,7 @@ def draw_curves(curves: Sequence[Curve], title: str, y_label: str, *, width: int
 def draw_scatter(
     x: FloatArray, y: FloatArray, slope: float, offset: float, title: str, x_label: str, y_label: str
 ) -> str:
-    """One against the other, with the line that was fitted and the one that was expected."""
+    """Draw one quantity against another, with the fitted and the expected line."""
     field = _Field(300, 240, _Axis.over(x), _Axis.over(y))
     good = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     chosen = good[:: max(1, len(good) // MAX_DOTS)]
@@ -126,7 +126,7 @@ def draw_scatter(
 
 
 def draw_path(x: FloatArray, y: FloatArray, title: str) -> str:
-    """In the plane, both axes to one scale."""
+    """Draw a path in the plane, both axes to one scale."""
     width, height = 460, 340
     axis_x, axis_y = _Axis.over(x), _Axis.over(y)
     scale = max((axis_x.high - axis_x.low) / (width - 62), (axis_y.high - axis_y.low) / (height - 44))
@@ -157,7 +157,7 @@ def _line(field: _Field, slope: float, offset: float, style: str) -> str:
 
 
 def _path(field: _Field, x: FloatArray, y: FloatArray) -> str:
-    """The line through the points; where one is missing, it begins again."""
+    """Return the SVG path through the points, interrupted where one is missing."""
     step = max(1, len(x) // MAX_POINTS)
     parts, is_drawn = [], False
     for one_x, one_y in zip(x[::step].tolist(), y[::step].tolist(), strict=True):

@@ -23,11 +23,11 @@ UNITS: Mapping[str, tuple[str, ...]] = {
     "speed": ("m/s", "km/h", "mph", "kn", "cm/s"),
     "acceleration": ("m/s^2", "g"),
 }
-"""By quantity, the units that are tried."""
+"""Units that are tried, by quantity."""
 RATIOS = (8.0, 25.0)
-"""Of a steering wheel to the road wheels."""
+"""Plausible ratios of steering wheel to road wheel angle."""
 WHEELBASE_FACTORS = (0.4, 2.5)
-"""How far a stated wheelbase may be off; beyond that, it is the angle."""
+"""Plausible factors of a stated wheelbase; beyond them the angle is wrong."""
 MAX_CAUSES = 3
 _SIGMAS = 3.0
 _NEAR, _FAR_TOLERANCE = 1.5, 2.0
@@ -37,7 +37,7 @@ SAME_COST = 0.15
 
 
 class Kind(Enum):
-    """What is wrong."""
+    """Kinds of causes."""
 
     SIGN = "sign"
     UNIT = "unit"
@@ -61,15 +61,15 @@ _FITTED = (Kind.RATIO, Kind.WHEELBASE, Kind.SCALE)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cause:
-    """Something that is wrong with one field: its gain is the product of the causes' gains."""
+    """A fault of one field; the field's gain is the product of its causes' gains."""
 
     field: str
     kind: Kind
     gain: float
     unit: str = ""
-    """What the signal is in, of kind `UNIT`."""
+    """Unit of the signal, for kind `UNIT`."""
     error: float = 0.0
-    """Standard deviation of the gain, relative; 0 where it is exact."""
+    """Relative standard deviation of the gain; 0 where it is exact."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,27 +82,27 @@ class Explanation:
 
     @property
     def gains(self) -> dict[str, float]:
-        """Measured over true value of each field that is wrong."""
+        """Return measured over true value of each field that is wrong."""
         return {cause.field: self.gain(cause.field) for cause in self.causes}
 
     def gain(self, field: str) -> float:
-        """Measured over true value of a field."""
+        """Return measured over true value of a field."""
         return math.prod(cause.gain for cause in self.causes if cause.field == field)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GivenUnit:
-    """What a profile says about the signal of a field."""
+    """Unit that a profile states for the signal of a field."""
 
     quantity: str
     factor: float
-    """Its size in SI."""
+    """Size of the unit in SI."""
     is_scaled: bool
     """Whether a scale in the profile turns it into the field."""
 
 
 def explain(relations: Sequence[Relation], units: Mapping[str, GivenUnit]) -> list[Explanation]:
-    """The best explanations, the first one best, the others as good; empty where there is none within `MAX_CAUSES`.
+    """Return the best explanations, the first one best, the others as good; empty where none has at most `MAX_CAUSES`.
 
     Where nothing is wrong it is one without causes.
     """
@@ -120,7 +120,7 @@ def explain(relations: Sequence[Relation], units: Mapping[str, GivenUnit]) -> li
 
 
 def combine(first: Explanation, second: Explanation) -> Explanation:
-    """The causes of both; gains that are no exact ones are multiplied."""
+    """Combine the causes of both; inexact gains are multiplied."""
     causes = list(first.causes)
     for cause in second.causes:
         same = next((one for one in causes if (one.field, one.kind) == (cause.field, cause.kind)), None)
@@ -133,7 +133,7 @@ def combine(first: Explanation, second: Explanation) -> Explanation:
 
 
 def refine(explanation: Explanation, corrected: Sequence[Relation]) -> Explanation:
-    """A gain that was fitted, fitted once more to the drive without it."""
+    """Refine a fitted gain by another fit to the drive without it."""
     fitted = next((cause for cause in explanation.causes if cause.kind in _FITTED), None)
     about = [one for one in corrected if fitted and fitted.field in one.powers and one.outcome is Outcome.MEASURED]
     if fitted is None or not about:
@@ -144,7 +144,7 @@ def refine(explanation: Explanation, corrected: Sequence[Relation]) -> Explanati
 
 
 def _mean_gain(field: str, fixed: Sequence[Cause], about: Sequence[Relation]) -> float:
-    """The gain, whatever its sign, that relations with a field ask for, the sure ones more."""
+    """Return the weighted mean magnitude of the gain that the relations of a field require."""
     logs = [one.powers[field] * math.log(abs(_slope(one) / _predict(one, fixed))) for one in about]
     weights = [1.0 / (one.tolerance**2 + _error(one) ** 2) for one in about]
     return math.exp(sum(weight * log for weight, log in zip(weights, logs, strict=True)) / sum(weights))
@@ -153,7 +153,7 @@ def _mean_gain(field: str, fixed: Sequence[Cause], about: Sequence[Relation]) ->
 def _explain_by(
     fields: tuple[str, ...], measured: Sequence[Relation], units: Mapping[str, GivenUnit]
 ) -> Iterator[Explanation]:
-    """Explanations in which just these fields are wrong; at most one by a gain that is not in a list."""
+    """List explanations in which only these fields are wrong; at most one by a gain that is not in a list."""
     exact = [tuple(_listed_gains(field, units)) for field in fields]
     for causes in product(*exact):
         yield from _confirm(tuple(cause for of_field in causes for cause in of_field), measured)
@@ -188,7 +188,7 @@ def _listed_gains(field: str, units: Mapping[str, GivenUnit]) -> Iterator[tuple[
 def _fit_gain(
     field: str, fixed: tuple[Cause, ...], measured: Sequence[Relation], units: Mapping[str, GivenUnit]
 ) -> Iterator[tuple[Cause, ...]]:
-    """The gain of a field that its relations ask for, whatever it is."""
+    """Fit an arbitrary gain of a field to its relations."""
     if field == HANDEDNESS or any(cause.field == field for cause in fixed):
         return
     about = [relation for relation in measured if field in relation.powers]
@@ -217,7 +217,7 @@ def _fit_gain(
 
 
 def _confirm(causes: tuple[Cause, ...], measured: Sequence[Relation]) -> Iterator[Explanation]:
-    """The causes as an explanation, if all slopes are as they say."""
+    """Return the causes as an explanation, if all slopes agree with them."""
     misfit = 0.0
     for relation in measured:
         ratio = _slope(relation) / _predict(relation, causes)
@@ -230,13 +230,13 @@ def _confirm(causes: tuple[Cause, ...], measured: Sequence[Relation]) -> Iterato
 
 
 def _predict(relation: Relation, causes: Sequence[Cause]) -> float:
-    """The slope that the causes give a relation."""
+    """Predict the slope of a relation under the causes."""
     slope = math.prod(cause.gain ** relation.powers.get(cause.field, 0) for cause in causes)
     return slope if relation.is_signed else abs(slope)
 
 
 def is_as_expected(relation: Relation) -> bool:
-    """Whether the slope is 1, as far as it is known."""
+    """Return whether the slope is 1 within its uncertainty."""
     return any(True for _ in _confirm((), [relation]))
 
 

@@ -1,4 +1,4 @@
-"""What a review finds, for people and programs."""
+"""Findings of a review, for people and programs."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -10,7 +10,7 @@ class Level(Enum):
     CONTRADICTION = "contradiction"
     """The drive contradicts the profile."""
     DOUBT = "doubt"
-    """It may be wrong, or the drive does not tell."""
+    """The profile may be wrong, or the drive does not determine it."""
     NOTE = "note"
     """Worth knowing."""
 
@@ -24,11 +24,11 @@ class Finding:
     """MESSAGE.SIGNAL, a message, or a key of the profile."""
     text: str
     fix: str = ""
-    """Lines for the profile."""
+    """Lines for the profile that correct it."""
 
 
 class Judgement(Enum):
-    """What the drive says about one binding."""
+    """Result of the drive for one binding."""
 
     AGREES = "agrees"
     CONTRADICTED = "contradicted"
@@ -44,4 +44,4 @@ class BindingVerdict:
     judgement: Judgement
     text: str
     relations: tuple[str, ...]
-    """Keys of those that it was measured by."""
+    """Keys of the relations that it was measured by."""

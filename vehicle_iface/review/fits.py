@@ -12,9 +12,9 @@ from vehicle_iface.trajectory import FloatArray
 MAX_LAG_S = 0.5
 _Number = TypeVar("_Number", np.float64, np.complex128)
 _OUTLIER = 6.0
-"""Residuals beyond so many robust standard deviations are left out …"""
+"""Residuals beyond this many robust standard deviations are left out …"""
 _FLOOR = 0.05
-"""… of which none is smaller than this share of the quantity itself."""
+"""… where a standard deviation is at least this share of the quantity itself."""
 _ROUNDS = 10
 
 
@@ -24,15 +24,15 @@ class Fit:
 
     slope: float
     slope_error: float
-    """Standard deviation, relative to the slope."""
+    """Standard deviation of the slope, relative to it."""
     offset: float
     correlation: float
     lag_s: float
-    """Positive where y comes late."""
+    """Lag of y behind x."""
     lag_error_s: float
     """Standard deviation; infinite where nothing changes fast enough to tell."""
     used_s: float
-    """How much of the drive could be used."""
+    """Duration of the usable part of the drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class LagEstimate:
 
 
 def fit(x: FloatArray, y: FloatArray, *, step_s: float, window_s: float, through_origin: bool = False) -> Fit | None:
-    """The fit of two arrays of one length, in which NaN is missing; None where there is almost nothing."""
+    """Fit two arrays of one length, in which NaN is missing; None with too little data."""
     lag = _find_lag(x, y, step_s, window_s)
     shift = round(lag.lag_s / step_s) if math.isfinite(lag.error_s) else 0
     x_at, y_at = _shifted(x, y, shift)
@@ -70,7 +70,7 @@ def fit(x: FloatArray, y: FloatArray, *, step_s: float, window_s: float, through
 
 
 def find_angular_lag(x_rad: FloatArray, y_rad: FloatArray, *, step_s: float, window_s: float) -> LagEstimate:
-    """As `Fit`'s lag, of two angles that differ by a constant."""
+    """Return the lag, as in `Fit`, of two angles that differ by a constant."""
     x, y = np.exp(1j * x_rad), np.exp(1j * y_rad)
     steps = min(round(MAX_LAG_S / step_s), len(x) // 4)
     scores = []
@@ -88,7 +88,7 @@ def find_angular_lag(x_rad: FloatArray, y_rad: FloatArray, *, step_s: float, win
 
 
 def _find_lag(x: FloatArray, y: FloatArray, step_s: float, window_s: float) -> LagEstimate:
-    """Where the two are most alike, whatever their signs."""
+    """Return the lag of the greatest correlation, of either sign."""
     x, y = _clip(x), _clip(y)
     steps = min(round(MAX_LAG_S / step_s), len(x) // 4)
     scores = [abs(_correlate_pairs(*_shifted(x, y, shift))) for shift in range(-steps, steps + 1)]
@@ -103,21 +103,21 @@ def _find_lag(x: FloatArray, y: FloatArray, step_s: float, window_s: float) -> L
 
 
 def _measure_agility(x: FloatArray, step_s: float, window_s: float) -> float:
-    """How much the rate of a quantity changes: a constant rate looks like an offset and does not determine a lag."""
+    """Measure how much the rate of a quantity changes: a constant rate acts like an offset and determines no lag."""
     half = max(1, round(window_s / step_s))
     rate = (x[2 * half :] - x[: -2 * half]) / (2 * half * step_s)
     return float(np.nanstd(rate)) if np.any(np.isfinite(rate)) else 0.0
 
 
 def _refine(scores: list[float], peak: int) -> float:
-    """Where the parabola through the peak and its neighbours is highest, in steps from the peak."""
+    """Return the maximum of the parabola through the peak and its neighbours, in steps from the peak."""
     before, here, after = scores[peak - 1 : peak + 2]
     bend = before - 2.0 * here + after
     return 0.5 * (before - after) / bend if bend < 0.0 else 0.0
 
 
 def _shifted(x: NDArray[_Number], y: NDArray[_Number], shift: int) -> tuple[NDArray[_Number], NDArray[_Number]]:
-    """Pairs of x at a time and y so many steps later."""
+    """Return pairs of x at a time and y a number of steps later."""
     if shift >= 0:
         return x[: len(x) - shift], y[shift:]
     return x[-shift:], y[:shift]
@@ -144,7 +144,7 @@ def _correlate(x: FloatArray, y: FloatArray, through_origin: bool) -> float:
 
 
 def _fit_line(x: FloatArray, y: FloatArray, through_origin: bool) -> tuple[float, float]:
-    """The line of least absolute deviations, by reweighted least squares: a few wild values do not turn it."""
+    """Fit the line of least absolute deviations by reweighted least squares, which is robust to outliers."""
     weights = np.ones(len(x))
     slope, offset = _solve(x, y, weights, through_origin)
     for _ in range(_ROUNDS):

@@ -13,11 +13,11 @@ from vehicle_iface.trajectory import FloatArray
 
 STEP_S = 0.01
 MAX_TIMES = 400_000
-"""Of longer logs the common times are further apart."""
+"""Maximum number of common times; in longer logs they are further apart."""
 MIN_WINDOW_S = 0.5
 SHORTEST_GAP_S = 0.25
 GAP_PERIODS = 4.0
-"""Values further apart than so many of their periods are not joined."""
+"""Values further apart than this many periods are not interpolated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,18 +30,18 @@ class Grid:
 
     @classmethod
     def over(cls, duration_s: float) -> "Grid":
-        """From 0 to the end of a drive."""
+        """Make the grid from 0 to the end of a drive."""
         step_s = max(STEP_S, duration_s / MAX_TIMES)
         return cls(times_s=np.arange(0.0, duration_s + step_s / 2.0, step_s), step_s=step_s)
 
     def resample(self, series: Series) -> FloatArray:
-        """(n,), or (n, 2) of a position: linear between values."""
+        """Interpolate linearly to (n,), or (n, 2) for a position."""
         if series.values.ndim == 2:
             return np.column_stack([self._resample(series.times_s, column) for column in series.values.T])
         return self._resample(series.times_s, series.values)
 
     def mean(self, values: FloatArray, window_s: float) -> FloatArray:
-        """(n,) The mean over a window around each time."""
+        """Return (n,) the mean over a window around each time."""
         half = self._half(window_s)
         sums = np.concatenate(([0.0], np.cumsum(np.where(np.isfinite(values), values, 0.0))))
         missing = np.concatenate(([0], np.cumsum(~np.isfinite(values))))
@@ -54,7 +54,7 @@ class Grid:
         return result
 
     def rate(self, values: FloatArray, window_s: float) -> FloatArray:
-        """(n,) The change over a window around each time, for each second."""
+        """Return (n,) the change per second over a window around each time."""
         half = self._half(window_s)
         result = np.full_like(values, np.nan)
         if len(values) > 2 * half:
@@ -76,6 +76,6 @@ class Grid:
 
 
 def choose_window_s(*series: Series) -> float:
-    """At least two periods of the slowest."""
+    """Choose the window in s: at least two periods of the slowest series."""
     periods_s = [float(np.median(np.diff(one.times_s))) for one in series if len(one.times_s) > 1]
     return max(MIN_WINDOW_S, 2.0 * max(periods_s, default=0.0))

@@ -17,7 +17,7 @@ TOLERANCE_RAD = math.radians(5.0)
 _SURE = 0.9
 _LEAST_S = 5.0
 _SURE_AXIS = 0.95
-"""Of the direction of motion, its sense aside."""
+"""Minimum concentration of the axis of motion, regardless of its sense."""
 _LEAST_BACKWARDS_S = 1.0
 
 
@@ -28,7 +28,7 @@ class HeadingOffset:
     offset_rad: float
     """In [−π, π]."""
     concentration: float
-    """1 where the offset is the same all the time."""
+    """1 where the offset is constant."""
     used_s: float
     lag: Lag
 
@@ -39,12 +39,12 @@ class HeadingOffset:
 
     @property
     def is_wrong(self) -> bool:
-        """Whether it is no misalignment of a sensor any more."""
+        """Whether the offset is larger than a misalignment of a sensor."""
         return self.is_known and abs(self.offset_rad) > TOLERANCE_RAD
 
 
 def find_directions(motion: Kinematics) -> FloatArray | None:
-    """(n,) −1 where a vehicle whose speed has no sign drives backwards, else 1; None where that is not the case."""
+    """Return (n,) −1 where a vehicle with an unsigned speed drives backwards, else 1; None with a signed speed."""
     if not motion.has(POSITION, "heading_rad", "speed_mps") or np.nanmin(motion.value("speed_mps"), initial=0.0) < -0.1:
         return None
     difference = np.exp(1j * (motion.course_rad() - motion.mean("heading_rad")))
@@ -58,7 +58,7 @@ def find_directions(motion: Kinematics) -> FloatArray | None:
 
 
 def measure_heading_offset(motion: Kinematics, turned_rad: float = 0.0) -> HeadingOffset | None:
-    """Of a motion with the right signs and units whose heading was turned by so much already.
+    """Measure the offset of a motion with the right signs and units, whose heading is turned by a known angle already.
 
     None where position, heading or speed is not in the log.
     """

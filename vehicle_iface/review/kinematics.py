@@ -12,11 +12,11 @@ from vehicle_iface.review.series import POSITION, RecordedDrive, Series
 from vehicle_iface.trajectory import FloatArray
 
 WHEELBASE, HANDEDNESS = "wheelbase", "handedness"
-"""Gains that are no field's: stated over true wheelbase; −1 where the axes of the position are mirrored."""
+"""Gains that belong to no field: stated over true wheelbase; −1 where the axes of the position are mirrored."""
 COMMANDED = "command."
-"""Before the fields of commands."""
+"""Prefix of the fields of commands."""
 _MOVING_SHARE = 0.25
-"""Of the speed that is reached now and then: slower counts as standing where a direction of motion is needed."""
+"""Share of a high speed of the drive below which a vehicle counts as standing, without a direction of motion."""
 
 
 class Kinematics:
@@ -57,46 +57,46 @@ class Kinematics:
         }
 
     def _move_to_rear_axle(self, mount: Mount) -> None:
-        """From where the sensor of the position is."""
+        """Move the position from the sensor to the rear axle."""
         if (mount.x_m or mount.y_m) and "heading_rad" in self._values:
             cos, sin = np.cos(self._values["heading_rad"]), np.sin(self._values["heading_rad"])
             arm = np.column_stack((cos * mount.x_m - sin * mount.y_m, sin * mount.x_m + cos * mount.y_m))
             self._values[POSITION] -= arm
 
     def has(self, *fields: str) -> bool:
-        """Whether all of them are in the log."""
+        """Return whether all fields are in the log."""
         return all(name in self._values for name in fields)
 
     def value(self, field: str) -> FloatArray:
-        """(n,) As measured."""
+        """Return (n,) the measured values."""
         return self._values[field]
 
     def mean(self, field: str) -> FloatArray:
-        """(n,) Over the window around each time."""
+        """Return (n,) the mean over the window around each time."""
         return self.grid.mean(self._values[field], self.window_s)
 
     def rate(self, field: str) -> FloatArray:
-        """(n,) The change over the window."""
+        """Return (n,) the change per second over the window."""
         return self.grid.rate(self._values[field], self.window_s)
 
     def commanded(self, field: str) -> FloatArray:
-        """(n,) The mean of a command, NaN while it is not enabled."""
+        """Return (n,) the mean of a command, NaN while it is not enabled."""
         values = self.grid.mean(self._commanded[field], self.window_s)
         return np.where(self._commanded["enable"] == 1.0, values, np.nan) if "enable" in self._commanded else values
 
     def velocity(self) -> FloatArray:
-        """(n, 2) Of the position."""
+        """Return (n, 2) the velocity by the position."""
         position = self._values[POSITION]
         return np.column_stack([self.grid.rate(column, self.window_s) for column in position.T])
 
     def course_rad(self) -> FloatArray:
-        """(n,) The direction of motion; NaN where the vehicle hardly moves."""
+        """Return (n,) the direction of motion; NaN where the vehicle hardly moves."""
         east, north = self.velocity().T
         pace = np.hypot(east, north)
         return np.where(is_moving(pace), np.arctan2(north, east), np.nan)
 
     def course_rate(self) -> FloatArray:
-        """(n,) rad/s, over another window: a change of the direction of motion, NaN where it reverses."""
+        """Return (n,) the change of the direction of motion in rad/s over another window; NaN where it reverses."""
         course = self.course_rad()
         half = max(1, round(self.window_s / self.grid.step_s / 2.0))
         result = np.full(len(course), np.nan)
@@ -108,13 +108,13 @@ class Kinematics:
 
 
 def _correct(series: Series, gain: float) -> Series:
-    """The series without its gain."""
+    """Divide the series by its gain."""
     values = series.values / gain
     return replace(series, values=np.unwrap(values) if series.field == "heading_rad" else values)
 
 
 def is_moving(speed: FloatArray) -> NDArray[np.bool_]:
-    """(n,) Where a speed of any unit is great enough for a direction."""
+    """Return (n,) whether a speed of any unit is great enough for a direction."""
     known = np.abs(speed[np.isfinite(speed)])
     often = float(np.percentile(known, 95)) if len(known) else 0.0
     with np.errstate(invalid="ignore"):

@@ -14,13 +14,13 @@ from vehicle_iface.logs.kinds import READABLE
 from vehicle_iface.logs.reading import open_log
 
 Progress = Callable[[int, int], None]
-"""Called with the bytes that are done and all of them."""
+"""Called with the number of bytes done and their total."""
 
 
 LogChannels = Mapping[str, str | None]
-"""By the name of each bus, in the profile's order, its channel as the log calls it; None: the only one there is."""
+"""Name of each bus, in the profile's order → its channel in the log; None: the only channel."""
 ANY_CHANNEL: LogChannels = MappingProxyType({"": None})
-"""Of a profile with one bus."""
+"""Channels of a profile with one bus."""
 
 
 class LoggedFrame(NamedTuple):
@@ -38,7 +38,7 @@ def read_frames(
     channels: LogChannels = ANY_CHANNEL,
     progress: Progress | None = None,
 ) -> Iterator[LoggedFrame]:
-    """The frames of the messages, each on the channel of its bus.
+    """Return the frames of the messages, each on the channel of its bus.
 
     `ConfigError` when the log cannot be read, has none of the messages, has no such channel, or has the messages of the
     only bus on several channels of which none is chosen.

@@ -25,7 +25,7 @@ TABLE_END = "</tbody></table></div>"
 
 
 def render_page(review: Review, log_name: str) -> str:
-    """The page of a review."""
+    """Render the page of a review."""
     profile = review.drive.database.profile
     subject = f"Profile <b>{escape(profile.name)}</b> against <b>{escape(log_name)}</b>"
     head = draw_header(
@@ -35,7 +35,7 @@ def render_page(review: Review, log_name: str) -> str:
 
 
 def wrap_page(title: str, parts: Iterable[str]) -> str:
-    """A page of these parts, which are HTML."""
+    """Assemble a page from parts in HTML."""
     style = Path(__file__).with_name("page.css").read_text(encoding="utf-8")
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -45,13 +45,13 @@ def wrap_page(title: str, parts: Iterable[str]) -> str:
 
 
 def draw_header(is_good: bool, result: str, subject: str) -> str:
-    """The result, and what it is about; `subject` is HTML."""
+    """Draw the result and its subject; `subject` is HTML."""
     kind = "good" if is_good else "bad"
     return f'<header class="{kind}"><h1>{escape(_capitalized(result))}</h1><p>{subject}</p></header>'
 
 
 def draw_review(review: Review) -> Iterator[str]:
-    """The sections of a review."""
+    """Draw the sections of a review."""
     yield "<h2>Findings</h2>"
     yield from _findings(review)
     yield "<h2>Bindings</h2>" + draw_table_head("Field", "Signal", "Verdict", "Why")
@@ -90,7 +90,7 @@ def _findings(review: Review) -> Iterator[str]:
 
 
 def draw_table_head(*columns: str) -> str:
-    """The beginning of a table; columns that begin with # are of numbers."""
+    """Draw the head of a table; columns that begin with # contain numbers."""
     cells = (f'<th class="n">{name[1:]}' if name.startswith("#") else f"<th>{name}" for name in columns)
     return f'<div class="scroll"><table><thead><tr>{"".join(cells)}</thead><tbody>'
 
@@ -100,7 +100,7 @@ def _fix(finding: Finding) -> str:
 
 
 def draw_chip(verdict: Level | Judgement, word: str = "") -> str:
-    """A verdict in one word, its own where none is given."""
+    """Draw a verdict as one word, by default its own."""
     return f'<span class="chip {_CLASSES[verdict]}">{escape(word or verdict.value)}</span>'
 
 
@@ -182,5 +182,5 @@ def _messages(review: Review) -> Iterator[str]:
 
 
 def _capitalized(text: str) -> str:
-    """A sentence's beginning; names of signals are capitals already."""
+    """Capitalize a sentence; names of signals are capitals already."""
     return text[0].upper() + text[1:]

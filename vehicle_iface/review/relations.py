@@ -17,30 +17,30 @@ from vehicle_iface.review.series import POSITION
 from vehicle_iface.trajectory import FloatArray
 
 SURE, DOUBTFUL = 0.8, 0.5
-"""Correlations: from the first one on a slope is believed; below the second one there is no relation."""
+"""Correlations: from the first on a slope is used; below the second there is no relation."""
 _TURNING_RADPS = 0.03
 _ANGLE_RAD = 0.015
 _GREATEST_ANGLE_RAD = 1.0
-"""Of a road wheel."""
+"""Largest plausible angle of a road wheel."""
 _SPEED_MPS = 0.5
 _ACCEL_MPS2 = 0.25
 _SURE_ERROR = 0.05
-"""Of a slope, relative: however little there is of it, it is enough."""
+"""Relative error of a slope below which any amount of data is enough."""
 _NOISE_SHARE = 0.6
 _CONSTANT_SHARE, _ONE_SIDED_TOLERANCE = 0.3, 0.08
-"""Of what is nearly constant, a sensor's offset is taken for a part of the slope."""
+"""Nearly constant: a spread below this share; then the slope includes a sensor's offset, and has more tolerance."""
 _LEAST_S = 5.0
-"""Of both sides at once."""
+"""Minimum duration of values of both sides at once."""
 
 
 class Outcome(Enum):
-    """What a relation could be used for."""
+    """Result of measuring a relation."""
 
     MEASURED = "measured"
     UNCLEAR = "unclear"
-    """Not enough of a drive to tell."""
+    """Not enough data in the drive."""
     UNRELATED = "unrelated"
-    """There was enough of it, and the two have nothing to do with one another."""
+    """Enough data, but the two sides are not correlated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,7 +50,7 @@ class Relation:
     key: str
     title: str
     y: str
-    """The field that `fit.lag_s` says is late, by its name."""
+    """Name of the field that is late by `fit.lag_s`."""
     x: str
     y_text: str
     x_text: str
@@ -58,10 +58,10 @@ class Relation:
     powers: Mapping[str, int]
     is_signed: bool
     tolerance: float
-    """Of the slope, relative."""
+    """Relative tolerance of the slope."""
     outcome: Outcome
     why: str
-    """Of an outcome that is not `MEASURED`."""
+    """Reason for an outcome that is not `MEASURED`."""
     fit: Fit | None
     times_s: FloatArray
     """(n,)"""
@@ -70,7 +70,7 @@ class Relation:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """The gains that it says something about."""
+        """Fields whose gains determine the slope."""
         return tuple(self.powers)
 
 
@@ -86,15 +86,15 @@ class _Law:
     powers: Mapping[str, int]
     tolerance: float
     least: float
-    """Standard deviation of either side from which on there is enough of it."""
+    """Minimum standard deviation of either side."""
     short: str
-    """What there is not enough of, if so."""
+    """Text on missing motion, if there is too little."""
     is_signed: bool = True
     through_origin: bool = False
 
 
 def measure_relations(motion: Kinematics) -> Iterator[Relation]:
-    """Every law whose fields are in the log."""
+    """Measure every law whose fields are in the log."""
     if motion.has("yaw_rate_radps", "heading_rad"):
         yield _measure(motion, _HEADING_YAW, motion.mean("yaw_rate_radps"), motion.rate("heading_rad"))
     if motion.has("yaw_rate_radps", "speed_mps", "front_wheel_angle_rad"):
@@ -117,7 +117,7 @@ def measure_relations(motion: Kinematics) -> Iterator[Relation]:
 
 
 def _curvatures(motion: Kinematics) -> tuple[FloatArray, FloatArray]:
-    """tan of the measured wheel angle, and of the one that the turn implies: wheelbase · yaw rate / speed.
+    """Return tan of the measured wheel angle, and of that implied by the turn: wheelbase · yaw rate / speed.
 
     Of an angle that no road wheel has (of the steering wheel, in degrees) it is the angle itself.
     """
@@ -176,7 +176,7 @@ def _judge(law: _Law, found: Fit | None, x: FloatArray, y: FloatArray, motion: K
 
 
 def _is_noise(values: FloatArray, apart: int) -> bool:
-    """Whether values that far apart have little to do with one another."""
+    """Return whether values `apart` samples apart are nearly uncorrelated."""
     if len(values) <= 2 * apart:
         return True
     middle = values[apart:-apart] - 0.5 * (values[: -2 * apart] + values[2 * apart :])
@@ -184,7 +184,7 @@ def _is_noise(values: FloatArray, apart: int) -> bool:
 
 
 def _is_constant(values: FloatArray) -> bool:
-    """Whether it is mostly one value other than 0, as on a circle."""
+    """Return whether the quantity is mostly one value other than 0, as on a circle."""
     return 0.0 < _deviation(values) < _CONSTANT_SHARE * _rms(values)
 
 

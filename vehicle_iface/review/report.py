@@ -11,7 +11,7 @@ _DIGITS = 6
 
 
 def summarize(review: Review) -> Iterator[str]:
-    """Lines for a person: what contradicts the profile first."""
+    """Return lines for a person: what contradicts the profile first."""
     profile = review.drive.database.profile
     yield f"{profile.name}: {review.drive.duration_s:.1f} s of driving"
     for finding in review.findings:
@@ -24,7 +24,7 @@ def summarize(review: Review) -> Iterator[str]:
 
 
 def describe_result(review: Review) -> str:
-    """The result in one sentence."""
+    """Return the result in one sentence."""
     count = len(review.contradictions)
     if count:
         return (
@@ -37,17 +37,17 @@ def describe_result(review: Review) -> str:
 
 
 def to_json(review: Review) -> str:
-    """All numbers and verdicts; lengths in m, times in s, angles in rad."""
+    """Return all numbers and verdicts; lengths in m, times in s, angles in rad."""
     return dump_json(list_numbers(review))
 
 
 def dump_json(document: Mapping[str, object]) -> str:
-    """A document for programs."""
+    """Serialize a document as JSON."""
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def list_numbers(review: Review) -> dict[str, object]:
-    """All numbers and verdicts by name, for JSON."""
+    """Return all numbers and verdicts by name, for JSON."""
     return {
         "profile": review.drive.database.profile.name,
         "duration_s": round(review.drive.duration_s, 3),

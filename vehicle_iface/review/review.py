@@ -16,19 +16,19 @@ from vehicle_iface.review.verdicts import Words, describe_alternatives, describe
 from vehicle_iface.trajectory import FloatArray
 
 _SAME_COST = 0.05
-"""Explanations that were tried on the drive are equally good only within this."""
+"""Maximum difference in cost between explanations that count as equally good on the drive."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Review:
-    """All that a drive says about a profile."""
+    """Results of a drive for a profile."""
 
     drive: RecordedDrive
     motion: Kinematics
     relations: Sequence[Relation]
     heading_offset: HeadingOffset | None
     findings: Sequence[Finding]
-    """The worst first."""
+    """Findings, the worst first."""
     bindings: Sequence[BindingVerdict]
     messages: Sequence[MessageTiming]
 
@@ -63,7 +63,7 @@ def review_drive(drive: RecordedDrive) -> Review:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Correction:
-    """An explanation, and what the drive looks like without its causes."""
+    """An explanation, and the drive corrected by it."""
 
     explanation: Explanation
     relations: Sequence[Relation]
@@ -76,7 +76,7 @@ def _correct(
     notes: Mapping[str, FieldNotes],
     directions: FloatArray | None,
 ) -> list[_Correction]:
-    """The best explanations, each tried on the drive; empty where there is none."""
+    """Return the best explanations, each tried on the drive; empty where there is none."""
     found = []
     for first in explain(relations, units_of(notes)):
         explanation, corrected = first, Kinematics(drive, first.gains, directions=directions)
@@ -98,7 +98,7 @@ def _correct(
 
 
 class _Judge:
-    """What the motion says, in words."""
+    """Turns the relations of the motion into findings."""
 
     def __init__(
         self,
@@ -110,7 +110,7 @@ class _Judge:
         self.words = Words(drive.database.profile, notes)
         self.findings: list[Finding] = []
         self.wrong: dict[str, list[str]] = {}
-        """Texts about each field that is contradicted."""
+        """Texts on each contradicted field."""
         self.corrected = corrections[0].relations if corrections else relations
         if corrections:
             self._add_causes(corrections, notes)
@@ -122,7 +122,7 @@ class _Judge:
         self._add_responses(relations)
 
     def add_missing_sign(self) -> None:
-        """The speed does not say that the vehicle reverses."""
+        """Add a finding when the speed has no sign while the vehicle reverses."""
         label = self.words.label("speed_mps")
         text = f"{label} has no sign: it is positive while the vehicle drives backwards"
         self._add(Finding(level=Level.CONTRADICTION, about=label, text=text), ["speed_mps"])

@@ -31,7 +31,7 @@ from vehicle_iface.units import NS_PER_S
 
 NOT_MEASURED = ("pose_frame", "pose_valid")
 POSITION = "position"
-"""What findings call the fields x_m and y_m, or latitude and longitude, together."""
+"""Name in findings of the fields x_m and y_m, or latitude and longitude, together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,17 +48,17 @@ class Series:
 
     @property
     def message(self) -> str:
-        """The message at whose times the values are."""
+        """Message whose arrival gives the times of the values."""
         return self.signals[0].partition(".")[0]
 
     @property
     def label(self) -> str:
-        """Its signals, for a person."""
+        """Names of its signals, for a person."""
         return join_signals(self.signals)
 
 
 def join_signals(signals: Sequence[str]) -> str:
-    """Names of signals, MESSAGE.SIGNAL each, for a person."""
+    """Join names of signals, MESSAGE.SIGNAL each, for a person."""
     messages = [dotted.partition(".")[0] for dotted in signals]
     if len(signals) > 1 and len(set(messages)) == 1:
         return f"{messages[0]}.{'/'.join(dotted.partition('.')[2] for dotted in signals)}"
@@ -83,31 +83,31 @@ class MessageFrames:
     wrong_lengths: int = 0
     out_of_range: int = 0
     example: str = ""
-    """What is out of range, the first time."""
+    """First value out of range."""
 
     def data(self) -> Bytes:
-        """(n, length) of the frames of the right length."""
+        """(n, length) payloads of the frames of the right length."""
         return np.frombuffer(b"".join(self.payloads), np.uint8).reshape(len(self.payloads), -1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordedDrive:
-    """All that a log says about a profile's vehicle."""
+    """The content of a log for a profile's vehicle."""
 
     binding: Binding
     database: VehicleDatabase
     state: Mapping[str, Series]
-    """By field; the position under `POSITION`."""
+    """Series by field; the position under `POSITION`."""
     commands: Mapping[str, Series]
     frames: Mapping[str, MessageFrames]
-    """Of every bound message, also one that never came."""
+    """Frames of every bound message, also one that was never received."""
     duration_s: float
 
 
 def read_drive(
     path: Path, profile: Profile, *, channels: LogChannels = ANY_CHANNEL, progress: Progress | None = None
 ) -> RecordedDrive:
-    """The drive in a log. `ConfigError` when profile, DBC or log cannot be used, or none of its messages is there."""
+    """Read the drive in a log. `ConfigError` when profile, DBC or log is unusable, or none of its messages is found."""
     binding = load_binding(profile)
     database = build_database(binding)
     reader = DriveReader(binding, database)
@@ -140,7 +140,7 @@ class DriveReader:
         self._commands = self._build_command_outputs()
 
     def take(self, frame: LoggedFrame) -> None:
-        """Decode one frame, and note the fields that it carries."""
+        """Decode one frame, and record the fields that it carries."""
         message = self._bound[frame.name]
         if self._first_ns is None:
             self._first_ns = frame.stamp_ns
@@ -179,7 +179,7 @@ class DriveReader:
         return self._first_ns
 
     def read_newest(self) -> dict[str, Reading]:
-        """The newest value of each field of the state that has come."""
+        """Return the newest value of each received field of the state."""
         return {one.name: Reading(one.times_s[-1], one.values[-1]) for one in self._state if one.times_s}
 
     def result(self) -> RecordedDrive:
@@ -213,7 +213,7 @@ class DriveReader:
         return outputs
 
     def _build_locate(self, bound: Mapping[str, FieldForm | str]) -> "_Read":
-        """The sensor's place; `Kinematics` corrects for its mount, once the heading is known to be right."""
+        """Build the position of the sensor; `Kinematics` corrects for its mount once the heading is verified."""
         profile = self._binding.profile
         pose, signals = profile.state.pose, profile.state.signals
         places = [name for name in POSE_SIGNALS if name in bound and name != "heading_rad"]
@@ -258,7 +258,7 @@ class _Output:
     name: str
     signals: tuple[str, ...]
     column: int
-    """Of the signal at whose arrival the field is read."""
+    """Column of the signal whose arrival updates the field."""
     read: _Read
     times_s: list[float] = field(default_factory=list)
     values: list[object] = field(default_factory=list)
@@ -273,7 +273,7 @@ class _Output:
             self.values.append(value)
 
     def series(self) -> Series:
-        """In the order of time, one value for each."""
+        """Return the series in the order of time, one value for each time."""
         times_s, values = np.array(self.times_s), np.array(self.values, np.float64)
         times_s, order = np.unique(times_s, return_index=True)
         values = values[order]
@@ -283,7 +283,7 @@ class _Output:
 
 
 def _build_lenient_codec(binding: Binding, message: BoundMessage) -> MessageCodec:
-    """What the message's frames have in them, whatever ranges and names say."""
+    """Build a codec that decodes the message regardless of ranges and names."""
     used = binding.signals_used(message.name)
     return MessageCodec(
         binding.messages[message.name],

@@ -14,7 +14,7 @@ from vehicle_iface.review.relations import Outcome, Relation
 from vehicle_iface.review.series import POSITION
 
 _RIGHT_ANGLE_RAD = math.radians(15.0)
-"""An offset this near to a multiple of 90° is one."""
+"""Maximum difference of an offset from a multiple of 90° that counts as one."""
 
 
 class Words:
@@ -24,14 +24,14 @@ class Words:
         self._profile, self._notes = profile, notes
 
     def label(self, name: str) -> str:
-        """The signal of a field, or what else has a gain."""
+        """Return the signal of a field, or the name of another gain."""
         field = POSITION if name == HANDEDNESS else name
         if name == WHEELBASE:
             return "geometry.wheelbase_m"
         return self._notes[field].series.label if field in self._notes else field
 
     def describe_causes(self, explanation: Explanation, offset: HeadingOffset | None) -> Iterator[Finding]:
-        """One finding for each field that is wrong."""
+        """Write one finding for each field that is wrong."""
         fields = list(dict.fromkeys(cause.field for cause in explanation.causes))
         if offset is not None and offset.is_wrong and "heading_rad" not in fields and HANDEDNESS not in fields:
             fields.append("heading_rad")
@@ -90,13 +90,13 @@ class Words:
         return write_fix(self._notes[field], causes, offset_rad)
 
     def describe_delay(self, delay: Delay) -> Finding:
-        """A message or a field that is late."""
+        """Write a finding for a late message or field."""
         about = self.label(delay.field) if delay.field else delay.message
         text = f"{about} is {_describe_ms(delay.delay_s)} late against the other signals"
         return Finding(level=Level.CONTRADICTION, about=about, text=text)
 
     def describe_unrelated(self, relations: Sequence[Relation]) -> Iterator[Finding]:
-        """Relations between signals that have nothing to do with one another, by the field that they share."""
+        """Write findings for uncorrelated signals, by the field that they share."""
         unrelated = [one for one in relations if one.outcome is Outcome.UNRELATED]
         trusted = {field for one in relations if one.outcome is Outcome.MEASURED for field in one.fields}
         suspects = [
@@ -118,7 +118,7 @@ class Words:
     def judge_bindings(
         self, relations: Sequence[Relation], wrong: Mapping[str, Sequence[str]]
     ) -> Iterator[BindingVerdict]:
-        """A verdict on each field; `wrong` has the texts about those that are contradicted."""
+        """Return a verdict on each field; `wrong` has the texts on contradicted fields."""
         for name, notes in self._notes.items():
             if name == COMMANDED + "enable":
                 continue
@@ -140,7 +140,7 @@ class Words:
 
 
 def describe_alternatives(explanations: Sequence[Sequence[Finding]]) -> Finding:
-    """One finding for explanations that are equally good."""
+    """Write one finding for explanations that are equally good."""
     texts = dict.fromkeys(" and ".join(finding.text for finding in findings) for findings in explanations)
     about = dict.fromkeys(finding.about for findings in explanations for finding in findings)
     ways = ", or ".join(texts)
@@ -152,7 +152,7 @@ def describe_alternatives(explanations: Sequence[Sequence[Finding]]) -> Finding:
 
 
 def describe_unexplained(relation: Relation) -> Finding:
-    """A slope that no cause explains."""
+    """Write a finding for a slope that no cause explains."""
     assert relation.fit is not None
     text = f"{relation.title}: slope {relation.fit.slope:.3g} instead of 1, which no single cause explains"
     return Finding(level=Level.CONTRADICTION, about=relation.key, text=text)
@@ -174,7 +174,7 @@ def _describe_heading(label: str, is_clockwise: bool, offset: HeadingOffset | No
 
 
 _AXES = {0: "its y axis is reversed", 3: "x and y are swapped", 2: "its x axis is reversed"}
-"""Quarter turns from the heading to the course, with y negated: what is wrong with the axes."""
+"""(quarter turns from the heading to the course, y negated) → fault of the axes."""
 _OTHER_AXES = "x and y are swapped, or one is reversed"
 
 
@@ -189,7 +189,7 @@ def _describe_axes(label: str, offset: HeadingOffset | None) -> str:
 
 
 def _write_axes(notes: FieldNotes, offset: HeadingOffset | None) -> str:
-    """The lines that correct the axes, where each is a signal of its own."""
+    """Write the lines that correct the axes, where each is a separate signal."""
     quarter, signals = _quarter_turns(offset), notes.series.signals
     if len(signals) != 2 or notes.scale != 1.0:
         return ""
