@@ -22,12 +22,12 @@ REAL: dict[str, Any] = {"interface": "socketcan", "channel": "can0"}
 
 
 @pytest.mark.parametrize("cap_mps", [None, 1.0])
-def test_a_profile_that_nobody_has_reviewed_commands_no_real_bus(cap_mps: float | None) -> None:
+def test_an_unreviewed_profile_does_not_arm_on_a_real_bus(cap_mps: float | None) -> None:
     with pytest.raises(ConfigError, match=r"can0 is a real bus and reference is not reviewed: .*reviewed = true"):
         require_reviewed_profile(NEW, **REAL, speed_cap_mps=cap_mps)
 
 
-def test_a_real_bus_wants_a_speed_and_is_told_how_to_give_it() -> None:
+def test_a_real_bus_requires_a_speed_cap_and_the_error_names_the_option() -> None:
     with pytest.raises(ConfigError, match=r"can0 is a real bus: .*--speed-cap 1.0 \(m/s; the profile allows 20.0\)"):
         require_reviewed_profile(REVIEWED, **REAL, speed_cap_mps=None)
 
@@ -53,7 +53,7 @@ def test_the_cap_lowers_the_greatest_speed_and_never_raises_it() -> None:
         ("socketcan", "lo", False),
     ],
 )
-def test_what_cannot_be_told_is_real(interface: str, channel: str, expected: bool) -> None:
+def test_an_unknown_bus_counts_as_real(interface: str, channel: str, expected: bool) -> None:
     assert is_virtual(interface, channel) is expected
 
 

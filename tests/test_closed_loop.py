@@ -414,7 +414,7 @@ def test_lost_and_damaged_samples_are_driven_through_while_the_state_is_young() 
 
 
 @pytest.mark.parametrize("order", ["brake 1", "throttle 1", "steer 3.0", "steer -3.0"])
-def test_the_driver_takes_over_and_the_controller_lets_go_until_told_again(order: str) -> None:
+def test_after_a_takeover_the_controller_is_released_until_armed_again(order: str) -> None:
     drive = cruising()
     drive.say(order)
     pairs = after(drive, 0.03)
@@ -500,7 +500,7 @@ def silenced(drive: Drive, count: int) -> bool:
 
 @pytest.mark.usefixtures("lenient")
 @pytest.mark.parametrize("silence_s", [0.0, 0.19, 0.25, 2.0])
-def test_a_vehicle_that_somebody_else_drives_is_left_alone_however_late_it_is_heard(silence_s: float) -> None:
+def test_a_vehicle_with_another_commander_is_left_alone_however_late_it_is_received(silence_s: float) -> None:
     drive = Drive(mode=VehicleMode.AUTONOMOUS)
     drive.say("mute ALL on")
     drive.run_s(silence_s)
@@ -514,7 +514,7 @@ def test_a_vehicle_that_somebody_else_drives_is_left_alone_however_late_it_is_he
 
 
 @pytest.mark.usefixtures("lenient")
-def test_a_vehicle_that_was_not_heard_of_for_long_may_be_driven_by_somebody_else() -> None:
+def test_after_a_long_silence_the_vehicle_may_have_another_commander() -> None:
     drive = Drive(mode=VehicleMode.MANUAL)
     drive.run_s(1.0)
     assert drive.mode() is Mode.STANDBY
@@ -527,7 +527,7 @@ def test_a_vehicle_that_was_not_heard_of_for_long_may_be_driven_by_somebody_else
 
 
 @pytest.mark.usefixtures("lenient")
-def test_an_autonomous_vehicle_that_nobody_commands_is_let_go_and_driven_again() -> None:
+def test_an_autonomous_vehicle_without_a_commander_is_released_and_driven_again() -> None:
     drive = cruising()
     drive.say("mute ALL on")
     drive.run_s(1.0)
@@ -620,7 +620,7 @@ def test_a_command_that_met_a_lost_link_has_stepped_no_counter(monkeypatch: pyte
     assert counters_step_by_one(drive.sent)
 
 
-def test_a_lost_link_forgets_state_and_sequences_and_begins_anew() -> None:
+def test_a_lost_link_resets_state_and_sequences() -> None:
     drive = cruising()
     drive.line.down = True
     drive.step()
@@ -995,7 +995,7 @@ def test_a_vehicle_that_was_set_beside_its_path_is_stopped_until_there_is_a_new_
     assert drive.loop.details().deviations["off the path"] > 10
 
 
-def test_a_deviation_holds_until_the_vehicle_stands_however_often_its_way_is_planned_anew() -> None:
+def test_a_deviation_holds_until_standstill_however_often_the_path_is_replanned() -> None:
     mailbox = Mailbox()
     drive = Drive(mailbox, start=BicycleState(speed_mps=21.5), gear=Gear.DRIVE)
     mailbox.put(straight(time_s=1e4))

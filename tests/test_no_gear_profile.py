@@ -96,7 +96,7 @@ def test_a_stop_does_not_change_the_way(gearless: VehicleDatabase) -> None:
     assert drive.vehicle.gear is Gear.DRIVE
 
 
-def test_a_gear_that_is_not_told_is_none_and_telemetry_says_so(gearless: VehicleDatabase, tmp_path: Path) -> None:
+def test_an_unreported_gear_is_none_also_in_telemetry(gearless: VehicleDatabase, tmp_path: Path) -> None:
     address = str(tmp_path / "loop")
     with TelemetryWriter(address, SessionInfo(channel="-", bus="-")) as writer, TelemetryReader(address) as reader:
         drive = Drive(FixedTrajectory(line(1.0)), database=gearless, telemetry=writer).engage(1.0)

@@ -404,7 +404,7 @@ def test_the_reference_vehicles_status_is_stale_after_100_ms(age_ms: float, is_f
 
 
 @pytest.mark.parametrize("period_ms", [1, 2, 5, 10])
-def test_a_fast_vehicles_counter_comes_round_often_and_its_rounds_are_still_told_apart(period_ms: int) -> None:
+def test_a_fast_counter_wraps_often_and_its_cycles_are_distinguished(period_ms: int) -> None:
     profile = reference().profile
     timing = msgspec.structs.replace(profile.timing, sample_period_s=period_ms * 1e-3)
     fast = replace(reference(), profile=msgspec.structs.replace(profile, timing=timing))

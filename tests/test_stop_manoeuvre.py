@@ -311,7 +311,7 @@ def told(tmp_path: Path) -> Iterator[TelemetryWriter]:
         yield writer
 
 
-def test_before_a_planned_end_the_person_is_told_and_not_one_frame_differs(told: TelemetryWriter) -> None:
+def test_before_a_planned_end_the_driver_is_warned_and_not_one_frame_differs(told: TelemetryWriter) -> None:
     plain, planned = driving(), driving(telemetry=told)
     planned.loop.shutdown.schedule(planned.clock.t_ns + ms(5000))
     found = snapshots(planned, told.path, 5.0)
@@ -323,7 +323,9 @@ def test_before_a_planned_end_the_person_is_told_and_not_one_frame_differs(told:
     assert [sent.frame for sent in plain.sent] == [sent.frame for sent in planned.sent]
 
 
-def test_the_reference_vehicle_is_let_go_when_it_stands_and_the_person_is_told_meanwhile(told: TelemetryWriter) -> None:
+def test_the_reference_vehicle_is_released_at_standstill_and_the_driver_is_warned_meanwhile(
+    told: TelemetryWriter,
+) -> None:
     drive = driving(telemetry=told)
     drive.loop.shutdown.request()
     found = snapshots(drive, told.path, 5.0)
@@ -386,7 +388,7 @@ def test_a_vehicle_that_does_not_come_to_rest_is_let_go_after_ten_seconds_all_th
     assert 10.0 <= drive.run_until(lambda: drive.loop.shutdown.is_done, 12.0) <= 10.3
 
 
-def test_who_drives_nothing_is_not_told_to_take_over(told: TelemetryWriter) -> None:
+def test_without_control_there_is_no_warning_to_take_over(told: TelemetryWriter) -> None:
     drive = Drive(armed=False, telemetry=told)
     drive.loop.shutdown.schedule(drive.clock.t_ns + ms(1000))
     assert not any(snapshot.handover_pending for snapshot in snapshots(drive, told.path, 0.9))

@@ -30,7 +30,7 @@ def test_a_trajectory_copies_and_locks_what_it_is_given() -> None:
 
 @pytest.mark.parametrize("line", [LINE, {name: values and [] for name, values in LINE.items() if name != "stamp_ns"}])
 @pytest.mark.parametrize("copied", [lambda t: t, copy.copy, copy.deepcopy, lambda t: pickle.loads(pickle.dumps(t))])
-def test_nobody_can_unlock_a_trajectory_nor_a_copy_of_it(line: dict[str, Any], copied: Callable[..., Any]) -> None:
+def test_neither_a_trajectory_nor_its_copy_can_be_unlocked(line: dict[str, Any], copied: Callable[..., Any]) -> None:
     trajectory = Trajectory(**{"stamp_ns": 5} | line)
     twin = copied(trajectory)
     for field in dataclasses.fields(trajectory):

@@ -115,7 +115,7 @@ def test_positions_that_cannot_be_drawn_leave_the_page_alive(publish: Start, vie
     differs(page, "x", number(page, "x"))
 
 
-def test_the_page_asks_nobody_else_for_anything(publish: Start, viewer: Viewer, page: Page) -> None:
+def test_the_page_requests_nothing_from_other_hosts(publish: Start, viewer: Viewer, page: Page) -> None:
     asked: list[str] = []
 
     def note(request: Request) -> None:
@@ -197,7 +197,7 @@ def test_a_page_from_elsewhere_cannot_listen(publish: Start, viewer: Viewer, pag
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_viewer_says_what_it_shows_and_ends_when_told(viewer: Viewer, address: str, number: int) -> None:
+def test_a_viewer_prints_its_source_and_ends_on_a_signal(viewer: Viewer, address: str, number: int) -> None:
     assert re.fullmatch(rf"viewer: http://127\.0\.0\.1:\d+/  \(telemetry '{address}': {address}\)\n", viewer.greeting)
     assert viewer.end(number) == (0, "viewer: ended\n")
 
@@ -232,7 +232,7 @@ def run(module: str, *options: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_recording_is_told_from_a_live_drive_and_can_be_paused_and_wound_back(page: Page, tmp_path: Path) -> None:
+def test_a_recording_is_marked_as_such_and_can_be_paused_and_wound_back(page: Page, tmp_path: Path) -> None:
     drive = ("run", "--interface", "embedded", "--route", "figure8", "--arm", "--duration", "3")
     where = ("--telemetry", str(tmp_path / "loop"), "--record", str(tmp_path / "drive"))
     assert run("vehicle_iface", *drive, *where).returncode == 0

@@ -152,7 +152,7 @@ def test_there_is_room_only_where_all_of_them_have_room(bus: SeveralBuses, parts
     assert bus.refusing == "ins"
 
 
-def test_what_has_left_before_another_bus_was_lost_is_counted_and_the_loss_is_told_next(
+def test_frames_sent_before_another_bus_was_lost_are_counted_and_the_loss_is_reported_next(
     bus: SeveralBuses, parts: dict[str, Part]
 ) -> None:
     parts["ins"].error = BusGoneError("can1: no such device")
@@ -163,7 +163,7 @@ def test_what_has_left_before_another_bus_was_lost_is_counted_and_the_loss_is_to
             ask()
 
 
-def test_a_loss_before_anything_has_left_is_told_at_once(bus: SeveralBuses, parts: dict[str, Part]) -> None:
+def test_a_loss_before_any_frame_was_sent_is_reported_at_once(bus: SeveralBuses, parts: dict[str, Part]) -> None:
     parts["vehicle"].error = BusError("can0: down")
     with pytest.raises(BusError, match=r"^bus vehicle: can0: down$"):
         bus.send(*COMMANDS)
@@ -210,7 +210,7 @@ def linked() -> Iterator[Linked]:
     made.link.close()
 
 
-def test_a_lost_bus_is_a_lost_link_that_tells_which_and_all_are_opened_anew(linked: Linked) -> None:
+def test_a_lost_bus_is_a_lost_link_that_names_the_bus_and_all_are_reopened(linked: Linked) -> None:
     linked.parts["ins"].error = BusError("can1: Network is down")
     linked.watch_for(ms(10))
     assert linked.link.take_loss()
@@ -222,7 +222,7 @@ def test_a_lost_bus_is_a_lost_link_that_tells_which_and_all_are_opened_anew(link
     assert linked.counts.link_losses == 1
 
 
-def test_a_controller_that_is_off_the_bus_is_told_with_its_bus(linked: Linked) -> None:
+def test_a_bus_off_controller_is_reported_with_its_bus(linked: Linked) -> None:
     linked.parts["ins"].reported = [ControllerEvent.BUS_OFF]
     linked.watch_for(ms(50))
     ((state, why),) = linked.states

@@ -89,7 +89,7 @@ def test_a_frame_is_laid_out_as_the_header_file_says() -> None:
 
 
 @pytest.mark.parametrize("can_class", [0x001, 0x040, 0x080, 0x100])
-def test_an_error_frame_is_told_from_a_data_frame_of_the_same_number(wire: Wire, can_class: int) -> None:
+def test_an_error_frame_is_distinguished_from_a_data_frame_of_the_same_number(wire: Wire, can_class: int) -> None:
     frame = wire.comes_as(struct.pack("=IB3x8s", 0x20000000 | can_class, 8, bytes(8)), 5)
     assert (frame.can_id, frame.is_error, frame.is_extended, frame.is_remote) == (can_class, True, False, False)
 

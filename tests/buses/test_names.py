@@ -180,7 +180,7 @@ def test_an_ambiguous_name_is_one_fault_with_its_line(tmp_path: Path) -> None:
     assert path.read_text(encoding="utf-8").splitlines()[error.line - 1] == 'mode = "STATUS.MODE"'
 
 
-def test_a_fault_of_a_dbc_is_told_with_its_own_file_and_line(tmp_path: Path) -> None:
+def test_a_fault_of_a_dbc_is_reported_with_its_own_file_and_line(tmp_path: Path) -> None:
     path = write_vehicle(tmp_path)
     (tmp_path / "car.dbc").write_text(CAR.replace("ACC : 16|16", "ACC : 31|16"), encoding="utf-8")
     errors = {(Path(finding.file).name, finding.line) for finding in check_file(path) if finding.severity == "error"}

@@ -68,9 +68,7 @@ def commission(profile: Path | str, *options: str) -> int:
     return cli.main(["commission", "--channel", "can0", "--profile", str(profile), "--step-timeout", "12", *options])
 
 
-def test_a_sound_walk_ends_well_and_writes_only_when_told_to(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sound_walk_succeeds_and_writes_only_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     profile = write_profile(tmp_path)
     before = profile.read_text(encoding="utf-8")
     assert commission(profile) == 0

@@ -185,11 +185,11 @@ def test_the_tested_versions_are_those_of_the_lock() -> None:
     assert set(system.TESTED.items()) <= set(locked)
 
 
-def test_a_module_that_nobody_has_is_not_there() -> None:
+def test_a_missing_module_is_reported_as_absent() -> None:
     assert not can.has_module("can_there_be_none")
 
 
-def test_another_system_is_told_what_does_not_apply_and_needs_nothing() -> None:
+def test_on_another_system_inapplicable_checks_are_named_and_nothing_is_required() -> None:
     findings = doctor.examine({"vcan0": CLASSICAL}, system="darwin")
     assert is_ready(findings)
     assert [f.subject for f in findings if "does not apply to darwin" in f.text] == ["SocketCAN", "real time"]

@@ -68,7 +68,7 @@ def test_an_fd_frame_longer_or_shorter_than_its_message_has_the_wrong_length(len
     assert decoder.drops == {(DropCause.WRONG_LENGTH, "STATE"): 1}
 
 
-def test_a_stranger_is_counted_without_a_name(decoder: Decoder) -> None:
+def test_an_unknown_identifier_is_counted_without_a_name(decoder: Decoder) -> None:
     assert decoder.decode(CanFrame(0x7FF, bytes(8))) is None
     assert decoder.decode(CanFrame(0x80, bytes(8))) is None
     assert decoder.drops == {(DropCause.UNKNOWN_ID, ""): 2}

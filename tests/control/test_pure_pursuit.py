@@ -428,7 +428,7 @@ def test_it_drives_into_a_cusp_and_out_of_it_backwards(has_a_point_without_speed
 
 
 @pytest.mark.parametrize(("config", "greatest_m"), [(CONFIG, 0.22), (FIRM, 0.17)])
-def test_a_figure_of_eight_told_anew_ten_times_a_second_is_followed(
+def test_a_figure_of_eight_replanned_ten_times_a_second_is_followed(
     config: PurePursuitConfig, greatest_m: float
 ) -> None:
     whole = plant.figure_of_eight(laps=1)

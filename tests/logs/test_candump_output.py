@@ -53,7 +53,7 @@ def test_every_form_of_a_screen_without_times_is_read_with_stamp_0_and_says_so(t
     assert next(iter(summarize(log))) == "read as candump; stamps: none: this log has no times, every stamp is 0"
 
 
-def test_fd_extended_remote_and_error_frames_of_a_screen_are_told_apart(tmp_path: Path) -> None:
+def test_fd_extended_remote_and_error_frames_of_a_screen_are_distinguished(tmp_path: Path) -> None:
     of = next(message for message in FD if message.length > 8)
     path = tmp_path / "candump.txt"
     path.write_text(

@@ -50,7 +50,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         load_profile(tmp_path / "none.toml")
 
 
-def test_without_a_word_about_it_stops_are_straight_and_nobody_is_warned_ahead(tmp_path: Path) -> None:
+def test_by_default_stops_are_straight_and_without_a_warning(tmp_path: Path) -> None:
     text = REFERENCE.replace('stop_steering = "straight"', "").replace("[handover]", "").replace("warning_s = 3.0", "")
     path = tmp_path / "plain.toml"
     path.write_text(text.replace("hold_until_warned = false", ""), encoding="utf-8")

@@ -50,7 +50,7 @@ def test_any_reader_of_csv_finds_each_value_in_its_column(snapshot: Snapshot) ->
     assert found["frame_id"] == snapshot.frame_id
 
 
-def test_columns_of_another_version_are_passed_over_and_missing_ones_are_as_if_never_told() -> None:
+def test_unknown_columns_are_ignored_and_missing_ones_have_defaults() -> None:
     found = parse_snapshot(["published_ns", "novelty", "reason", "controller_state"], "7,x,2,3")
     assert found == Snapshot(7, 3, 2)
 
@@ -116,7 +116,7 @@ def test_frames_are_lines_of_a_candump_log(tmp_path: Path) -> None:
     )
 
 
-def test_remote_and_error_frames_are_told_from_data(tmp_path: Path) -> None:
+def test_remote_and_error_frames_are_distinguished_from_data(tmp_path: Path) -> None:
     remote = format_frame("vcan0", (0x112 | RTR_FLAG, bytes(4), False, 1, 0, False), 0)
     error = format_frame("vcan0", (0x040 | ERR_FLAG, bytes(8), False, 1, 0, False), 0)
     assert remote == b"(0000000000.000000) vcan0 112#R4\n"

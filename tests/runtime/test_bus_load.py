@@ -11,7 +11,7 @@ from vehicle_iface.units import NS_PER_S
 NAMES = {FrameKey(0x110): "POSE"}
 
 
-def test_without_a_survey_nothing_is_told() -> None:
+def test_without_traffic_samples_no_bus_load_is_published() -> None:
     assert BusLoad().now("UP", NAMES, {}) == LinkDetails(state="UP")
     assert BusLoad().whole("UP", [], NAMES, {}) == LinkSummary(state="UP", transitions=[])
 

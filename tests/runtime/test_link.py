@@ -129,7 +129,7 @@ def test_a_bus_that_cannot_be_opened_at_the_start_is_an_error() -> None:
 
 
 @pytest.mark.parametrize("by", ["hearing", "sending"])
-def test_a_loss_closes_the_bus_and_is_counted_and_told_once(by: str) -> None:
+def test_a_loss_closes_the_bus_and_is_counted_and_logged_once(by: str) -> None:
     cable = Cable()
     cable.down = True
     if by == "hearing":
@@ -163,7 +163,7 @@ def test_a_lost_link_is_tried_ten_times_a_second_on_its_grid() -> None:
     assert [(t_ns - began_ns) % REOPEN_NS for t_ns in tries_ns] == [0] * 10
 
 
-def test_a_link_that_is_back_hears_and_sends_again() -> None:
+def test_a_restored_link_receives_and_sends_again() -> None:
     cable = Cable()
     cable.down = True
     cable.pass_for(ms(250))
@@ -272,7 +272,7 @@ def test_three_refusals_in_a_row_stall_the_link(by: str) -> None:
     assert not cable.link.is_stalled
 
 
-def test_a_command_that_left_between_refusals_starts_the_row_anew() -> None:
+def test_a_sent_command_between_rejections_restarts_the_count() -> None:
     cable = Cable()
     for _ in range(4):
         for _ in range(2):
@@ -336,7 +336,7 @@ def test_a_bus_that_was_stuck_is_used_again_only_when_what_waits_in_it_has_left(
     assert (len(cable.sockets), cable.sockets[0].closed) == (1, 0)
 
 
-def test_a_stuck_bus_whose_interface_goes_down_is_given_back_and_opened_anew() -> None:
+def test_a_stuck_bus_whose_interface_goes_down_is_closed_and_reopened() -> None:
     cable = Cable()
     cable.waiting = True
     for _ in range(12):
@@ -373,7 +373,7 @@ def test_half_a_second_without_trouble_ends_to_the_nanosecond(later_ns: int, sta
     assert cable.link.state.name == state
 
 
-def test_a_link_that_nothing_was_ever_heard_on_does_not_become_well() -> None:
+def test_a_link_without_any_received_frame_does_not_become_up() -> None:
     cable = Cable()
     cable.waiting = True
     assert not cable.link.has_room()
@@ -423,7 +423,7 @@ class PlainBus:
         pass
 
 
-def test_a_bus_whose_controller_nobody_can_ask_is_watched_all_the_same() -> None:
+def test_a_bus_without_error_events_is_monitored_too() -> None:
     clock, losses = Clock(), Counters()
     link = Link(PlainBus, losses, now_ns=clock.now_ns, sleep_until=clock.sleep_until)
     link.watch(clock.t_ns + ms(500))
@@ -555,7 +555,7 @@ def test_an_illness_ends_with_the_bus_that_had_it() -> None:
     assert states(cable) == ["DEGRADED", "DOWN", "RECOVERING", "UP"]
 
 
-def test_what_was_heard_before_a_loss_does_not_make_a_link_well_after_it() -> None:
+def test_frames_received_before_a_loss_do_not_make_the_link_up_after_it() -> None:
     cable = Cable()
     cable.frames = [FRAME]
     cable.pass_for(ms(10))

@@ -66,7 +66,7 @@ def test_what_is_waited_for_is_said_at_once_again_every_five_seconds_and_when_it
     ]
 
 
-def test_whoever_is_told_to_end_waits_no_longer() -> None:
+def test_a_request_to_end_ends_the_wait() -> None:
     interface = Interface(1000.0)
     interface.ended_at_s = 3.0
     assert not interface.comes()

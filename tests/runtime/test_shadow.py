@@ -265,7 +265,7 @@ def test_differences_are_counted_while_both_are_enabled(other: Other) -> None:
     assert found.compared == 2
 
 
-def test_a_stop_where_we_would_have_driven_is_told(other: Other) -> None:
+def test_a_stop_where_we_would_have_driven_is_reported(other: Other) -> None:
     other.sample()
     other.commands(safe_stop=True, reason=Reason.DEVIATION)
     assert other.shadow.mismatches == {"enable": 0, "safe_stop": 1, "reason": 1}

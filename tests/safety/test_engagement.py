@@ -228,7 +228,7 @@ HEARERS = [None, Mode.SILENT, Mode.STARTING, Mode.STANDBY]
 @pytest.mark.parametrize("before", HEARERS)
 @pytest.mark.parametrize("first", ["sample", "status"])
 @pytest.mark.parametrize(("after_ns", "then"), [(200 * MS, Mode.OBSERVING), (200 * MS + 1, Mode.STARTING)])
-def test_a_vehicle_is_heard_for_200_ms_to_the_nanosecond_from_its_first_word_before_it_is_answered(
+def test_a_vehicle_is_observed_for_200_ms_to_the_nanosecond_before_commands_are_sent(
     before: Mode | None, first: str, after_ns: int, then: Mode
 ) -> None:
     engagement = hearing(before)
@@ -245,7 +245,7 @@ def test_a_vehicle_is_heard_for_200_ms_to_the_nanosecond_from_its_first_word_bef
 
 
 @pytest.mark.parametrize("mode", list(VehicleMode))
-def test_it_hears_no_longer_than_until_the_vehicle_says_that_nobody_drives_it(mode: VehicleMode) -> None:
+def test_observing_ends_when_the_vehicle_reports_that_it_is_not_driven(mode: VehicleMode) -> None:
     engagement = hearing()
     engagement.on_status(status(mode), 0)
     assert engagement.mode is (Mode.OBSERVING if mode is VehicleMode.AUTONOMOUS else Mode.STARTING)
@@ -295,7 +295,7 @@ def test_it_takes_half_a_second_of_fresh_samples_to_the_nanosecond(missing_ns: i
 
 
 @pytest.mark.parametrize(("gap_ns", "starts_anew"), [(50 * MS - 1, False), (50 * MS, False), (50 * MS + 1, True)])
-def test_a_gap_longer_than_50_ms_begins_the_half_second_anew(gap_ns: int, starts_anew: bool) -> None:
+def test_a_gap_longer_than_50_ms_restarts_the_half_second(gap_ns: int, starts_anew: bool) -> None:
     engagement = in_mode(Mode.STARTING)
     last_ns = 0
     for i in range(40):
@@ -467,7 +467,7 @@ def test_the_first_thousand_transitions_are_kept_and_the_mode_changes_after_them
     assert [transition.at_ns for transition in engagement.transitions] == list(range(MAX_TRANSITIONS))
 
 
-def test_samples_whose_sources_disagree_engage_nobody() -> None:
+def test_samples_whose_sources_disagree_do_not_engage() -> None:
     run = Run().for_ms(520, status(VehicleMode.MANUAL))
     assert run.mode() is Mode.STANDBY
     run.engagement.on_sample(run.now_ns, run.now_ns, is_usable=False)

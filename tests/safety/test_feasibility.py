@@ -115,7 +115,7 @@ def copied(trajectory: Trajectory, stride: int, *, digits: int, noise_m: float, 
     st.booleans(),
 )
 @settings(max_examples=300)
-def test_no_route_of_ours_is_too_sharp_nor_what_somebody_else_writes_down_of_it(
+def test_builtin_routes_are_feasible_even_after_csv_rounding(
     name: str, stride: int, digits: int, noise_m: float, follows_chords: bool
 ) -> None:
     assert judged(DRAWN[name]) == ""
@@ -257,7 +257,7 @@ def test_a_corner_where_the_vehicle_stands_is_one_as_long_as_it_goes_on_in_the_s
 
 
 @pytest.mark.parametrize(("speed_mps", "chord_m"), [(1.0, WHEELBASE_M / 2), (10.0, 5.0)])
-def test_a_turn_is_told_over_half_a_wheelbase_or_half_a_second_whichever_is_longer(
+def test_a_turn_is_measured_over_half_a_wheelbase_or_half_a_second_whichever_is_longer(
     speed_mps: float, chord_m: float
 ) -> None:
     corner = bent(0.45, 20.0, 20.0, 0.05)

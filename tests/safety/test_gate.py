@@ -428,7 +428,7 @@ def test_the_next_permission_is_counted_from_what_left_of_the_last_one(
     assert safe.rear_wheel_angle_rad == pytest.approx(rear_rad)
 
 
-def test_a_gate_that_nobody_told_where_to_start_counts_from_nothing_at_time_zero() -> None:
+def test_a_gate_without_a_start_counts_from_rest_at_time_zero() -> None:
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
     everything = wish(accel_mps2=3.0, front_wheel_angle_rad=0.6, rear_wheel_angle_rad=0.1)
     first = gate.propose(everything, state(), now_ns=0, reversing=False)
@@ -678,7 +678,7 @@ def dragged(
 @pytest.mark.parametrize("rate_radps", [-0.6, -0.2, 0.2, 0.6])
 @pytest.mark.parametrize("wanted_rad", [-0.6, 0.0, 0.6])
 @pytest.mark.parametrize("speed_mps", [-8.0, 0.0, 3.0, 5.0, 6.0, 10.0, 18.0])
-def test_the_command_never_leads_further_away_from_wheels_that_somebody_else_turns(
+def test_the_command_never_moves_further_from_wheels_that_the_driver_turns(
     speed_mps: float, wanted_rad: float, rate_radps: float, engaging: bool
 ) -> None:
     apart_rad = 0.03 if engaging else 0.3

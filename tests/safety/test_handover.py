@@ -15,7 +15,7 @@ def told(*, holds: bool = False, planned_ns: int | None = None) -> Handover:
     return handover
 
 
-def test_without_an_end_nobody_is_warned() -> None:
+def test_without_a_planned_end_there_is_no_warning() -> None:
     handover = told(planned_ns=None)
     assert not handover.update(10**18, is_driven=True, is_ending=False)
     assert not handover.warns
@@ -38,7 +38,7 @@ def test_an_end_that_was_not_planned_is_warned_of_when_it_begins() -> None:
 
 
 @pytest.mark.parametrize("is_ending", [False, True])
-def test_who_drives_nothing_gives_nothing_back_and_a_new_drive_is_warned_anew(is_ending: bool) -> None:
+def test_without_control_there_is_no_handover_and_a_new_drive_is_warned_again(is_ending: bool) -> None:
     handover = told(planned_ns=PLANNED_NS)
     assert not handover.update(8_000, is_driven=False, is_ending=is_ending)
     assert not handover.warns

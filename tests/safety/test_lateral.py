@@ -109,7 +109,7 @@ def test_wheels_that_were_held_for_long_get_one_count_in_a_short_time_and_not_al
     assert [turned(gate, 0.6, 20.0, at_ms) for at_ms in (2000, 2001, 2002)] == pytest.approx([1e-4, 1e-4, 1e-4])
 
 
-def test_rear_wheels_that_turn_begin_the_time_anew() -> None:
+def test_turning_rear_wheels_restart_the_time() -> None:
     gate = new_gate({"rear_wheel_angle_rad": 2e-5}, rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.1)
     gate.start_from(state(0.0, 20.0), 0)
     front, rear = [], []
@@ -122,7 +122,7 @@ def test_rear_wheels_that_turn_begin_the_time_anew() -> None:
     assert front == pytest.approx([0.0, 0.0, 0.0, 0.0, 1e-4])
 
 
-def test_rear_wheels_that_were_sent_alone_begin_the_time_of_the_lateral_jerk_anew() -> None:
+def test_rear_wheels_that_were_sent_alone_restart_the_time_of_the_lateral_jerk() -> None:
     gate = new_gate({"rear_wheel_angle_rad": 2e-5}, rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.1)
     gate.start_from(state(0.0, 20.0), 0)
     gate.propose(wish(rear_wheel_angle_rad=2e-5), state(0.0, 20.0), now_ns=40 * NS_PER_MS, reversing=False)

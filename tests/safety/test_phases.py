@@ -69,7 +69,9 @@ def test_each_mode_has_its_phases(mode: Mode) -> None:
 
 
 @pytest.mark.parametrize("reported", [status(), status(VehicleMode.AUTONOMOUS), status(age_ms=100)])
-def test_what_enables_may_be_sent_while_the_vehicle_is_fit_and_nobody_acts(reported: VehicleStatus) -> None:
+def test_enabling_messages_may_be_sent_while_the_vehicle_is_ready_and_the_driver_inactive(
+    reported: VehicleStatus,
+) -> None:
     assert phases(Mode.ENGAGING, reported).engaging
 
 

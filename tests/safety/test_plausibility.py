@@ -347,7 +347,7 @@ def test_time_above_the_speed_counts_only_while_it_is_above_it() -> None:
 
 
 @pytest.mark.parametrize(("speed_mps", "is_seen"), [(0.05, False), (0.051, True), (-0.051, True)])
-def test_a_slow_vehicle_that_is_frozen_is_told_from_a_sensor_with_an_offset(speed_mps: float, is_seen: bool) -> None:
+def test_a_frozen_slow_vehicle_is_distinguished_from_a_sensor_with_an_offset(speed_mps: float, is_seen: bool) -> None:
     checked = check()
     samples = (still(tick * PERIOD_NS, speed_mps=speed_mps) for tick in range(1_000))
     assert all(checked.is_plausible(state, pose_valid=True) for state in samples) is not is_seen
@@ -466,7 +466,7 @@ def test_how_long_and_how_far_values_were_frozen_is_said(
     assert [message.partition(": ")[2] for message in caplog.messages] == [said]
 
 
-def test_another_frame_of_reference_and_a_long_gap_begin_anew() -> None:
+def test_another_frame_of_reference_or_a_long_gap_resets_the_check() -> None:
     checked, states = check(), drive(3)
     checked.is_plausible(states[0], pose_valid=True)
     assert checked.is_plausible(replace(states[1], x_m=500.0, frame_id="odom"), pose_valid=True)
@@ -558,7 +558,7 @@ def test_a_sample_from_the_past_does_not_make_the_next_gap_longer() -> None:
     assert not checked.is_plausible(still(ms(1200), x_m=100.0), pose_valid=True)
 
 
-def test_implausible_samples_are_counted_in_a_row_from_the_start_and_anew_after_forgetting() -> None:
+def test_consecutive_implausible_samples_are_counted_from_the_start_and_after_a_reset() -> None:
     checked, bad = check(), still(speed_mps=LIMITS.speed_mps + 1.0)
     for _ in range(2):
         persists = []

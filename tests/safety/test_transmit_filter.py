@@ -63,7 +63,7 @@ def test_each_frame_that_comes_too_often_is_counted() -> None:
     assert transmit_filter.refused == {"not on the list": 0, "too often": 2}
 
 
-def test_whether_there_is_room_is_told_without_counting() -> None:
+def test_asking_for_room_does_not_count() -> None:
     transmit_filter = TransmitFilter([LIGHTS])
     for _ in range(4):
         assert transmit_filter.has_room(0x082, False, False, 8, 0)

@@ -123,12 +123,12 @@ def test_a_path_that_cannot_be_is_refused(tmp_path: Path) -> None:
         DriverSocket(str(tmp_path / ("long" * 50)))
 
 
-def test_pressing_where_nobody_listens_says_so(path: str) -> None:
+def test_a_line_to_a_socket_without_a_listener_is_an_error(path: str) -> None:
     with pytest.raises(ConfigError, match="vehicle-iface sim"):
         send_line(path, "status")
 
 
-def test_pressing_where_nobody_answers_gives_up(driver: DriverSocket) -> None:
+def test_a_line_without_an_answer_times_out(driver: DriverSocket) -> None:
     with pytest.raises(ConfigError, match="no answer"):
         send_line(driver.path, "status", timeout_s=0.01)
 
@@ -139,7 +139,7 @@ def test_press_sends_one_short_line_only(path: str, line: str) -> None:
         send_line(path, line)
 
 
-def test_polling_with_nobody_there_returns_at_once(driver: DriverSocket) -> None:
+def test_polling_without_clients_returns_at_once(driver: DriverSocket) -> None:
     assert driver.poll(echo) == 0
 
 

@@ -193,7 +193,7 @@ def test_without_its_bus_the_vehicle_goes_on_and_speaks_again_when_it_is_back(
     assert len(world.sent) > sent + 100
 
 
-def test_a_vehicle_whose_process_got_no_time_blames_nobody_for_the_silence(
+def test_a_vehicle_whose_process_was_not_scheduled_does_not_lose_its_commander(
     world: World, vehicle: SimulatedVehicle
 ) -> None:
     """A machine that stood still for 230 ms: the commander on it could not speak either."""

@@ -453,7 +453,7 @@ def test_damaged_commands_do_not_feed_the_watchdog(
     assert engaged.vehicle.mode is VehicleMode.FAULT
 
 
-def test_a_vehicle_that_was_late_itself_blames_nobody(engaged: VehicleHarness) -> None:
+def test_a_late_vehicle_does_not_lose_its_commander(engaged: VehicleHarness) -> None:
     engaged.pair()
     frames = []
     for i in range(1, 31):  # 300 ms during which commands wait in its queue, stamped when they came
@@ -509,7 +509,7 @@ def test_a_fault_is_left_by_the_drivers_reset_only(line: str, mode: int, code: i
     assert harness.say("reset").startswith("error: reset: only from FAULT or EMERGENCY_STOP")
 
 
-def test_the_watchdog_is_quiet_where_nobody_commands(harness: VehicleHarness) -> None:
+def test_the_watchdog_is_inactive_without_a_commander(harness: VehicleHarness) -> None:
     harness.pair()
     harness.wait_ms(1000)
     assert harness.vehicle.mode is VehicleMode.READY

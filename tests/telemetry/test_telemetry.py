@@ -147,7 +147,7 @@ def test_a_reader_that_looks_often_misses_nothing(writer: TelemetryWriter, reade
     assert reader.dropped == 0
 
 
-def test_a_late_reader_gets_the_ring_and_is_told_what_it_missed(
+def test_a_late_reader_gets_the_ring_and_the_number_of_dropped_snapshots(
     writer: TelemetryWriter, reader: TelemetryReader
 ) -> None:
     for number in range(1, 2 * RING_LENGTH + 11):
@@ -295,7 +295,7 @@ def test_a_reader_of_a_hasty_writer_sees_whole_snapshots_in_order(hasty: subproc
         assert last > 0
 
 
-def test_a_second_writer_is_refused_and_told_what_to_do(writer: TelemetryWriter) -> None:
+def test_a_second_writer_is_rejected_with_a_remedy(writer: TelemetryWriter) -> None:
     with pytest.raises(ConfigError, match=r"another loop writes to .*loop; end it, or choose another address"):
         TelemetryWriter(writer.address, INFO)
     writer.publish(numbered(1))
@@ -461,7 +461,9 @@ def test_a_file_cut_short_is_unreadable(scratch: Path, image: bytearray, kept: i
     assert _judged(scratch, bytes(image[:kept])) is WriterState.UNREADABLE
 
 
-def test_a_file_cut_short_while_it_is_read_kills_nobody(writer: TelemetryWriter, reader: TelemetryReader) -> None:
+def test_a_file_truncated_while_it_is_read_does_not_kill_the_reader(
+    writer: TelemetryWriter, reader: TelemetryReader
+) -> None:
     writer.publish(numbered(1))
     os.truncate(writer.path, 100)
     assert (reader.newest(), reader.since(0), reader.trajectory(1), reader.details()) == (None, [], None, None)

@@ -118,7 +118,7 @@ def test_a_hunt_is_led_by_the_branches_that_inputs_take(tmp_path: Path) -> None:
     assert int(last[1]) > int(first[1]) > 50
 
 
-def test_a_file_with_a_fault_is_told_with_its_traceback(tmp_path: Path) -> None:
+def test_a_file_that_fails_is_reported_with_its_traceback(tmp_path: Path) -> None:
     script = "from fuzzing import posted\nfrom fuzzing.engine import judge\nposted.fetch = None\nexit(judge.main())"
     done = python("-c", script, "posted", str(tmp_path / "any"))
     assert done.returncode != 0

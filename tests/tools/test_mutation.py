@@ -162,7 +162,7 @@ def modules_of(project: Path, *arguments: str) -> tuple[list[str], str]:
     return [module["module"] for module in json.loads(done.stdout)["modules"]], done.stderr.splitlines()[0]
 
 
-def test_what_changed_is_told_from_where_the_branch_left_main_and_on_main_from_the_commit_before(
+def test_changed_modules_are_compared_with_the_merge_base_and_on_main_with_the_previous_commit(
     project: Path,
 ) -> None:
     two_modules(project)

@@ -43,7 +43,7 @@ def test_a_vehicle_that_keeps_its_place_is_standing() -> None:
     assert track.standing_s > 0.0
 
 
-def test_a_drive_is_told_with_its_distance_and_all_that_was_wrong() -> None:
+def test_a_drive_is_reported_with_its_distance_and_all_faults() -> None:
     drive = Drive(
         "rover", "u_turn", 58.2, 46.6, 0.079, stale_stops=2, wrong=("drops: bad CRC STATE 2", "late"), tries=3
     )

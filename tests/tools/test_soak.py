@@ -285,7 +285,7 @@ CLEAN: dict[str, Any] = {
 }
 
 
-def test_what_the_loop_itself_says_went_wrong_is_told() -> None:
+def test_errors_reported_by_the_loop_are_listed() -> None:
     assert wrong_with_summary(CLEAN) == []
     assert wrong_with_summary(CLEAN | {"latched_fault": "LINK_DOWN"}) == ["latched fault LINK_DOWN"]
     assert wrong_with_summary(CLEAN | {"implausible": {"jumped": 2}}) == ["the loop counts implausible: jumped: 2"]

@@ -28,7 +28,7 @@ def test_a_restarted_source_gives_it_again_with_the_new_instant() -> None:
     assert given.stamp_ns == 3_000
 
 
-def test_stamping_a_trajectory_anew_shares_its_locked_arrays() -> None:
+def test_restamping_a_trajectory_shares_its_locked_arrays() -> None:
     trajectory = make_route("line").to_trajectory()
     given = FixedTrajectory(trajectory).next(9, STATE)
     assert isinstance(given, Trajectory)

@@ -126,7 +126,7 @@ def test_a_fix_that_the_receiver_doubts_stops_the_vehicle(tmp_path: Path) -> Non
     assert drive.loop.reason.name == "STATE_INVALID"
 
 
-def test_odometry_that_was_interrupted_stops_for_good_and_begins_anew_when_armed(tmp_path: Path) -> None:
+def test_interrupted_odometry_stops_for_good_and_restarts_when_armed(tmp_path: Path) -> None:
     drive = drive_of("odometry", tmp_path).engage(2.0)
     part = drive.vehicle.sample[0]
     drive.say(f"mute {part} on")

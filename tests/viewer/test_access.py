@@ -191,7 +191,7 @@ def test_a_taken_port_is_refused_by_name() -> None:
             open_server(Access(port=port))
 
 
-def test_of_a_clients_messages_only_the_camera_is_heard(server: viser.ViserServer) -> None:
+def test_of_a_clients_messages_only_the_camera_is_handled(server: viser.ViserServer) -> None:
     box = server.gui.add_checkbox("box", initial_value=False)
     hostile = (
         _messages.GuiUpdateMessage(box._impl.uuid, {"value": True}),

@@ -155,7 +155,7 @@ def test_engaged_stopping_fault_shadow_and_old_differ_in_colour() -> None:
 
 
 @pytest.mark.parametrize(("left_ns", "when"), [(2_140_000_000, "in 2.1 s at the earliest"), (0, "at standstill")])
-def test_who_has_to_take_over_is_told_so(left_ns: int, when: str) -> None:
+def test_the_banner_asks_the_driver_to_take_over(left_ns: int, when: str) -> None:
     shown = driving(handover_pending=True, handover_in_ns=left_ns)
     assert f"TAKE OVER: control is returned {when}" in _Words(banner_html(view(shown))).text
     assert "TAKE OVER" not in _Words(banner_html(view(shown, age_s=1.0))).text

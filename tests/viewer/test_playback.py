@@ -107,7 +107,7 @@ def test_it_stays_at_its_end_and_says_so(recording: Playback) -> None:
     assert recording.description.startswith("5.0 s of 5.0 s · at its end · recorded on 2026-11-22 at ")
 
 
-def test_speed_pause_and_nobody_watching(recording: Playback) -> None:
+def test_speed_pause_and_playback_without_a_browser(recording: Playback) -> None:
     recording.speed = 2.0
     recording.advance(0)
     recording.advance(NS_PER_S)
