@@ -12,6 +12,7 @@ from hil_bench import cli
 from hil_bench.applicable import adapt, find_inapplicable, scale_for
 from hil_bench.case import Need, Then
 from hil_bench.cases import CATALOGUE
+from hil_bench.cases.files import FILES
 from hil_bench.parts import Part, parts_of
 from hil_bench.peer.build import examine, open_wire
 from hil_bench.peer.conditions import holds, satisfy_all
@@ -25,6 +26,13 @@ from hil_bench.vocabulary import Wait
 from hil_bench.wire import Wire
 from scenes import WIRE, named
 from vehicle_bus_contract.reference import AUTONOMOUS, MS, Frame, S
+
+from vehicle_iface.codec.database import load_database
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.motion_sources import cap_unconfirmed_speed
+from vehicle_iface.profile import load_profile
+from vehicle_iface.safety.feasibility import find_violation
+from vehicle_iface.trajectories.csv_file import load_csv
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = (
@@ -248,6 +256,28 @@ def test_a_profile_that_the_bench_cannot_play_is_refused_with_the_reason(
         open_wire(str(tmp_path / "mine.toml"))
 
 
+@pytest.mark.parametrize("profile", SHIPPED)
+def test_the_program_accepts_every_kind_of_route_as_a_vehicle_drives_it(profile: str, tmp_path: Path) -> None:
+    wire, own = open_wire(profile), cap_unconfirmed_speed(load_profile(profile))
+    for name in ("drive-slalom", "drive-double-lane-change", "drive-u-turn", "state-lost", "state-lost-at-speed"):
+        path = scale_for(named(name).route(), wire).write(tmp_path / "route.csv", wire.frame_id)
+        assert not find_violation(load_csv(path), own.limits, own.geometry.wheelbase_m)
+
+
+@pytest.mark.parametrize("profile", ["agilex_hunter", "j1939_truck", "vbox_kart"])
+def test_the_program_rejects_every_profile_that_a_case_has_spoilt(profile: str, tmp_path: Path) -> None:
+    wire = open_wire(profile)
+    for file in wire.path.parent.glob("*.py"):
+        (tmp_path / file.name).write_text(file.read_text())
+    for case in FILES:
+        if case.profile is not None and not find_inapplicable(case, wire):
+            toml, dbc = case.profile(wire.path.read_text(), wire.dbc.read_text())
+            (tmp_path / "mine.toml").write_text(toml)
+            (tmp_path / wire.dbc.name).write_text(dbc)
+            with pytest.raises(ConfigError):
+                load_database(load_profile(str(tmp_path / "mine.toml")))
+
+
 def test_the_list_says_what_does_not_apply(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["--list", "--profile", "agilex_hunter"]) == 0
     said = capsys.readouterr().out
@@ -259,6 +289,11 @@ def test_the_list_says_what_does_not_apply(capsys: pytest.CaptureFixture[str]) -
     assert "not_applicable" not in rows["state-lost"]
     assert cli.main(["--list"]) == 0
     assert capsys.readouterr().out.endswith(f"\n{len(CATALOGUE)} cases\n")
+
+
+def test_a_speed_that_nothing_confirms_is_limited() -> None:
+    limits = {name: open_wire(name).profile["limits"]["speed_max_mps"] for name in ("fs_ai_ads_dv", "pacmod3")}
+    assert limits == {"fs_ai_ads_dv": 3.0, "pacmod3": 10.0}
 
 
 def test_a_j1939_message_is_known_whatever_its_priority(tmp_path: Path) -> None:

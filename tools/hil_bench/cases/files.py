@@ -85,6 +85,21 @@ def _remove_factors(toml: str, dbc: str) -> str:
     return re.sub(rf"(SG_ {name} [^(]*\()[^,]+,", r"\g<1>0,", dbc) if name else dbc
 
 
+def _overlap_signals(toml: str, dbc: str) -> str:
+    """Give two signals of the state that are in one message the same start bit."""
+    bound = re.findall(r"\"(\w+)\.(\w+)\"", toml.partition("[state.signals]")[2].partition("\n[status")[0])
+    for message, first in bound:
+        second = next((name for owner, name in bound if owner == message and name != first), None)
+        block = re.search(rf"^BO_ \d+ {message}:.*?(?=^BO_ |^\s*$)", dbc, re.MULTILINE | re.DOTALL)
+        if second is None or block is None:
+            continue
+        start = re.search(rf"SG_ {first} [^:]*: (\d+)\|", block[0])
+        if start is not None:
+            spoilt = re.sub(rf"(SG_ {second} [^:]*: )\d+\|", rf"\g<1>{start[1]}|", block[0])
+            return dbc.replace(block[0], spoilt)
+    return dbc
+
+
 def _duplicate_first_identifier(dbc: str) -> str:
     """Give the second message the identifier of the first."""
     first, second = re.findall(r"^BO_ (\d+) ", dbc, re.MULTILINE)[:2]
@@ -113,7 +128,7 @@ FILES = (
         "with-a-misspelt-key", "with a misspelt key", "F8", lambda t, d: (t.replace("wheelbase_m", "wheelbas_m"), d)
     ),
     _rejected_profile(
-        "with-a-key-twice", "with a duplicate key", "F8", lambda t, d: (t.replace("[bus]\n", "[bus]\nfd = true\n"), d)
+        "with-a-key-twice", "with a duplicate key", "F8", lambda t, d: (t.replace("[bus]\n", "[bus]\nbitrate = 1\n"), d)
     ),
     _rejected_profile(
         "with-text-for-a-number",
@@ -133,7 +148,7 @@ FILES = (
         "with-overlapping-signals",
         "whose DBC has overlapping signals",
         "F7",
-        lambda t, d: (t, d.replace(": 48|", ": 40|")),
+        lambda t, d: (t, _overlap_signals(t, d)),
     ),
     _rejected_profile(
         "with-a-factor-of-0", "whose DBC has a factor of 0", "F7", lambda t, d: (t, _remove_factors(t, d))

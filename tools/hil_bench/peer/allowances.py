@@ -15,10 +15,20 @@ REFERENCE_TURN_M, USUAL_MPS, ACROSS_MPS2 = 3.95, 5.0, 3.0
 ALONG_SHARE, BRAKE_SHARE, SPEED_SHARE = 0.4, 0.35, 0.8
 """Of the limits, used by routes; the brake's is below what makes a command a stop."""
 SHORTEST_SHARE = 0.2
+UNCONFIRMED_MPS = 3.0
+"""Speed limit of a vehicle whose speed nothing confirms, where its profile has no other."""
 SPEED_BRAKE_MPS2 = 4.0
 """Of the vehicle's own speed controller."""
 TABLE_SHARE, FEEDBACK_SHARE = 0.05, 0.35
 """Of the greatest acceleration: what a pedal's table and its feedback may make of one."""
+
+
+def speed_max_mps(profile: Mapping[str, Any]) -> float:
+    """The speed limit; `unconfirmed_speed_max_mps` where neither a position nor an acceleration confirms the speed."""
+    limits, state = profile["limits"], profile["state"]
+    is_confirmed = "accel_mps2" in state["signals"] or state.get("pose", {}).get("source") != "odometry"
+    least_mps = math.inf if is_confirmed else float(limits.get("unconfirmed_speed_max_mps", UNCONFIRMED_MPS))
+    return min(float(limits["speed_max_mps"]), least_mps)
 
 
 def later_s(profile: Mapping[str, Any], roles: Roles, reader: CommandReader) -> dict[Wait, float]:

@@ -45,6 +45,7 @@ class PeerWire(Wire):
             self.is_fd = bool(self.profile.get("bus", {}).get("fd", False))
             self.layout = read_layout(files)
             self.limits = read_limits(self.profile, self.path)
+            self.profile["limits"]["speed_max_mps"] = allowances.speed_max_mps(self.profile)
             self._take_roles()
             self._take_allowances()
         except KeyError as error:
