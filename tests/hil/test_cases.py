@@ -20,8 +20,9 @@ TOOLS = ROOT / "tools"
 
 
 PROFILE = load_profile("reference")
-NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "F9", "S11", *(f"W{n}" for n in range(2, 9))}
-"""Rows that are inside a controller or not on a bus; F9 and S11 need a vehicle without counters or a position."""
+NOT_FROM_OUTSIDE = {"B17", "T3", "T4", "C1", "F9", "S11", *(f"W{n}" for n in range(2, 9))}
+"""Rows that are inside a controller or not on a bus; F9 and S11 need a vehicle without
+counters or a position, B17 one with two buses."""
 
 
 def rows() -> set[str]:

@@ -35,11 +35,18 @@ from vehicle_iface.safety.feasibility import find_violation
 from vehicle_iface.trajectories.csv_file import load_csv
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
+def is_played(profile: str) -> bool:
+    """Whether the bench can play a vehicle: it is commanded, and has one bus."""
+    return "\n[command" in profile and "\n[buses." not in profile
+
+
 SHIPPED = (
-    *sorted(path.stem for path in (ROOT / "dbc").glob("*.toml") if "\n[command" in path.read_text()),
+    *sorted(path.stem for path in (ROOT / "dbc").glob("*.toml") if is_played(path.read_text())),
     str(ROOT / "docs" / "examples" / "06_own_vehicle" / "rover.toml"),
 )
-"""Every vehicle that can be driven."""
+"""Every vehicle that the bench plays."""
 ROVER = ROOT / "docs" / "examples" / "06_own_vehicle" / "rover.toml"
 NINE = b"123456789"
 
@@ -317,6 +324,13 @@ def test_a_command_has_the_signals_of_its_branch_only() -> None:
     assert told[1] is not None
     assert "AKit_AccelPdlRequest.AKit_AccelPdlReq" in told[0].signals
     assert "AKit_AccelPdlRequest.AKit_AccelPdlReq" not in told[1].signals
+
+
+def test_a_vehicle_of_two_buses_is_refused_with_the_reason() -> None:
+    for path in (ROOT / "dbc").glob("*.toml"):
+        if "\n[buses." in path.read_text():
+            with pytest.raises(ProfileError, match="one bus only"):
+                open_wire(path.stem)
 
 
 def test_a_vehicle_that_is_only_watched_cannot_be_judged() -> None:

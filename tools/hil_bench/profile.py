@@ -61,6 +61,8 @@ def read_files(profile: str, *, strict: bool = True) -> ProfileFiles:
         for table, old, new in OLD_KEYS:
             if old in tables.get(table, {}):
                 tables[table].setdefault(new, tables[table][old])
+        if "buses" in tables:
+            raise ProfileError(f"{path}: has [buses]: the bench plays the vehicle of one bus only")
         dbc = path.parent / tables["dbc"]
         database = cantools.database.load_file(dbc, strict=strict)
     except (OSError, ValueError, KeyError, CantoolsError) as error:

@@ -38,8 +38,6 @@ class PeerWire(Wire):
             raise ProfileError(
                 f"{files.path}: has no [command]: the vehicle can only be watched, nothing can be judged"
             )
-        if "buses" in self.profile:
-            raise ProfileError(f"{files.path}: has [buses]: the bench plays one bus")
         try:
             self.name = str(self.profile["name"])
             self.is_fd = bool(self.profile.get("bus", {}).get("fd", False))
