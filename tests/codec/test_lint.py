@@ -270,3 +270,27 @@ def test_a_field_of_either_sign_that_is_never_negative_is_warned_of(tmp_path: Pa
     found = found_in(check_file(profile), "yaw_rate_radps is never negative")
     assert (found.severity, found.line) == (WARNING, line_of(DBC_FOLDER / "mqb_by_wire.dbc", "SG_ YAW_RATE :"))
     assert not [finding for finding in check_file(DBC_FOLDER / "mqb_by_wire.toml") if "is never" in finding.text]
+
+
+def test_a_missing_key_or_a_wrong_type_hides_no_other_fault_and_makes_none(copy: Copy) -> None:
+    edits = {
+        "speed_max_mps = 20.0": "speed_max_mps = -1.0",
+        "sample_period_s = 0.01\n": "\n",
+        "profile = 1 ": "profile = 4 ",
+        "wheelbase_m = 2.7": "wheelbase = 2.7",
+        '"POSE.POS_X"': '"POSE.POSX"',
+        "accel_max_mps2 = 3.0": "accel_max_mps2 = 30.0",
+        'ODOM = "odom"': 'ODO = "odom"',
+    }
+    path = copy("reference.toml", *(("reference.toml", old, new) for old, new in edits.items()))
+    found = [finding.text.partition(": ")[0] for finding in check_file(path) if finding.severity == ERROR]
+    assert sorted(found) == [
+        "$.e2e.profile",
+        "$.geometry.wheelbase",
+        "$.limits.accel_max_mps2",
+        "$.limits.speed_max_mps",
+        "$.state.frames",
+        "$.state.frames.ODO",
+        "$.state.signals.x_m",
+        "$.timing",
+    ]

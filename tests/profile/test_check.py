@@ -82,6 +82,8 @@ def test_every_fault_is_reported_at_once(tmp_path: Path) -> None:
     assert str(refused.value).splitlines() == [
         "reference.toml: $.geometry.track_m: nan: must be finite",
         "reference.toml: $.reviewd: unknown key; did you mean 'reviewed'?",
+        "reference.toml: $.timing.state_silent_s: 0.5: must be above state_stale_s = 0.7",
+        "reference.toml: $.handover.warning_s: 10.0: must be below $.timing.shutdown_s = 10.0",
     ]
     path.write_text(path.read_text(encoding="utf-8").replace("track_m = nan", "track_m = 1.6"), encoding="utf-8")
     with pytest.raises(ConfigError) as refused:

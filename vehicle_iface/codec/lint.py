@@ -26,7 +26,7 @@ from vehicle_iface.codec.protection_faults import describe_gap
 from vehicle_iface.codec.usage import Usage
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.motion_sources import describe_missing
-from vehicle_iface.profile import Profile, inspect_profile
+from vehicle_iface.profile import FaultyPlaces, Profile, inspect_profile
 from vehicle_iface.profile.forms import FieldForm, signals_of
 
 _MOST_OF_A_KIND = 5
@@ -72,7 +72,7 @@ def _of_dbc(path: Path) -> list[LintFinding]:
 
 def _of_profile(path: Path) -> list[LintFinding]:
     try:
-        profile, faults, warnings = inspect_profile(path)
+        profile, faults, warnings, faulty = inspect_profile(path)
     except ConfigError as error:
         return [_located(str(error), {path.name: path})]
     lines = _TomlLines(path)
@@ -80,11 +80,11 @@ def _of_profile(path: Path) -> list[LintFinding]:
     found += (lines.finding(warning, WARNING) for warning in warnings)
     if profile is None:
         return [*found, *(finding for dbc in lines.dbcs() for finding in _of_dbc(dbc))]
-    return [*found, *_of_pair(path, profile, lines)]
+    return [*found, *_of_pair(path, profile, lines, faulty)]
 
 
-def _of_pair(path: Path, profile: Profile, lines: "_TomlLines") -> list[LintFinding]:
-    """Of the DBC, or of those of several buses, and of all together."""
+def _of_pair(path: Path, profile: Profile, lines: "_TomlLines", faulty: FaultyPlaces) -> list[LintFinding]:
+    """Of the DBC, or of those of several buses, and of all together, without what follows from `faulty`."""
     dbcs = {name: _shorten(Path(bus.dbc), path.parent) for name, bus in profile.all_buses.items()}
     paths = {dbc.name: dbc for dbc in dbcs.values()}
     try:
@@ -101,7 +101,8 @@ def _of_pair(path: Path, profile: Profile, lines: "_TomlLines") -> list[LintFind
         found += _present(dbc, doubts, usage)
     for text in map(str, find_faults(binding)):
         if text.startswith(f"{path.name}: "):
-            found.append(lines.finding(text.removeprefix(f"{path.name}: "), ERROR))
+            fault = text.removeprefix(f"{path.name}: ")
+            found += [lines.finding(fault, ERROR)] if not faulty.explain(fault) else []
         else:
             found.append(_located(text, paths))
     return [*found, *(lines.finding(text, WARNING) for text in describe_missing(binding.profile))]

@@ -6,6 +6,7 @@ Expected float, got str`. Units are in the keys. `codec.database` checks the pro
 """
 
 from vehicle_iface.profile.load import inspect_profile, load_profile, profile_names
+from vehicle_iface.profile.placeholders import FaultyPlaces
 from vehicle_iface.profile.schema import (
     Behavior,
     Bus,
@@ -22,6 +23,7 @@ __all__ = [
     "Behavior",
     "Bus",
     "Deviation",
+    "FaultyPlaces",
     "Handover",
     "Limits",
     "Plausibility",

@@ -17,6 +17,7 @@ from vehicle_iface.profile.command_forms import needed_command_signals
 from vehicle_iface.profile.forms import SIGNAL_NAME, FieldForm, check_form, signals_of
 from vehicle_iface.profile.mismatch import describe_mismatch
 from vehicle_iface.profile.notes import is_whole_number
+from vehicle_iface.profile.placeholders import add_placeholders
 from vehicle_iface.profile.schema import Profile
 from vehicle_iface.profile.signals import Command, State
 from vehicle_iface.profile.state_pose import needed_pose_signals
@@ -71,6 +72,7 @@ def check_tables(
             more = find_needed(document) if find_needed is not None else NOTHING_MORE
             faults += _check_value(sound, key, value, fields[key].type, there, more)
     faults += (f"{place}: {name} is missing{needed.get(name, '')}" for name in missing)
+    add_placeholders(sound, kind, document)
     return sound, faults
 
 

@@ -11,6 +11,7 @@ import msgspec
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile.check import check_document, check_profile, check_tables
 from vehicle_iface.profile.check_buses import needed_keys
+from vehicle_iface.profile.placeholders import FaultyPlaces
 from vehicle_iface.profile.protection_table import gather_rules, place_rule_in_file
 from vehicle_iface.profile.renamed import rename_old_keys
 from vehicle_iface.profile.schema import Profile
@@ -18,18 +19,20 @@ from vehicle_iface.profile.state_pose import name_odometry_frame
 
 log = logging.getLogger("vehicle_iface")
 
-MAX_DEPTH = 10
-"""Maximum nesting of tables and lists; a profile has four levels."""
+MAX_DEPTH = 20
+"""Maximum nesting of tables and lists; a profile without nested conditions has five levels."""
 
 
 class Inspection(NamedTuple):
     """A profile and its faults; each text begins with its place."""
 
     profile: Profile | None
-    """The profile without its faulty values; None where a required key is missing or faulty."""
+    """The profile with stand-ins for missing and faulty values, only to be checked; None where no DBC is named."""
     faults: list[str]
     warnings: list[str]
     """Warnings about old names of keys."""
+    faulty: FaultyPlaces
+    """Places where a value is missing or faulty: other faults there follow from that."""
 
 
 def load_profile(name_or_path: str | Path) -> Profile:
@@ -38,7 +41,7 @@ def load_profile(name_or_path: str | Path) -> Profile:
     Raises `ConfigError` with every fault, one a line, each with file and place.
     """
     path = _find(name_or_path)
-    profile, faults, warnings = inspect_profile(path)
+    profile, faults, warnings, _ = inspect_profile(path)
     for warning in warnings:
         log.warning("%s: %s", path.name, warning)
     if faults or profile is None:
@@ -56,9 +59,13 @@ def inspect_profile(path: Path) -> Inspection:
     known = {fault.partition(": ")[0] for fault in faults}
     faults += (fault for fault in more if fault.partition(": ")[0] not in known)
     name_odometry_frame(sound)
-    profile = _convert(sound, path)
-    faults += check_profile(profile) if profile is not None else ()
-    return Inspection(profile, [place_rule_in_file(renamed.place_in_file(fault)) for fault in faults], renamed.warnings)
+    if "bus" not in sound and "buses" not in document:
+        sound["bus"] = {"bitrate": 1}
+    profile, faulty = _convert(sound, path), FaultyPlaces(faults)
+    follow_ups = check_profile(profile) if profile is not None else ()
+    faults += (fault for fault in follow_ups if not faulty.explain(fault))
+    told = [place_rule_in_file(renamed.place_in_file(fault)) for fault in faults]
+    return Inspection(profile, told, renamed.warnings, faulty)
 
 
 def _convert(sound: dict[str, object], path: Path) -> Profile | None:

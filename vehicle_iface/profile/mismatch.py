@@ -11,6 +11,7 @@ _PLACEHOLDER = "TODO"
 def describe_mismatch(message: str, value: object, kind: object, place: str) -> str:
     """Return msgspec's message after its place, with the value or with the allowed words."""
     text, _, inner = message.replace("`", "").replace("-0.0", "0.0").replace(" | null", "").rpartition(" - at ")
+    text = re.sub(r"\bobject\b", "table", text)
     text, path = (text, inner.removeprefix("$")) if text else (inner, "")
     if _find(value, path) == _PLACEHOLDER:
         text = f"is still {_PLACEHOLDER}; replace it by {'a number' if 'float' in text else 'its value'}"
