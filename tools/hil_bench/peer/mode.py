@@ -115,7 +115,8 @@ class Conditions:
         return goals if mode == MANUAL else None
 
     def _number(self, signal: str, number: object) -> float:
-        return float(self.signals[signal].names[number]) if isinstance(number, str) else float(number)  # type: ignore[arg-type]
+        one = self.signals[signal]
+        return float(one.names[number] if isinstance(number, str) else number) * one.number_size  # type: ignore[arg-type]
 
     def _candidates(self, signal: str) -> list[float]:
         """Values on either side of every comparison, of those that the signal can carry."""

@@ -29,6 +29,8 @@ class PeerSignal:
     """Range, in the DBC's unit."""
     bits_range: tuple[float, float]
     """What the bits can carry, in the DBC's unit."""
+    number_size: float
+    """Size of the numbers of conditions in the field's unit: they are in the DBC's unit, or as the notes convert it."""
     names: Mapping[str, int]
     missing: tuple[int, ...]
     """Raw values by which the sender says that it has none."""
@@ -93,6 +95,7 @@ def read_signal(database: Database, profile: Mapping[str, Any], dotted: str, *, 
         low=low,
         high=high,
         bits_range=_bits_range(signal),
+        number_size=1.0 if "scale" in notes or "offset" in notes else size,
         names=names,
         missing=tuple(notes.get("not_available", ())),
     )
