@@ -9,15 +9,15 @@ from vehicle_iface.drafting.scoring import BINDING_SCORE, TIE, Candidate, find_c
 from vehicle_iface.drafting.survey import SignalFacts, Survey
 
 _BESIDE_BONUS = 0.4
-"""For a signal whose message carries other fields of its section as well."""
+"""Bonus of a signal whose message also carries other fields of its section."""
 _FURTHER_ENABLE = 4.0
-"""Least score of an enable beside others: it must be named as one."""
+"""Minimum score of a further enable: it must be named as one."""
 _MOST_OTHERS = 2
 Candidates = Mapping[FieldRule, list[Candidate]]
 
 
 def choose_fields(survey: Survey) -> dict[tuple[Section, str], FieldDraft]:
-    """All fields, each with its signal or without; a signal is bound once."""
+    """Choose a signal, or none, for each field; a signal is bound once."""
     allowed = _signals_by_section(survey)
     chosen: dict[tuple[Section, str], FieldDraft] = {}
     for section, signals in allowed.items():
@@ -57,7 +57,7 @@ def _score_message(survey: Survey, name: str, section: Section) -> float:
 
 
 def _prefer_neighbours(found: Candidates) -> Candidates:
-    """A signal beside others of its section is more likely than the same name in another message."""
+    """Prefer a signal beside others of its section to the same name in another message."""
     tops = {rule: candidates[0].signal for rule, candidates in found.items() if candidates}
 
     def raised(rule: FieldRule, one: Candidate) -> Candidate:
@@ -71,7 +71,7 @@ def _prefer_neighbours(found: Candidates) -> Candidates:
 
 
 def _assign(found: Candidates) -> dict[FieldRule, FieldDraft]:
-    """The best pairs of field and signal first; what two candidates claim alike stays open."""
+    """Assign the best pairs of field and signal first; a tie of two candidates stays open."""
     order = list(found)
     pairs = sorted(
         ((rule, one) for rule, candidates in found.items() for one in candidates if one.score >= BINDING_SCORE),
@@ -103,7 +103,7 @@ def _leave_open(rule: FieldRule, candidates: Iterable[Candidate], taken: Mapping
 def _collect_enables(
     field: FieldDraft, candidates: Iterable[Candidate], chosen: Mapping[tuple[Section, str], FieldDraft]
 ) -> FieldDraft:
-    """One enable of each message that carries a command; without such, the one that fits best by itself."""
+    """Collect one enable of each message that carries a command; without any, the best match."""
     if field.value is None:
         return field
     commands = [other for (section, name), other in chosen.items() if section == "command" and name != "enable"]

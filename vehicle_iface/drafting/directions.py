@@ -1,4 +1,4 @@
-"""Messages of a DBC that the program would send: by names of nodes and messages, and by their receivers."""
+"""Find the messages of a DBC that the program would send, by names of nodes and messages, and by receivers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from vehicle_iface.drafting.words import split_words, word_set
 
 _PLACEHOLDERS = frozenset({"", "XXX", "Vector__XXX", "VECTOR__XXX", "Vector_XXX"})
-"""Names that editors and people write where they do not know the sender."""
+"""Names that editors and people use for an unknown sender."""
 _CONTROLLER_WORDS = frozenset(
     {
         "computer",
@@ -32,14 +32,14 @@ _COMMAND_WORDS = frozenset({"request"})
 _REPORT_WORDS = frozenset({"report", "state", "actual", "sensor"})
 _NAME_WEIGHT, _MESSAGE_WEIGHT = 4.0, 2.0
 _COMMAND_SCORE = 0.5
-"""Least score of a command that is judged alone: its name says so, or half of its signals do."""
+"""Minimum score of a command that is judged alone: by its name, or half of its signals."""
 _SMALL_NETWORK = 4
-"""Nodes; in a larger one control units send requests to one another, and each message is judged alone."""
+"""Maximum number of nodes; in a larger network units send requests to one another, so messages are judged alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MessageSource:
-    """Who sends and receives a message."""
+    """Sender and receivers of a message."""
 
     name: str
     senders: tuple[str, ...]
@@ -48,7 +48,7 @@ class MessageSource:
 
 
 def find_sent_messages(messages: Sequence[MessageSource]) -> frozenset[str]:
-    """The names of the messages that the program sends; the vehicle sends the others.
+    """Return the names of the messages that the program sends; the vehicle sends the others.
 
     A node sends either commands or reports. Where one placeholder stands for all nodes, each message is judged alone.
     """
@@ -66,7 +66,7 @@ def find_sent_messages(messages: Sequence[MessageSource]) -> frozenset[str]:
 
 
 def _is_mixed(node: str, own: Sequence[MessageSource], *, nodes: int) -> bool:
-    """Whether messages of this node may go in both directions."""
+    """Return whether messages of this node may go in both directions."""
     if node in _PLACEHOLDERS or nodes == 1:
         return True
     votes = [_judge_message(message) for message in own]
@@ -79,14 +79,14 @@ def _judge_name(node: str) -> float:
 
 
 def _judge_node(node: str, own: Sequence[MessageSource]) -> float:
-    """Above 0 for a node that commands."""
+    """Score a node: above 0 for one that commands."""
     if node in _PLACEHOLDERS:
         return 0.0
     return _judge_name(node) or sum(map(_judge_message, own))
 
 
 def _judge_message(message: MessageSource) -> float:
-    """Above 0 for a command, by its name and those of its signals."""
+    """Score a message: above 0 for a command, by its name and those of its signals."""
     words = set(split_words(message.name))
     named = _MESSAGE_WEIGHT * (bool(words & _COMMAND_WORDS) - bool(words & _REPORT_WORDS))
     requests = sum(bool(set(signal) & _COMMAND_WORDS) for signal in message.signal_words)
@@ -94,7 +94,7 @@ def _judge_message(message: MessageSource) -> float:
 
 
 def _judge_alone(message: MessageSource, judged: Mapping[str, float]) -> float:
-    """The same with its receivers: commands go to the vehicle."""
+    """Score a message also by its receivers: commands go to the vehicle."""
     receivers = {
         node: judged[node] if judged.get(node) else _judge_name(node) for node in message.receivers - _PLACEHOLDERS
     }

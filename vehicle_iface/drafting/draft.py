@@ -1,4 +1,4 @@
-"""The draft of a profile, before it is written: which signal each field would have, and why."""
+"""The draft of a profile before it is written: the signal of each field, and the reasons."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class FieldDraft:
     others: tuple[Candidate, ...] = ()
     """Further candidates, the best first."""
     remark: str = ""
-    """Why it is as it is, where the candidates do not say it."""
+    """Reason for the value, where the candidates do not show it."""
     is_question: bool = False
     """Whether a person has to choose among the candidates."""
 
@@ -49,7 +49,7 @@ class Draft:
     sample: tuple[str, ...]
     """Messages; the first one is the trigger."""
     flags: ModeFlags | None
-    """Instead of a signal with the mode."""
+    """Flags that replace a signal with the mode."""
     longitudinal: str
     lateral: str
 
@@ -69,7 +69,7 @@ class Draft:
         return frozenset(one.signal.message for one in self.fields["status", "mode"].chosen)
 
     def bound_signals(self, *sections: Section) -> tuple[SignalFacts, ...]:
-        """The signals of all bound fields of these sections, each once."""
+        """Return the signals of all bound fields of these sections, each once."""
         fields = (field for (section, _), field in self.fields.items() if section in sections)
         found = {one.signal.dotted: one.signal for field in fields if field.value for one in field.chosen}
         if self.flags is not None and "status" in sections:
@@ -78,6 +78,6 @@ class Draft:
         return tuple(found.values())
 
     def bound_messages(self, *sections: Section) -> tuple[MessageFacts, ...]:
-        """The messages of these signals, in the order of the DBC."""
+        """Return the messages of these signals, in the order of the DBC."""
         names = {signal.message for signal in self.bound_signals(*sections)}
         return tuple(message for name, message in self.survey.messages.items() if name in names)

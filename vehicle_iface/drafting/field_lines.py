@@ -16,7 +16,7 @@ _SPOKEN = {"lat": "lateral", "long": "longitudinal", "accel": "acceleration"}
 def write_fields(
     draft: Draft, section: Section, needed: Mapping[str, str], unused: Container[str], keys: Sequence[str] = ()
 ) -> Iterator[str]:
-    """All fields of a section, except those in `unused` without a candidate.
+    """Write all fields of a section, except those in `unused` without a candidate.
 
     `needed` are fields that the profile must have, with what they stand for. Fields that are not in `keys`, where
     there are such, are written as comments: this version of the program does not have them.
@@ -50,7 +50,7 @@ def _describe(found: Sequence[Candidate]) -> str:
 
 
 def describe_wanted(rule: FieldRule) -> str:
-    """What a signal of the field would be, in words."""
+    """Describe the kind of signal that the field needs."""
     unit = unit_of_field(rule.field)
     kinds = {
         Kind.NUMBER: f"a number in {unit.name if unit else '?'}",
@@ -65,18 +65,18 @@ def describe_wanted(rule: FieldRule) -> str:
 
 
 def align(text: str, comment: str, column: int = _COLUMN) -> str:
-    """A line with a comment behind it, or above it where it is long."""
+    """Return a line with a comment after it, or above it where it is long."""
     return f"{text.ljust(column)} # {comment}" if len(text) <= _LONG else f"# {comment}\n{text}"
 
 
 def name_some(names: Sequence[str]) -> str:
-    """The first names, and how many more there are."""
+    """Return the first names, and how many more there are."""
     more = len(names) - _MOST_NAMED
     return ", ".join(names[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def format_value(value: FieldValue) -> str:
-    """A binding as TOML."""
+    """Format a binding as TOML."""
     if isinstance(value, FieldForm):
         return f"{{ mean = {format_value(value.mean or ())} }}"
     if isinstance(value, str):
@@ -85,5 +85,5 @@ def format_value(value: FieldValue) -> str:
 
 
 def quote(text: str) -> str:
-    """A string as TOML."""
+    """Format a string as TOML."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

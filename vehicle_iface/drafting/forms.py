@@ -15,7 +15,7 @@ from vehicle_iface.profile.forms import FieldForm
 
 _LOCAL, _GEOGRAPHIC = ("x_m", "y_m"), ("latitude_deg", "longitude_deg")
 _ONE_SAMPLE = (*_LOCAL, *_GEOGRAPHIC, "heading_rad", "speed_mps", "pose_frame")
-"""Fields of which the messages are parts of the sample."""
+"""Fields whose messages are parts of the sample."""
 _LONGITUDINAL = {
     "acceleration": ("accel_mps2",),
     "drive_and_brake": ("drive_mps2", "brake_mps2"),
@@ -27,7 +27,7 @@ _LATERAL = {
     "curvature": ("curvature_per_m",),
     "yaw_rate": ("yaw_rate_radps",),
 }
-"""Forms of the command, the one that says most about the motion first."""
+"""Forms of the command, the one that determines most of the motion first."""
 _SUBSYSTEMS = word_set("brake steering throttle accel drive pedal gear wheel speed")
 _FLAG_WORDS = word_set("enable override fault report state control system actual driver mode autonomous")
 _WHEEL_QUANTITIES = ("speed", "angular rate")
@@ -35,7 +35,7 @@ Fields = dict[tuple[Section, str], FieldDraft]
 
 
 def draft_profile(dbc: Path) -> Draft:
-    """The draft of a profile for a DBC. `ConfigError` for a file that cannot be used."""
+    """Draft a profile for a DBC. `ConfigError` for a file that cannot be used."""
     survey = survey_dbc(dbc)
     fields = choose_fields(survey)
     _take_wheel_speeds(survey, fields)
@@ -72,7 +72,7 @@ def _drop(fields: Fields, section: Section, names: Sequence[str], remark: str) -
 
 
 def _take_wheel_speeds(survey: Survey, fields: Fields) -> None:
-    """Without a speed of the vehicle, the mean of the rear wheels' speeds."""
+    """Use the mean of the rear wheels' speeds where the vehicle has no speed signal."""
     field, pair = fields["state", "speed_mps"], _find_rear_wheels(survey)
     if pair is None:
         return
@@ -87,7 +87,7 @@ def _take_wheel_speeds(survey: Survey, fields: Fields) -> None:
 
 
 def _find_rear_wheels(survey: Survey) -> tuple[SignalFacts, SignalFacts] | None:
-    """The speeds of the two rear wheels, in one message."""
+    """Find the speeds of the two rear wheels, in one message."""
     for message in survey.messages.values():
         sides = {side: [one for one in message.signals if _is_rear_wheel(one, side)] for side in ("left", "right")}
         if len(sides["left"]) == len(sides["right"]) == 1:
@@ -105,7 +105,7 @@ def _is_rear_wheel(signal: SignalFacts, side: str) -> bool:
 
 
 def _choose_pose(fields: Fields) -> Literal["local", "geographic", "odometry"]:
-    """Metres before degrees, degrees before dead reckoning; what the source does not use is not bound."""
+    """Choose the pose source: metres before degrees before dead reckoning; leave unused signals unbound."""
 
     def has(*names: str) -> bool:
         return all(fields["state", name].value is not None for name in names)
@@ -124,7 +124,7 @@ def _choose_pose(fields: Fields) -> Literal["local", "geographic", "odometry"]:
 
 
 def _choose_sample(survey: Survey, fields: Fields) -> tuple[str, ...]:
-    """The messages of pose and speed, and of other state that comes as often. The position's message is the trigger;
+    """Choose the messages of pose, speed and other state of the same rate. The position's message is the trigger;
     where commands are sent more often, it is the one that comes as often as they."""
     by_field = {
         name: dict.fromkeys(one.signal.message for one in field.chosen)
@@ -144,7 +144,7 @@ def _choose_sample(survey: Survey, fields: Fields) -> tuple[str, ...]:
 
 
 def _choose_trigger(survey: Survey, fields: Fields, needed: Sequence[str]) -> str:
-    """The first message, unless a command is due more often than it comes: each command needs a new sample."""
+    """Return the first message, unless a command is due more often than it comes: each command needs a new sample."""
     commands = {
         one.signal.message for (section, _), field in fields.items() if section == "command" for one in field.chosen
     }
@@ -159,7 +159,7 @@ def _choose_trigger(survey: Survey, fields: Fields, needed: Sequence[str]) -> st
 
 
 def _find_flags(survey: Survey) -> ModeFlags | None:
-    """The flags of the subsystems; None where not at least two say that they are enabled."""
+    """Find the flags of the subsystems; None with fewer than two enabled flags."""
     received = [message for message in survey.messages.values() if not message.is_sent]
     enabled = tuple(_flags_named("enable", received))
     if len(enabled) < 2:
@@ -169,7 +169,7 @@ def _find_flags(survey: Survey) -> ModeFlags | None:
 
 
 def _flags_named(word: str, messages: Sequence[MessageFacts]) -> Iterator[SignalFacts]:
-    """The flag of that word in each message that is about a subsystem, or that names one itself."""
+    """Find the flag with that word in each message about a subsystem, or one that names a subsystem itself."""
     for message in messages:
         for signal in message.signals:
             words = set(signal.words)
@@ -182,7 +182,7 @@ def _flags_named(word: str, messages: Sequence[MessageFacts]) -> Iterator[Signal
 
 
 def _drop_flags(fields: Fields, flags: ModeFlags) -> None:
-    """The fields of the status that the conditions answer already."""
+    """Drop the fields of the status that the conditions already determine."""
     used = {signal.dotted for signal in (*flags.enabled, *flags.override, *flags.fault)}
     for (section, name), field in list(fields.items()):
         if section == "status" and any(one.signal.dotted in used for one in field.chosen):
@@ -193,7 +193,7 @@ def _drop_flags(fields: Fields, flags: ModeFlags) -> None:
 
 
 def _check_gear_request(fields: Fields) -> None:
-    """A request of a gear needs a value that requests none: the program asks only for a change."""
+    """Drop a gear request without a value for no request: the program only requests changes."""
     names = [name for one in fields["command", "gear_request"].chosen for name in one.signal.names.values()]
     gears = {spelling for gear, spellings in GEAR_NAMES.items() if gear != "NO_REQUEST" for spelling in spellings}
     if names and gears.issuperset(fold_names(names).values()):
@@ -206,7 +206,7 @@ def _check_gear_request(fields: Fields) -> None:
 
 
 def _choose_form(fields: Fields, forms: Mapping[str, tuple[str, ...]], keep: tuple[str, str]) -> str:
-    """The first form of which all signals were found; `keep` is a form with a signal that it may have besides."""
+    """Choose the first form whose signals were all found; `keep` is a form with an optional further signal."""
     found = (form for form, names in forms.items() if all(fields["command", name].value for name in names))
     form = next(found, next(iter(forms)))
     used = {*forms[form], *([keep[1]] if form == keep[0] else [])}

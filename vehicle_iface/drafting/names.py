@@ -31,20 +31,20 @@ _MODES: Mapping[str, frozenset[str]] = {
 
 
 def write_modes(draft: Draft) -> Iterator[str]:
-    """`[status.modes]` for the names of the mode's table."""
+    """Write `[status.modes]` for the names of the mode's table."""
     yield from _write_table(
         draft, [("status", "mode")], "status.modes", _MODES, VehicleMode.__members__, "READY AUTONOMOUS"
     )
 
 
 def write_gears(draft: Draft) -> Iterator[str]:
-    """`[status.gears]` for the names of the gear and its request."""
+    """Write `[status.gears]` for the names of the gear and its request."""
     fields: list[tuple[Section, str]] = [("status", "gear"), ("command", "gear_request")]
     yield from _write_table(draft, fields, "status.gears", GEAR_NAMES, Gear.__members__, "REVERSE DRIVE")
 
 
 def write_frames(draft: Draft) -> Iterator[str]:
-    """`[state.frames]`; a name that is none of the usual ones is left to the person."""
+    """Write `[state.frames]`; an unusual name is left to the person."""
     names = _fold_tables(draft, [("state", "pose_frame")])
     if names:
         yield align("[state.frames]", "name in the DBC = frame of reference")
@@ -56,7 +56,7 @@ def write_frames(draft: Draft) -> Iterator[str]:
 
 
 def _fold_tables(draft: Draft, fields: list[tuple[Section, str]]) -> dict[str, str]:
-    """The names of these fields' tables, in the order of their numbers, and as the rules write them."""
+    """Return the names of these fields' tables, in the order of their numbers, and as the rules write them."""
     bound = [draft.fields[key] for key in fields if draft.fields[key].value is not None]
     tables = [one.signal.names for field in bound for one in field.chosen]
     return {name: text for table in tables for name, text in fold_names(dict(sorted(table.items())).values()).items()}
@@ -70,7 +70,7 @@ def _write_table(
     known: Container[str],
     needed: str,
 ) -> Iterator[str]:
-    """Names that are not the program's own; those without a meaning, and meanings without a name, as comments."""
+    """Write names that differ from the program's; names or meanings without a counterpart are comments."""
     bound = [draft.fields[key] for key in fields if draft.fields[key].value is not None]
     names = _fold_tables(draft, fields)
     if not bound:
@@ -93,7 +93,7 @@ def _write_table(
 
 
 def _translate(folded: str, groups: Mapping[str, frozenset[str]]) -> str:
-    """The program's name; empty where it is not known."""
+    """Return the program's name; empty where it is unknown."""
     return next((ours for ours, spellings in groups.items() if folded in spellings), "")
 
 

@@ -21,13 +21,13 @@ _WHEEL_ANGLES = frozenset({"front_wheel_angle_rad", "rear_wheel_angle_rad"})
 _LARGEST_ROAD_WHEEL_ANGLE_RAD = 1.3
 _FULL_TURN_RAD = 6.2
 _MOST_WORDS = 3
-"""Of the name of a checksum or counter; one with more counts something else."""
+"""Maximum number of words in the name of a checksum or counter; longer names mean something else."""
 _SCALE = 'scale = "TODO"'
-"""A text, so that `check-dbc` asks for the number where the field would be wrong without it."""
+"""Text in place of a number, so that `check-dbc` rejects the profile until it is set."""
 
 
 def write_signal_notes(draft: Draft) -> Iterator[str]:
-    """`[signals."M.S"]`: questions as comments, and as a text instead of a number where a wrong answer is dangerous."""
+    """Write `[signals."M.S"]`: questions as comments, or as a text for a number where a wrong answer is dangerous."""
     for field in draft.fields.values():
         for one in field.chosen if field.value is not None else ():
             lines = list(_ask(field, one.signal))
@@ -66,7 +66,7 @@ def _is_hand_wheel(signal: SignalFacts) -> bool:
 
 
 def _may_be_compass(signal: SignalFacts) -> bool:
-    """A range of one positive turn, or a comment that speaks of north, is usual for compass headings."""
+    """Return whether a heading may be a compass heading: a range of one positive turn, or a comment on north."""
     largest, comment = signal.largest_si, signal.comment.lower()
     is_turn = signal.low == 0.0 and largest is not None and largest > _FULL_TURN_RAD
     is_left = "counter" in comment or "east" in comment
@@ -74,7 +74,7 @@ def _may_be_compass(signal: SignalFacts) -> bool:
 
 
 def write_message_notes(draft: Draft) -> Iterator[str]:
-    """`[messages.M]`: who sends it, where the DBC's sender sends in both directions; which have no period."""
+    """Write `[messages.M]`: the sender, where the DBC's sender sends in both directions; and missing periods."""
     received, sent = draft.bound_messages("state", "status"), draft.bound_messages("command", "body", "report")
     both = {message.sender for message in received} & {message.sender for message in sent}
     if len({message.sender for message in (*received, *sent)}) > 1:
@@ -92,14 +92,14 @@ def write_message_notes(draft: Draft) -> Iterator[str]:
 
 
 def find_e2e(draft: Draft) -> list[MessageFacts]:
-    """Bound messages for which the DBC's attributes state the E2E profile, all the same one."""
+    """Find bound messages for which the DBC's attributes state one common E2E profile."""
     bound = draft.bound_messages("state", "status", "command", "body", "report")
     stated = [message for message in bound if message.e2e_profile and _find(message, "checksum")]
     return [message for message in stated if message.e2e_profile == stated[0].e2e_profile]
 
 
 def write_protection(draft: Draft) -> Iterator[str]:
-    """`[e2e]` by the DBC's attributes; otherwise checksums and counters by their names, as comments."""
+    """Write `[e2e]` by the DBC's attributes; otherwise checksums and counters by their names, as comments."""
     stated = find_e2e(draft)
     if stated:
         crc, counter = _find(stated[0], "checksum"), _find(stated[0], "counter")
@@ -132,7 +132,7 @@ def write_protection(draft: Draft) -> Iterator[str]:
 
 
 def _find(message: MessageFacts, word: str) -> str:
-    """The signal of that word, not of a wheel's or another thing's; empty without one."""
+    """Find the signal with that word, not of a wheel or another part; empty without one."""
     found = [
         signal
         for signal in message.signals

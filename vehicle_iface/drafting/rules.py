@@ -1,4 +1,4 @@
-"""For each field of a profile: by which words, kind of value and range its signal may be recognised."""
+"""Rules to recognise the signal of each field of a profile: words, kind of value and range."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ SENT_SECTIONS: tuple[Section, ...] = ("command", "body", "report")
 
 
 class Kind(Enum):
-    """What values a field has."""
+    """Kinds of values of a field."""
 
     NUMBER = "a number with a unit"
     SHARE = "a number of a pedal"
@@ -24,7 +24,7 @@ class Kind(Enum):
 
 
 class Phrase(NamedTuple):
-    """Words that a name must have together."""
+    """Words that a name must all contain."""
 
     text: str
     words: frozenset[str]
@@ -39,15 +39,15 @@ class FieldRule:
     field: str
     kind: Kind
     phrases: tuple[Phrase, ...]
-    """The heaviest that fits counts."""
+    """Phrases; the matching one of greatest weight counts."""
     neutral: frozenset[str]
-    """Words that say nothing for or against."""
+    """Words without an effect on the score."""
     excluded: frozenset[str]
-    """Words with which a signal, or its message, cannot be meant."""
+    """Words that rule out a signal, or its message."""
     typical: tuple[float, float] = (0.0, 0.0)
     """Least and greatest plausible end of the range, in SI; 0, 0 where any is."""
     vocabulary: tuple[frozenset[str], ...] = ()
-    """Of NAMES: one name of each of these sets is in the table."""
+    """For NAMES: the table has one name of each of these sets."""
     is_vocabulary_needed: bool = False
     """Whether a table without them, or no table, rules the signal out."""
     is_exact: bool = False

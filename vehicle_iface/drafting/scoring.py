@@ -1,4 +1,4 @@
-"""How well a signal fits a field, and why."""
+"""Score how well a signal fits a field, with reasons."""
 
 import re
 from collections.abc import Iterable
@@ -10,22 +10,22 @@ from vehicle_iface.drafting.survey import SignalFacts
 from vehicle_iface.drafting.words import common_beginning
 
 BINDING_SCORE = 3.3
-"""Least score of a signal that is bound; a lower one is mentioned only."""
+"""Minimum score of a signal to be bound; one below it is only mentioned."""
 TIE = 0.5
-"""Two candidates whose scores differ by less are not decided between."""
+"""Minimum difference in score between two candidates for a choice."""
 _LEAST_BITS = 4
-"""Of a number: one of fewer bits is a flag or an enumeration."""
+"""Minimum bits of a number: one with fewer is a flag or an enumeration."""
 _CONTEXT_SHARE = 0.7
 """Weight of a phrase that needs words of the message's name."""
 _DOUBT = 0.5
-"""Less for a number without unit, and for names without a table."""
+"""Deduction for a number without a unit, and for names without a table."""
 _MANY_NAMES = 3
 """A number with a table of more names than this is an enumeration."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """A signal that may be meant by a field."""
+    """A candidate signal for a field."""
 
     signal: SignalFacts
     score: float
@@ -33,13 +33,13 @@ class Candidate:
 
 
 def find_candidates(rule: FieldRule, signals: Iterable[SignalFacts]) -> list[Candidate]:
-    """All signals that fit the field at all, the best first; equal ones in the order of the DBC."""
+    """Find all signals that may fit the field, the best first; equal ones in the order of the DBC."""
     found = (score_signal(rule, signal) for signal in signals)
     return sorted((one for one in found if one is not None), key=lambda one: (-one.score, one.signal.line))
 
 
 def score_signal(rule: FieldRule, signal: SignalFacts) -> Candidate | None:
-    """The signal as a candidate; None where it cannot be meant."""
+    """Score the signal as a candidate; None where it is ruled out."""
     if signal.is_multiplexer or signal.is_sent != (rule.section in SENT_SECTIONS):
         return None
     words = set(signal.words)
@@ -66,7 +66,7 @@ def _subjects(rule: FieldRule) -> frozenset[str]:
 
 
 def _match_words(rule: FieldRule, signal: SignalFacts) -> _Match | None:
-    """By the name; words that the rule does not know count against the signal."""
+    """Score by the name; words that are not in the rule count against the signal."""
     words, context = frozenset(signal.words), signal.context
     best: tuple[float, str, frozenset[str]] | None = None
     for phrase in rule.phrases:
@@ -86,13 +86,13 @@ def _match_words(rule: FieldRule, signal: SignalFacts) -> _Match | None:
 
 
 def _is_share(rule: FieldRule, signal: SignalFacts) -> bool:
-    """Whether the unit alone is a sign of a pedal: then the message's name says which."""
+    """Return whether the unit alone indicates a pedal: then the message's name determines which."""
     unit = signal.known_unit
     return rule.kind is Kind.SHARE and unit is not None and unit.quantity == "ratio"
 
 
 def _match_values(rule: FieldRule, signal: SignalFacts) -> _Match | None:
-    """By unit, range, bits and table."""
+    """Score by unit, range, bits and table."""
     if rule.kind is Kind.NUMBER:
         return _match_number(rule, signal)
     if rule.kind is Kind.SHARE:
@@ -141,7 +141,7 @@ def _match_names(rule: FieldRule, signal: SignalFacts) -> _Match | None:
 
 
 def fold_names(names: Iterable[str]) -> dict[str, str]:
-    """Names of a table as the rules write them: without the beginning that all share, and `Hand-driven Mode` as
+    """Return names of a table as the rules write them: without the beginning that all share, and `Hand-driven Mode` as
     HAND_DRIVEN."""
     words = {name: tuple(name.upper().replace("-", " ").replace("_", " ").split()) for name in names}
     start = len(common_beginning([*words.values()]))

@@ -18,7 +18,7 @@ _LARGEST_FLAG = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalFacts:
-    """One signal."""
+    """Facts about one signal."""
 
     message: str
     name: str
@@ -27,10 +27,10 @@ class SignalFacts:
     context: frozenset[str]
     """The words of the message's name, and those with which all of its signals begin."""
     unit: str
-    """As the DBC spells it; empty where that is no unit."""
+    """Unit as in the DBC; empty where it is none."""
     known_unit: Unit | None
     low: float | None
-    """Of the range that the DBC states, in the DBC's unit; None where it states none."""
+    """Lower end of the DBC's range, in the DBC's unit; None where it states none."""
     high: float | None
     bits: int
     names: Mapping[int, str]
@@ -39,7 +39,7 @@ class SignalFacts:
     """Whether the program sends it; otherwise the vehicle does."""
     is_multiplexer: bool
     multiplexer: str
-    """The signal whose value says whether this one is there; empty where it always is."""
+    """Multiplexer that determines whether this signal is present; empty where it always is."""
 
     @property
     def dotted(self) -> str:
@@ -48,7 +48,7 @@ class SignalFacts:
 
     @property
     def is_flag(self) -> bool:
-        """Whether it says yes or no, by its bits, range or table."""
+        """Whether the signal is a flag, by its bits, range or table."""
         if self.unit or len(self.names) > 4:
             return False
         return self.bits <= 2 or (self.high == _LARGEST_FLAG and self.low == 0)
@@ -71,23 +71,23 @@ class MessageFacts:
     is_sent: bool
     is_fd: bool
     cycle_ms: int
-    """0 where the DBC states none."""
+    """Cycle time; 0 where the DBC states none."""
     e2e_profile: int
-    """Of the attributes E2EProfile and E2EDataId; 0 where the DBC has none."""
+    """E2E profile by the attributes E2EProfile and E2EDataId; 0 where the DBC has none."""
     e2e_data_id: int
     signals: tuple[SignalFacts, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Survey:
-    """All of a DBC."""
+    """Facts about a DBC."""
 
     path: Path
     messages: Mapping[str, MessageFacts]
     bit_rate: int | None
-    """Of the attribute Baudrate."""
+    """Bit rate by the attribute Baudrate."""
     unusable: int
-    """Faults because of which messages or signals were left out."""
+    """Faults that caused messages or signals to be left out."""
 
     @property
     def signals(self) -> Iterator[SignalFacts]:

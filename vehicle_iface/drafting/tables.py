@@ -29,7 +29,7 @@ _OTHER_FORMS = ("drive_mps2", "brake_mps2", "throttle", "brake", "curvature_per_
 
 
 def write_bus(draft: Draft) -> Iterator[str]:
-    """`[bus]`."""
+    """Write `[bus]`."""
     yield "[bus]"
     if draft.survey.bit_rate is not None:
         yield align(f"bitrate = {draft.survey.bit_rate}", "the DBC's attribute Baudrate")
@@ -42,7 +42,7 @@ def write_bus(draft: Draft) -> Iterator[str]:
 
 
 def write_state(draft: Draft) -> Iterator[str]:
-    """`[state]` with its sample, `[state.pose]` and `[state.signals]`."""
+    """Write `[state]` with its sample, `[state.pose]` and `[state.signals]`."""
     yield "[state]"
     messages = [draft.survey.messages[name] for name in draft.sample]
     if messages:
@@ -73,7 +73,7 @@ def write_state(draft: Draft) -> Iterator[str]:
 
 
 def write_status(draft: Draft) -> Iterator[str]:
-    """`[status.when]` or a mode, and the further fields of the status."""
+    """Write `[status.when]` or a mode, and the other fields of the status."""
     if draft.flags is not None:
         yield align("[status.when]", "the first that holds is the mode; TODO check what each flag means")
         for mode, kind, signals in (
@@ -95,7 +95,7 @@ def write_status(draft: Draft) -> Iterator[str]:
 
 
 def write_command(draft: Draft) -> Iterator[str]:
-    """`[command]` in the form that the signals allow; without such signals a remark."""
+    """Write `[command]` in the form that the signals allow; without such signals a remark."""
     messages = draft.bound_messages("command")
     if not messages:
         yield align(
@@ -143,7 +143,7 @@ def _write_forms(draft: Draft) -> Iterator[str]:
 
 
 def _write_periods(messages: Sequence[MessageFacts]) -> Iterator[str]:
-    """Messages that are sent less often than the fastest one."""
+    """Write the periods of messages that are sent less often than the fastest one."""
     fastest = min((message.cycle_ms for message in messages if message.cycle_ms), default=0)
     slow = [message for message in messages if message.cycle_ms > fastest]
     if slow:
@@ -154,7 +154,7 @@ def _write_periods(messages: Sequence[MessageFacts]) -> Iterator[str]:
 
 
 def write_further(draft: Draft) -> Iterator[str]:
-    """`[body]` and `[report]`, where the DBC has such messages."""
+    """Write `[body]` and `[report]`, where the DBC has such messages."""
     sections: tuple[Section, ...] = ("body", "report")
     for section in sections:
         names = [name for own, name in draft.fields if own == section]

@@ -18,11 +18,11 @@ _TASKS = {
     "deviation": "decide how far the vehicle may be from its trajectory and speed limit",
     "plausibility": "decide what the vehicle can do; implausible samples are dropped",
 }
-"""Tables that each profile must have, with what somebody has to do."""
+"""Tables that each profile must have, with the user's task."""
 
 
 def write_unknown_tables(known: Mapping[str, Mapping[str, str]], hints: Mapping[str, list[str]]) -> Iterator[str]:
-    """The lines of these tables. `known` are the lines of keys that have a value, `hints` comments below the headers.
+    """Write the lines of these tables. `known` are lines of keys that have a value, `hints` comments below the headers.
 
     The examples are the reference car's numbers. As comments they leave the profile incomplete, so `check-dbc` lists
     the keys and nothing can be driven by them.
@@ -42,7 +42,7 @@ def write_unknown_tables(known: Mapping[str, Mapping[str, str]], hints: Mapping[
 
 
 def _reference_tables() -> dict[str, list[str]]:
-    """The lines of each table of the reference vehicle's profile, its comments included."""
+    """Return the lines of each table of the reference vehicle's profile, its comments included."""
     tables: dict[str, list[str]] = {}
     lines: list[str] = []
     for line in Path(load_profile("reference").file).read_text(encoding="utf-8").splitlines():

@@ -10,9 +10,9 @@ _JOINED = (
     (re.compile(r"(?<![A-Za-z])[Ee][-_ ]?(?=(?i:stop))"), "Emergency_"),
     (re.compile(r"(?i:ch(?:ec)?k[-_ ]?sum)"), "Checksum"),
 )
-"""Words that are written in two parts."""
+"""Compound words that may be written in two parts."""
 _LEAST_PIECE = 3
-"""Letters of a word inside a longer one that nothing separates."""
+"""Minimum letters of a word within an unseparated longer one."""
 _ABBREVIATIONS = {
     # quantities
     "speed": "speed spd vel velocity velo v geschwindigkeit",
@@ -111,13 +111,13 @@ _VOCABULARY = {**{word: [word] for word in _KNOWN.split()}, **_WORDS}
 
 
 def word_set(text: str) -> frozenset[str]:
-    """The words of a text with blanks between them."""
+    """Return the words of a text with blanks between them."""
     return frozenset(text.split())
 
 
 @cache
 def split_words(name: str) -> tuple[str, ...]:
-    """The words of a name in their order, abbreviations written out; numbers are words as well."""
+    """Split a name into its words in order, abbreviations written out; numbers are words as well."""
     for pattern, whole in _JOINED:
         name = pattern.sub(whole, name)
     words: list[str] = []
@@ -127,7 +127,7 @@ def split_words(name: str) -> tuple[str, ...]:
 
 
 def common_beginning(names: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """The words with which all names begin; nothing for a single name."""
+    """Return the words with which all names begin; nothing for a single name."""
     if len(names) < 2:
         return ()
     same = itertools.takewhile(lambda words: len(set(words)) == 1, zip(*names, strict=False))
@@ -144,7 +144,7 @@ def _expand(token: str) -> list[str]:
 
 
 def _split_glued(token: str) -> list[str] | None:
-    """The fewest known words that together are the token: `yawrate` → yaw, rate; None where there are none."""
+    """Return the fewest known words that together are the token: `yawrate` → yaw, rate; None where there are none."""
     best: list[list[str] | None] = [[], *[None] * len(token)]
     for end in range(_LEAST_PIECE, len(token) + 1):
         for begin in range(end - _LEAST_PIECE + 1):

@@ -1,4 +1,4 @@
-"""A draft as the text of a profile: bindings with their reasons, and everything that is missing marked TODO."""
+"""Write a draft as the text of a profile: bindings with reasons, and everything missing marked TODO."""
 
 import os
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from vehicle_iface.drafting.unknowns import write_unknown_tables
 
 
 def write_draft(draft: Draft, out: Path | None = None) -> str:
-    """The text of the profile, for the file `out`; the DBC's path is relative to that file's folder."""
+    """Write the text of the profile, for the file `out`; the DBC's path is relative to that file's folder."""
     lines = [
         *_write_head(draft, out),
         *write_bus(draft),
@@ -49,7 +49,7 @@ def _write_head(draft: Draft, out: Path | None) -> Iterator[str]:
 
 
 def _known_periods(draft: Draft) -> Iterator[tuple[str, str]]:
-    """The lines of `[timing]` that follow from cycle times."""
+    """Return the lines of `[timing]` that follow from cycle times."""
     messages = draft.survey.messages
     used: dict[str, tuple[MessageFacts, ...]] = {
         "sample_period_s": tuple(messages[name] for name in draft.sample[:1]),
@@ -67,7 +67,7 @@ def _known_periods(draft: Draft) -> Iterator[tuple[str, str]]:
 
 
 def _range_hints(draft: Draft) -> Iterator[str]:
-    """What the signals of the command can carry: the limits must lie within it."""
+    """Write the ranges of the command's signals: the limits must lie within them."""
     for (section, name), field in draft.fields.items():
         if section == "command" and field.value is not None and field.rule.typical[1]:
             for signal in (one.signal for one in field.chosen if one.signal.low is not None):

@@ -1,4 +1,4 @@
-"""One message's layout applied to all its payloads at once: what `MessageCodec` gives row by row, to the last bit."""
+"""Decode all payloads of one message at once, with the results of `MessageCodec` row by row, to the last bit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ _WORD = 64
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """Payloads after the codec."""
+    """Decoded payloads."""
 
     values: Mapping[str, Column]
     shown: Mapping[str, Bools]
-    """(n,) Where a multiplexed signal is there."""
+    """(n,) Whether a multiplexed signal is present."""
     known: Bools
-    """(n,) Where every multiplexer has a known number. Elsewhere `MessageCodec` refuses the frame."""
+    """(n,) Whether every multiplexer has a known number. Otherwise `MessageCodec` rejects the frame."""
     out_of_range: Mapping[str, Bools]
 
 
@@ -37,10 +37,10 @@ class BulkCodec:
         self._checked = checked
         self.names = tuple(field.name for field in self._layout.fields)
         self.length: int = message.length
-        """Payload, bytes."""
+        """Length of the payload in bytes."""
 
     def decode(self, data: Bytes) -> Decoded:
-        """The values of payloads (n, length or more), longer ones cut as `MessageCodec(checked=False)` does."""
+        """Decode payloads (n, length or more), longer ones cut as by `MessageCodec(checked=False)`."""
         data = data[:, : self.length]
         words = {is_big: _words(data, is_big) for is_big in {field.is_big for field in self._layout.fields}}
         raw = {field.name: _extracted(field, words[field.is_big]) for field in self._layout.fields}
@@ -55,7 +55,7 @@ class BulkCodec:
         return Decoded(values, shown, known, out_of_range)
 
     def _shown(self, values: Mapping[str, Column], count: int) -> tuple[dict[str, Bools], Bools]:
-        """Where each dependent signal is there, parents first; and where no multiplexer is unknown."""
+        """Return whether each dependent signal is present, parents first, and whether every multiplexer is known."""
         shown: dict[str, Bools] = {}
         known = np.ones(count, bool)
         waiting = [root for root in self._layout.roots if self._layout.branches.get(root.name)]
@@ -78,7 +78,7 @@ class BulkCodec:
 
 
 def _words(data: Bytes, is_big: bool) -> NDArray[np.uint64]:
-    """Payloads as rows of 64-bit words, the least significant first: a big-endian payload is read from its end."""
+    """Return payloads as rows of 64-bit words, least significant first: big-endian payloads are read from the end."""
     count, length = data.shape
     ordered = data[:, ::-1] if is_big else data
     width = max(1, -(-length // 8)) * 8
@@ -90,7 +90,7 @@ def _words(data: Bytes, is_big: bool) -> NDArray[np.uint64]:
 
 
 def _extracted(one: Field, words: NDArray[np.uint64]) -> Column:
-    """The raw integer of a signal, sign extended, as int64 (uint64 for 64 unsigned bits)."""
+    """Extract the raw integer of a signal, sign extended, as int64 (uint64 for 64 unsigned bits)."""
     index, shift = divmod(one.shift, _WORD)
     bits = words[:, index]
     if shift + one.width > _WORD:
@@ -107,7 +107,7 @@ def _extracted(one: Field, words: NDArray[np.uint64]) -> Column:
 
 
 def _scaled(one: Field, raw: Column) -> Column:
-    """The physical values by the very operations of `MessageCodec`."""
+    """Compute the physical values by the same operations as `MessageCodec`."""
     if one.is_float:
         kind, bits = {16: (np.float16, np.uint16), 32: (np.float32, np.uint32), 64: (np.float64, np.uint64)}[one.width]
         number = raw.astype(bits).view(kind).astype(np.float64)
@@ -132,7 +132,7 @@ def _whole_product(one: Field, raw: Column, scale: int) -> Column:
 
 
 def _shifted(one: Field, product: Column, scale: int, offset: int) -> Column:
-    """A whole product with a whole offset, in the narrowest exact type."""
+    """Add a whole offset to a whole product, in the narrowest exact type."""
     ends = (one.raw_minimum * scale + offset, one.raw_maximum * scale + offset)
     if product.dtype == np.int64 and _has_room(*ends):
         return product + offset
@@ -147,7 +147,7 @@ def _has_room(*numbers: int) -> bool:
 
 
 def _whole(values: Column) -> Column:
-    """A multiplexer's number; one that is not finite, or beyond all ids, is none of them."""
+    """Return a multiplexer's number; one that is not finite, or beyond all ids, matches none."""
     if values.dtype != np.float64:
         return values
     usable = np.isfinite(values) & (np.abs(values) < 1 << 62)

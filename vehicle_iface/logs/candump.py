@@ -2,9 +2,8 @@
 
 Regular lines are `(1436509052.249713) vcan0 123#1122334455667788`, with 8 digits for an extended identifier, `##` and
 one digit of flags before FD data, and perhaps ` R` or ` T` at the end. They are found by where their spaces and `#`
-are and turned to numbers two characters at a time. Every other line is looked at by itself, and so is every line of a
-log whose stamps are differences, dates or missing: what can be understood is taken, what cannot is reported. Nothing
-is passed over in silence.
+are and turned to numbers two characters at a time. Every other line is parsed separately, and so is every line of a
+log whose stamps are differences, dates or missing: valid frames are kept, and every other line is reported.
 """
 
 import mmap
@@ -30,12 +29,12 @@ from vehicle_iface.logs.frames import MAX_CLASSICAL_BYTES, MAX_FD_BYTES, Bools, 
 from vehicle_iface.logs.stamps import Stamps
 
 CHUNK_BYTES = 1 << 20
-"""Looked at in one go: what a processor's cache holds."""
+"""Size of the chunks, which fit into a processor's cache."""
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def read_candump(path: Path, stamps: Stamps = Stamps.AS_LOGGED) -> Iterator[Chunk]:
-    """The log in pieces. `ConfigError` when the file cannot be read."""
+    """Read the log in chunks. `ConfigError` when the file cannot be read."""
     try:
         with path.open("rb") as file:
             size = file.seek(0, 2)
@@ -61,7 +60,7 @@ def _chunks(content: mmap.mmap, size: int, stamps: Stamps) -> Iterator[Chunk]:
 
 
 def _end_of_chunk(content: mmap.mmap, begin: int, size: int) -> int:
-    """After the last whole line of the next `CHUNK_BYTES`, or after the first one when that is longer."""
+    """Return the end of the last complete line in the next `CHUNK_BYTES`, or of the first line when it is longer."""
     end = begin + CHUNK_BYTES
     if end >= size:
         return size
@@ -72,7 +71,7 @@ def _end_of_chunk(content: mmap.mmap, begin: int, size: int) -> int:
 
 
 def _parse_lines(raw: bytes, first_line: int, reader: LineReader, may_be_regular: bool) -> Chunk:
-    """Whole lines; `raw` ends with a line end."""
+    """Parse complete lines; `raw` ends with a line end."""
     text = np.frombuffer(raw, np.uint8)
     starts, ends, rows = _find_regular(text)
     chunk = Chunk(lines=len(starts))
@@ -108,16 +107,16 @@ class _Rows:
     id_firsts: Ints
     id_stops: Ints
     firsts: Ints
-    """Of the payload's digits."""
+    """Start of the payload's digits."""
     stops: Ints
 
     def some(self, which: NDArray[np.intp] | slice) -> "_Rows":
-        """Some of them."""
+        """Return a selection of the rows."""
         return _Rows(*(getattr(self, name)[which] for name in self.__slots__))
 
 
 def _find_regular(text: Bytes) -> tuple[Ints, Ints, _Rows]:
-    """Begin and end of every line, and those of a regular shape."""
+    """Return begin and end of every line, and the lines of a regular shape."""
     marks = np.flatnonzero((text == _SPACE) | (text == _HASH) | (text == _NEWLINE))
     kinds = text[marks]
     last = np.flatnonzero(kinds == _NEWLINE)
@@ -166,7 +165,7 @@ def _match_shape(text: Bytes, index: Ints, starts: Ints, marks: Ints, signs: Byt
 def _parse_regular(
     text: Bytes, rows: _Rows, width: int, channel: str, first_line: int, chunk: Chunk, taken: Bools
 ) -> None:
-    """Turn lines of one channel with payloads of one width into numbers; those that are none stay for the other way."""
+    """Parse lines of one channel with payloads of one width; invalid lines are left for `LineReader`."""
     stamps_ns, good = parse_stamps_ns(text, rows.stamp_firsts, rows.stamp_stops)
     keys, good_keys = parse_keys(text, rows.id_firsts, rows.id_stops)
     data, good_data = parse_hexadecimal(text, rows.firsts, width)

@@ -1,4 +1,4 @@
-"""One line of candump by itself: of its log format (`-L`) or of its screen."""
+"""Parse single lines of candump: of its log format (`-L`) or of its screen output."""
 
 import re
 from collections.abc import Iterable
@@ -25,19 +25,19 @@ _SCREEN = re.compile(
     rb"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[(?P<length>\d\d?)\]"
     rb"(?:\s+remote request|(?P<data>(?:\s+[0-9A-Fa-f]{2})*)(?:\s+ERRORFRAME|\s+'.*')?)"
 )
-"""As candump writes without `-L`, perhaps with `-x` (direction) or `-a` (characters). Two digits of length: FD."""
+"""Output of candump without `-L`, perhaps with `-x` (direction) or `-a` (characters). Two digits of length: FD."""
 _COLOUR = re.compile(rb"\x1b\[[\d;]*m")
 _STAMP = re.compile(rb"\s*\(([^)]*)\)")
 
 
 class LineReader:
-    """Reads the lines of one log: a frame, or counted as what it is."""
+    """Reads the lines of one log: returns data frames and counts all other lines by kind."""
 
     def __init__(self, stamps: Stamps) -> None:
         self._stamps = StampReader(stamps)
 
     def read(self, line: bytes, number: int, chunk: Chunk) -> Frame | None:
-        """The data frame of line `number`, or None after it is counted in `chunk`."""
+        """Return the data frame of line `number`; None after counting the line in `chunk`."""
         text = _plain(line)
         if not text:
             chunk.blank += 1
@@ -74,7 +74,7 @@ class LineReader:
 
 
 def find_stamps(lines: Iterable[bytes]) -> Stamps | None:
-    """What the stamps of these lines mean; None when no line is a frame."""
+    """Return the kind of stamps of these lines; None when no line is a frame."""
     frames = [found for line in lines if (found := _match(_plain(line))) is not None]
     return recognize_stamps(found["stamp"] for found in frames) if frames else None
 
@@ -88,7 +88,7 @@ def _match(text: bytes) -> re.Match[bytes] | None:
 
 
 def _frame(found: re.Match[bytes], number: int, stamp_ns: int, chunk: Chunk) -> Frame | None:
-    """The data frame of a line; None after another one is counted, `ValueError` for an impossible one."""
+    """Return the data frame of a line; None after counting another frame, `ValueError` for an invalid one."""
     can_id, is_long = int(found["id"], 16), len(found["id"]) > 3
     if is_long and _ERROR <= can_id < 2 * _ERROR:
         chunk.errors += 1

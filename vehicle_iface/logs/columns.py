@@ -18,39 +18,39 @@ from vehicle_iface.logs.message_columns import Columns, MessageGroup
 from vehicle_iface.logs.reading import OpenedLog, open_log
 
 Progress = Callable[[int, int], None]
-"""Called with the bytes that are done and all of them."""
+"""Called with the number of bytes done and their total."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecodedLog:
-    """What a log came to: `lines` is the sum of all that follows it."""
+    """Content of a log: `lines` is the sum of all counts below it."""
 
     messages: Mapping[str, Columns]
-    """Of every message that was asked for, also one that never came."""
+    """Columns of every requested message, also one without frames."""
     lines: int
     decoded: int
     foreign: int
-    """Data frames with other identifiers."""
+    """Number of data frames with other identifiers."""
     other_channels: int
-    """Data frames of channels that were not asked for."""
+    """Number of data frames of other channels."""
     remote: int
     errors: int
-    """Error frames."""
+    """Number of error frames."""
     blank: int
     comments: int
-    """Headers, comments and events that are no frames."""
+    """Number of headers, comments and events that are no frames."""
     refused: Sequence[RefusedLine]
     """Lines that are no frame, and frames that are too short or of an unknown multiplexer, in the log's order."""
     channels: Mapping[str, int]
     """Each channel of the log, also those that were not asked for, with its frames of the messages."""
     kind: str
-    """What the log was read as."""
+    """Recognised kind of the log."""
     stamps: str
-    """What the stamps mean, for a person."""
+    """Meaning of the stamps, for a person."""
 
     @property
     def has_frames(self) -> bool:
-        """Whether any line is a frame, of whatever identifier or channel."""
+        """Whether any line is a frame, of any identifier and channel."""
         return bool(self.channels or self.remote or self.errors)
 
 
@@ -62,11 +62,11 @@ def decode_log(
     channel: str | None = None,
     progress: Progress | None = None,
 ) -> DecodedLog:
-    """All frames of the messages in a log of any kind that can be read (`kinds.LogKind`), of one channel.
+    """Decode all frames of the messages on one channel in a log of any supported kind (`kinds.LogKind`).
 
     `ConfigError` when the file or none of its lines can be read, the messages come on more than one channel and none
     is chosen, the chosen one is not in the log, two of the messages have one identifier, or one cannot be compiled.
-    Whether a frame was FD is not looked at, nor a checksum: a log shows what was on the bus.
+    FD flags and checksums are not checked: a log shows what was on the bus.
     """
     log = scan_log(open_log(path), messages, checked=checked, channel=channel, progress=progress)
     _require_frames(path, log)
@@ -88,7 +88,7 @@ def decode_buses(
     checked: bool = False,
     progress: Progress | None = None,
 ) -> DecodedLog:
-    """As `decode_log`, of several buses: by channel the messages that are on it."""
+    """Decode a log of several buses, as `decode_log`; `messages` are by channel."""
     groups: dict[str | None, MessageGroup] = {}
     for channel, on_channel in messages.items():
         groups[channel] = MessageGroup(on_channel, checked)
@@ -120,7 +120,7 @@ def scan_log(
     channel: str | None = None,
     progress: Progress | None = None,
 ) -> DecodedLog:
-    """As `decode_log`, but a log without frames is no error, and without a channel all of them are put together."""
+    """Decode as `decode_log`, but accept a log without frames; without a channel, all channels are merged."""
     return _collect(opened, _Collector({channel: MessageGroup(messages, checked)}), progress)
 
 
@@ -136,7 +136,7 @@ class _Collector:
     """Sorts frames to their messages, and counts the rest."""
 
     def __init__(self, groups: Mapping[str | None, MessageGroup]) -> None:
-        """By channel its messages; by None those of whatever channel."""
+        """Messages by channel; None for those of any channel."""
         self._groups = groups
         self._keys = np.concatenate([group.keys for group in self._groups.values()])
         self._total = Chunk()
@@ -197,7 +197,7 @@ class _Collector:
 
 
 def summarize(log: DecodedLog) -> Iterator[str]:
-    """Lines for a person: what was found."""
+    """Return the counts as lines for a person."""
     yield f"read as {log.kind}; stamps: {log.stamps}"
     for name, columns in log.messages.items():
         bad = len(columns) - int(columns.in_range.sum())
@@ -217,12 +217,12 @@ def summarize(log: DecodedLog) -> Iterator[str]:
 
 
 def save(log: DecodedLog, file: BinaryIO) -> None:
-    """The arrays of a log (`to_arrays`) in NumPy's npz format."""
+    """Save the arrays of a log (`to_arrays`) in NumPy's npz format."""
     np.savez(file, allow_pickle=False, **to_arrays(log))
 
 
 def to_arrays(log: DecodedLog) -> dict[str, NDArray[Any]]:
-    """Names and arrays for npz: MESSAGE.SIGNAL, MESSAGE:stamp_ns, MESSAGE:line; for a signal that a
+    """Return names and arrays for npz: MESSAGE.SIGNAL, MESSAGE:stamp_ns, MESSAGE:line; for a signal that a
     multiplexer hides also MESSAGE.SIGNAL:shown. Whole numbers beyond 64 bits become floats."""
     found: dict[str, NDArray[Any]] = {}
     for name, columns in log.messages.items():

@@ -15,7 +15,7 @@ _DOT, _ZERO, _LETTER_A = b".0a"
 
 
 def group_by_value(values: Ints) -> list[tuple[int, NDArray[np.intp] | slice]]:
-    """Each value, and where it is."""
+    """Return each distinct value and its indices."""
     if not len(values):
         return []
     low, high = int(values.min()), int(values.max())
@@ -26,7 +26,7 @@ def group_by_value(values: Ints) -> list[tuple[int, NDArray[np.intp] | slice]]:
 
 
 def group_by_text(text: Bytes, firsts: Ints, stops: Ints) -> list[tuple[str, NDArray[np.intp] | slice]]:
-    """Each word, and where it is; word `i` is the text from `firsts[i]` to `stops[i]`."""
+    """Return each distinct word and its indices; word `i` is the text from `firsts[i]` to `stops[i]`."""
     found: list[tuple[str, NDArray[np.intp] | slice]] = []
     for width, group in group_by_value(stops - firsts):
         words = sliding_window_view(text, width)[firsts[group]]
@@ -44,7 +44,7 @@ def _decoded(word: Bytes | np.void) -> str:
 
 
 def parse_stamps_ns(text: Bytes, begins: Ints, stops: Ints) -> tuple[Ints, Bools]:
-    """Stamps of 6 or 9 digits after the point; and whether they are such."""
+    """Parse stamps with 6 or 9 digits after the point; return their values and whether they are valid."""
     stamps_ns, good = np.zeros(len(begins), np.int64), np.zeros(len(begins), bool)
     for width, group in group_by_value(stops - begins):
         firsts = begins[group]
@@ -65,7 +65,7 @@ def parse_stamps_ns(text: Bytes, begins: Ints, stops: Ints) -> tuple[Ints, Bools
 
 
 def parse_keys(text: Bytes, firsts: Ints, stops: Ints) -> tuple[Ints, Bools]:
-    """Identifiers of 3 digits, or of 8 for extended ones; and whether they are such."""
+    """Parse identifiers of 3 digits, or 8 for extended ones; return their values and whether they are valid."""
     keys, good = np.zeros(len(firsts), np.int64), np.zeros(len(firsts), bool)
     for width, group in group_by_value(stops - firsts):
         if width not in (3, 8):
@@ -89,7 +89,7 @@ def _windows(text: Bytes, firsts: Ints, width: int) -> Bytes:
 
 
 def _parse_decimal(text: Bytes, firsts: Ints, width: int) -> tuple[Ints, Bools]:
-    """Numbers of `width` digits; and whether all of them are digits."""
+    """Parse numbers of `width` digits; return their values and whether all characters are digits."""
     digits = _windows(text, firsts, width) - np.uint8(_ZERO)
     good = _whole_rows(digits <= 9)
     pairs = digits.view("<u2")
@@ -101,7 +101,7 @@ def _parse_decimal(text: Bytes, firsts: Ints, width: int) -> tuple[Ints, Bools]:
 
 
 def parse_hexadecimal(text: Bytes, firsts: Ints, width: int) -> tuple[Bytes, Bools]:
-    """Bytes of two digits each, (n, width / 2) rounded up; and whether all of them are digits."""
+    """Parse bytes of two digits, (n, width / 2) rounded up; return them and whether all characters are digits."""
     if not width:
         return np.zeros((len(firsts), 0), np.uint8), np.ones(len(firsts), bool)
     characters = _windows(text, firsts, width)

@@ -1,4 +1,4 @@
-"""Which program wrote a log: recognised by its content, then by its suffix."""
+"""Recognise which program wrote a log, by its content, then by its suffix."""
 
 import re
 from dataclasses import dataclass
@@ -12,11 +12,11 @@ from vehicle_iface.logs.candump_line import find_stamps
 from vehicle_iface.logs.stamps import Stamps
 
 _HEAD_BYTES = 1 << 18
-"""Of a file's beginning: enough to tell its kind."""
+"""Bytes at the beginning of a file that determine its kind."""
 
 
 class LogKind(Enum):
-    """The kinds that can be read; the value names each to a person."""
+    """Supported kinds of logs; the value is the name for a person."""
 
     CANDUMP = "candump"
     ASC = "Vector .asc"
@@ -44,7 +44,7 @@ class RecognizedLog:
 
 
 def recognize_log(path: Path) -> RecognizedLog:
-    """The kind of a file. `ConfigError` when it cannot be read or is of a kind that nothing here reads."""
+    """Recognise the kind of a file. `ConfigError` when it cannot be read or its kind is not supported."""
     try:
         with path.open("rb") as file:
             if not file.seekable():
@@ -114,4 +114,4 @@ _FOREIGN = (
         for magic in (b"\xff\xfe", b"\xfe\xff")
     ),
 )
-"""Beginning of the file, what it is, and how its user goes on."""
+"""Beginning of an unsupported file, its kind, and how to convert it."""

@@ -19,7 +19,7 @@ class Columns:
     lines: Ints
     """(n,) Line of the log, from 1."""
     stamps_ns: Ints
-    """(n,) As in the log."""
+    """(n,) Stamps as in the log."""
     values: Mapping[str, Column]
     """(n,) Of each signal, in the DBC's units. A signal that a multiplexer hides in some rows is a masked array:
     a value that was not there is neither 0 nor NaN."""
@@ -41,7 +41,7 @@ class Columns:
 
 @dataclass(slots=True)
 class MessageParts:
-    """What has come of one message."""
+    """Decoded parts of one message."""
 
     name: str
     codec: BulkCodec
@@ -69,7 +69,7 @@ class MessageParts:
         )
 
     def add(self, lines: Ints, stamps_ns: Ints, data: Bytes) -> Ints:
-        """Decode some frames; the lines of those that no codec would decode."""
+        """Decode some frames; return the lines of those that cannot be decoded."""
         decoded = self.codec.decode(data)
         known = decoded.known
         if not known.all():
@@ -102,7 +102,7 @@ class MessageGroup:
         self.in_order = list(parts.values())
 
     def by_message(self, keys: Ints) -> Iterator[tuple[int, NDArray[np.intp]]]:
-        """Index of each message that is there, and its rows in their order."""
+        """Return the index of each present message, and its rows in order."""
         if not len(self.keys) or not len(keys):
             return
         place = np.searchsorted(self.keys, keys).astype(np.uint16)

@@ -1,4 +1,4 @@
-"""Logs that python-can reads: .asc, .trc, .csv and .blf. It is imported with the first of them: that takes 0.2 s."""
+"""Logs read by python-can: .asc, .trc, .csv and .blf. It is imported on first use, which takes 0.2 s."""
 
 import io
 import itertools
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from can import Message
 
 BATCH_FRAMES = 10_000
-"""Of a .blf, read in one go."""
+"""Frames of a .blf that are read at once."""
 BLF_STAMPS = "of the log, taken as UTC"
 
 
@@ -43,11 +43,11 @@ class _PythonCanText(TextFormat):
         self._header: list[str] = []
 
     def read_messages(self, file: TextIO) -> "Iterable[Message]":
-        """All messages of a text, by python-can."""
+        """Return all messages of a text, by python-can."""
         raise NotImplementedError
 
     def parse(self, lines: Sequence[FrameLine], chunk: Chunk) -> Iterator[Frame]:
-        """The data frames; every other line is counted as what it is."""
+        """Parse the data frames; count every other line by kind."""
         whole = self._try([line.text for line in lines])
         is_complete = len(whole.messages) == len(lines)
         for index, line in enumerate(lines):
@@ -60,7 +60,7 @@ class _PythonCanText(TextFormat):
                 yield frame
 
     def _try(self, texts: Sequence[str]) -> "_Parsed":
-        """The messages of some lines, or why they cannot be read."""
+        """Return the messages of some lines, or the reason why they cannot be read."""
         with _collected_warnings() as warnings:
             try:
                 messages = list(self.read_messages(io.StringIO("\n".join((*self._header, *texts)))))
@@ -96,7 +96,7 @@ class _Parsed:
 
 
 class AscFormat(_PythonCanText):
-    """Vector's .asc. The stamps are read here: python-can neither sums relative ones nor keeps nanoseconds."""
+    """Reads Vector's .asc. The stamps are parsed here: python-can neither sums relative ones nor keeps nanoseconds."""
 
     first_channel = 1
     _BASE = re.compile(r"base\s+(hex|dec)(\s+timestamps\s+relative)?", re.IGNORECASE)
@@ -119,7 +119,7 @@ class AscFormat(_PythonCanText):
         return f"seconds since the start of the measurement{summed}"
 
     def sort_out(self, text: str, number: int) -> FrameLine | None:
-        """Stamped lines that begin with a channel should be frames, but for statistics of the bus."""
+        """Return stamped lines that begin with a channel, except bus statistics: they should be frames."""
         base = self._BASE.match(text)
         if base is not None:
             self._set_base(base[1].lower())
@@ -140,14 +140,14 @@ class AscFormat(_PythonCanText):
         )
 
     def read_messages(self, file: TextIO) -> "Iterable[Message]":
-        """All messages of a text, by python-can."""
+        """Return all messages of a text, by python-can."""
         from can.io.asc import ASCReader
 
         return ASCReader(file)
 
 
 class TrcFormat(_PythonCanText):
-    """PEAK's .trc."""
+    """Reads PEAK's .trc."""
 
     _EVENTS = frozenset(("Error", "Warng", "Event", "Status", "ER", "EC", "ST", "EV", "FFFFFFFF"))
     """Types of lines that are no frames, and the identifier that marks them in version 1.0."""
@@ -164,7 +164,7 @@ class TrcFormat(_PythonCanText):
         return "seconds since the start of the log"
 
     def sort_out(self, text: str, number: int) -> FrameLine | None:
-        """Lines without `;` should be frames, but for errors and events of the adapter."""
+        """Return lines without `;`, except errors and events of the adapter: they should be frames."""
         if text.startswith(";"):
             if not self._has_begun:
                 self._header.append(text)
@@ -173,33 +173,33 @@ class TrcFormat(_PythonCanText):
         return None if self._EVENTS.intersection(text.split(maxsplit=5)[1:5]) else FrameLine(number, text)
 
     def read_messages(self, file: TextIO) -> "Iterable[Message]":
-        """All messages of a text, by python-can."""
+        """Return all messages of a text, by python-can."""
         from can.io.trc import TRCReader
 
         return TRCReader(file)
 
 
 class CsvFormat(_PythonCanText):
-    """The .csv of python-can."""
+    """Reads the .csv of python-can."""
 
     stamps = "as logged"
 
     def sort_out(self, text: str, number: int) -> FrameLine | None:
-        """Every line but the header should be a frame."""
+        """Return every line except the header: it should be a frame."""
         if number > 1:
             return FrameLine(number, text)
         self._header = [text]
         return None
 
     def read_messages(self, file: TextIO) -> "Iterable[Message]":
-        """All messages of a text, by python-can."""
+        """Return all messages of a text, by python-can."""
         from can.io.csv import CSVReader
 
         return CSVReader(file)
 
 
 def read_blf(path: Path) -> Iterator[Chunk]:
-    """A .blf in pieces; the number of a frame stands for its line. `ConfigError` when it cannot be read at all."""
+    """Read a .blf in chunks; a frame's number replaces its line number. `ConfigError` when it cannot be read."""
     from can.io.blf import BLFReader
 
     try:
@@ -218,7 +218,7 @@ def read_blf(path: Path) -> Iterator[Chunk]:
 def _read_blf_messages(
     messages: "Iterator[Message]", fault: str, tell_done: Callable[[], int], total_bytes: int
 ) -> Iterator[Chunk]:
-    """All messages; each fault of the file is counted as a line of its own."""
+    """Read all messages; each fault of the file is counted as a separate line."""
     number, is_over = 1, False
     while not is_over:
         batch: list[Message] = []
@@ -241,7 +241,7 @@ def _read_blf_messages(
 
 
 def to_frame(message: "Message", line: int, stamp_ns: int | None, first_channel: int, chunk: Chunk) -> Frame | None:
-    """The data frame of a message; None after another one, or an impossible one, is counted in `chunk`."""
+    """Return the data frame of a message; None after counting another or an invalid frame in `chunk`."""
     if message.is_error_frame:
         chunk.errors += 1
     elif message.is_remote_frame:
@@ -259,7 +259,7 @@ def to_frame(message: "Message", line: int, stamp_ns: int | None, first_channel:
 
 
 def _fault(message: "Message") -> str:
-    """Why a message cannot have been on a bus; python-can does not check what it reads."""
+    """Return why a message cannot have been on a bus; python-can does not check it."""
     from can.util import dlc2len
 
     last = LAST_ID if message.is_extended_id else LAST_STANDARD_ID

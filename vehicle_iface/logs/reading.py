@@ -26,13 +26,13 @@ class OpenedLog:
 
     kind: LogKind
     chunks: Iterator[Chunk]
-    """To be read once. `ConfigError` when the file cannot be read."""
+    """Chunks, which can be read once. `ConfigError` when the file cannot be read."""
     describe_stamps: Callable[[], str]
-    """What the stamps mean, for a person; known after the last chunk."""
+    """Returns the meaning of the stamps, for a person; valid after the last chunk."""
 
 
 def open_log(path: Path) -> OpenedLog:
-    """The log at a path. `ConfigError` when it cannot be read or is of no known kind."""
+    """Open the log at a path. `ConfigError` when it cannot be read or is of no known kind."""
     recognized = recognize_log(path)
     if recognized.kind is LogKind.CANDUMP:
         return open_candump(path, recognized.stamps)
@@ -43,5 +43,5 @@ def open_log(path: Path) -> OpenedLog:
 
 
 def open_candump(path: Path, stamps: Stamps = Stamps.AS_LOGGED) -> OpenedLog:
-    """A log of candump, whatever its content."""
+    """Open a log as candump's, regardless of its content."""
     return OpenedLog(LogKind.CANDUMP, read_candump(path, stamps), lambda: stamps.value)

@@ -20,7 +20,7 @@ class SavvyCanFormat(SingleLineFormat):
     stamps = "as logged (SavvyCAN: microseconds since its start, or of the wall clock)"
 
     def sort_out(self, text: str, number: int) -> FrameLine | None:
-        """Every line but the header should be a frame."""
+        """Return every line except the header: it should be a frame."""
         if number > 1:
             return FrameLine(number, text)
         names = [name.strip() for name in text.split(",")]
@@ -31,7 +31,7 @@ class SavvyCanFormat(SingleLineFormat):
         return None
 
     def parse_line(self, line: FrameLine) -> Frame:
-        """The frame of a line. `ValueError` when it is none."""
+        """Parse the frame of a line. `ValueError` when it is none."""
         cells = [cell.strip() for cell in line.text.split(",")]
         if len(cells) <= self._length:
             raise ValueError(f"{len(cells)} columns: must be {self._data} and those of the payload")

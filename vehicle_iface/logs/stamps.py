@@ -10,15 +10,15 @@ from vehicle_iface.logs.frames import GREATEST_STAMP_S
 from vehicle_iface.units import NS_PER_S
 
 _MAX_STEPS_BACK = 0.1
-"""Share of the steps. Times since the start hardly ever repeat or fall; about half of all differences do."""
+"""Maximum share of non-rising steps of absolute times; about half of all differences repeat or fall."""
 _SECONDS = re.compile(rb"(\d{1,10})\.(\d{1,9})")
 _PADDED = re.compile(rb"0\d\d\.\d{6}")
-"""Three digits of seconds: `candump -td` or `-tz`."""
+"""Pattern of three digits of seconds: `candump -td` or `-tz`."""
 _DATE = re.compile(rb"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{1,9}")
 
 
 class Stamps(Enum):
-    """What the stamps of a log mean; the value says it to a person."""
+    """Kinds of stamps in a log; the value is the text for a person."""
 
     AS_LOGGED = "as logged"
     SINCE_START = "seconds since the first frame (candump -tz)"
@@ -28,7 +28,7 @@ class Stamps(Enum):
 
 
 def recognize_stamps(stamps: Iterable[bytes | None]) -> Stamps:
-    """The kind of some stamps from the beginning of a log; None is a frame without one."""
+    """Recognise the kind of stamps from the beginning of a log; None is a frame without one."""
     texts = list(stamps)
     if not texts or texts[0] is None:
         return Stamps.NONE if texts else Stamps.AS_LOGGED
@@ -42,7 +42,7 @@ def recognize_stamps(stamps: Iterable[bytes | None]) -> Stamps:
 
 
 def parse_seconds(text: bytes) -> int | None:
-    """Nanoseconds; None for what is no such number."""
+    """Parse seconds to nanoseconds; None for an invalid number."""
     found = _SECONDS.fullmatch(text)
     if found is None or int(found[1]) > GREATEST_STAMP_S:
         return None
@@ -57,7 +57,7 @@ class StampReader:
         self._sum_ns = 0
 
     def read(self, text: bytes | None) -> int | None:
-        """Nanoseconds; None when the text is no stamp of this log's kind."""
+        """Parse a stamp to nanoseconds; None when the text is no stamp of this log's kind."""
         if self.stamps is Stamps.NONE or text is None:
             return 0 if text is None and self.stamps is Stamps.NONE else None
         if self.stamps is Stamps.DATES:

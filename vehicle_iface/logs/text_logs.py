@@ -10,7 +10,7 @@ from vehicle_iface.logs.candump import BYTE_ORDER_MARK
 from vehicle_iface.logs.frames import Chunk, Frame, RefusedLine
 
 BATCH_LINES = 5_000
-"""Read in one go."""
+"""Lines that are read at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,29 +20,29 @@ class FrameLine:
     number: int
     text: str
     stamp_ns: int | None = None
-    """None where the frame's reader gives it."""
+    """Stamp of the line; None where the reader of the frame sets it."""
 
 
 class TextFormat(ABC):
     """Reads the lines of one log, in their order."""
 
     stamps: str
-    """What the stamps mean, for a person; valid after all lines."""
+    """Meaning of the stamps, for a person; valid after all lines."""
 
     @abstractmethod
     def sort_out(self, text: str, number: int) -> FrameLine | None:
-        """A line that should be a frame; None for a header, a comment or an event."""
+        """Return a line that should be a frame; None for a header, a comment or an event."""
 
     @abstractmethod
     def parse(self, lines: Sequence[FrameLine], chunk: Chunk) -> Iterator[Frame]:
-        """The data frames; every other line is counted in `chunk` as what it is."""
+        """Parse the data frames; count every other line in `chunk` by kind."""
 
 
 class SingleLineFormat(TextFormat):
     """A format whose lines are parsed one by one."""
 
     def parse(self, lines: Sequence[FrameLine], chunk: Chunk) -> Iterator[Frame]:
-        """The data frames; a line that is none is refused with its reason."""
+        """Parse the data frames; reject an invalid line with its reason."""
         for line in lines:
             try:
                 yield self.parse_line(line)
@@ -51,11 +51,11 @@ class SingleLineFormat(TextFormat):
 
     @abstractmethod
     def parse_line(self, line: FrameLine) -> Frame:
-        """The frame of a line. `ValueError` when it is none."""
+        """Parse the frame of a line. `ValueError` when it is none."""
 
 
 def read_text_log(path: Path, text_format: TextFormat) -> Iterator[Chunk]:
-    """The log in pieces. `ConfigError` when the file cannot be read."""
+    """Read the log in chunks. `ConfigError` when the file cannot be read."""
     try:
         with path.open("rb") as file:
             size = path.stat().st_size

@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _open_source(options: argparse.Namespace) -> tuple[str | Playback, str]:
-    """The source of the page, and its description."""
+    """Return the source of the page, and its description."""
     if options.recording is None:
         address = options.connect if options.connect is not None else "default"
         return address, f"telemetry {address!r}: {telemetry_path(address)}"

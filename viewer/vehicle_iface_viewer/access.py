@@ -88,7 +88,7 @@ class Access:
             return False
 
     def rejection(self, request: Request) -> http.HTTPStatus | None:
-        """The HTTP status with which this request is rejected; None accepts it."""
+        """Return the HTTP status with which this request is rejected; None accepts it."""
         host = request.headers.get_all("Host")
         origin = request.headers.get_all("Origin")
         if len(host) != 1 or not self._is_own_host(host[0]):
@@ -102,7 +102,7 @@ class Access:
         return None
 
     def _is_own_host(self, host: str) -> bool:
-        """Whether `host` names this server. Any other name that resolves to it is DNS rebinding."""
+        """Return whether `host` names this server. Any other name that resolves to it is DNS rebinding."""
         try:
             parts = urlsplit(f"//{host}")
             name, port = parts.hostname or "", parts.port or 80
@@ -198,7 +198,7 @@ class _RequestFilter:
         return process_request
 
     def _is_busy(self, request: Request) -> bool:
-        """Whether the server has not started yet, or has the maximum number of browsers."""
+        """Return whether the server has not started yet, or has the maximum number of browsers."""
         if self._server is None:
             return True
         clients = self._server._websock_server._client_state_from_id

@@ -57,7 +57,7 @@ class App:
             clock.sleep_until(due_ns)
 
     def update(self, tick: int) -> None:
-        """One step: the scene each time, texts and plots every third time."""
+        """Update the page: the scene each time, texts and plots every third time."""
         now_ns = clock.monotonic_ns()
         view = self._view(now_ns)
         with self.server.atomic():
@@ -85,7 +85,7 @@ class App:
         return replace(view, recording=self._playback.description)
 
     def _update_clients(self) -> list[_Client]:
-        """One for each connected browser. Polled, because viser's callbacks for connect and disconnect may arrive in
+        """Keep one client per connected browser. Polled: viser's callbacks for connect and disconnect may arrive in
         the wrong order, and a browser that stayed in the list would stay for ever."""
         clients = self.server.get_clients()
         self._clients = {

@@ -46,7 +46,7 @@ class Playback:
         self._time_column = self._columns.index("published_ns")
         self._begin_ns, self._end_ns = self._published_ns(1), self._published_ns(len(self._snapshots) - 1)
         self.session = 1
-        """Changes with each seek: what was drawn before belongs to another time."""
+        """Number that changes with each seek: earlier drawings belong to another time."""
         self.is_paused = False
         self.speed = speed
         self._seek_s: float | None = None
@@ -65,7 +65,7 @@ class Playback:
 
     @property
     def at_s(self) -> float:
-        """The time that is shown, after the first snapshot."""
+        """Displayed time in s after the first snapshot."""
         return s_from_ns(self._at_ns - self._begin_ns)
 
     @property
@@ -93,16 +93,16 @@ class Playback:
         return self._at_ns
 
     def poll(self) -> WriterState:
-        """A recording is always live."""
+        """Do nothing: a recording is always live."""
         return self.writer_state
 
     def newest(self) -> Snapshot | None:
-        """The last snapshot before the time that is shown."""
+        """Return the last snapshot before the time that is shown."""
         index = bisect_right(range(len(self._snapshots)), self._at_ns, lo=1, key=self._published_ns) - 1
         return files.parse_snapshot(self._columns, self._snapshots.text(index))
 
     def trajectory(self, version: int) -> DrawnTrajectory | None:
-        """The trajectory of that version; None when it was lost."""
+        """Return the trajectory of that version; None when it was lost."""
         index = bisect_right(range(len(self._trajectories)), version, key=self._version) - 1
         try:
             line = msgspec.json.decode(self._trajectories.text(index), type=files.TrajectoryLine)
@@ -111,7 +111,7 @@ class Playback:
         return line.to_drawn() if line.version == version else None
 
     def details(self) -> LiveDetails | None:
-        """The last counters before the time that is shown."""
+        """Return the last counters before the time that is shown."""
         index = bisect_right(range(len(self._counters)), self._at_ns, key=self._counted_ns) - 1
         return files.parse_counters(self._counters.text(index))
 
@@ -170,7 +170,7 @@ class _Lines:
         return len(self._begins) - 1
 
     def text(self, index: int) -> str:
-        """The line without its line end; empty when there is none."""
+        """Return the line without its line end; empty when there is none."""
         if not 0 <= index < len(self):
             return ""
         begin, end = int(self._begins[index]), int(self._begins[index + 1])

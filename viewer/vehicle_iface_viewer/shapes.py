@@ -28,7 +28,7 @@ _BOX_FACES = ((0, 1, 2, 3), (7, 6, 5, 4), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 
 
 
 def speed_color(share: npt.NDArray[Any]) -> Colors:
-    """Colours (…, 3) of speeds (…,), given as fractions 0 … 1 of the fastest."""
+    """Return colours (…, 3) of speeds (…,), given as fractions 0 … 1 of the fastest."""
     table = np.asarray(SPEED_COLORS, dtype=np.float64)
     steps = np.linspace(0.0, 1.0, len(table))
     channels = [np.interp(share, steps, table[:, k]) for k in range(3)]
@@ -42,7 +42,7 @@ def to_linear(colors: Colors) -> Colors:
 
 
 def segments(points: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Lines (n − 1, 2, 3) between neighbours of (n, 3) points or colours."""
+    """Return lines (n − 1, 2, 3) between neighbours of (n, 3) points or colours."""
     return np.stack((points[:-1], points[1:]), axis=1)
 
 
@@ -59,18 +59,18 @@ def chevrons(x_m: FloatArray, y_m: FloatArray, course_rad: FloatArray, *, size_m
 
 
 def body(shape: VehicleShape) -> Mesh:
-    """The painted lower part of a car."""
+    """Return the painted lower part of a car."""
     side = _side_outline(shape, _BODY)
     return _extrude(side, shape.width_m)
 
 
 def cabin(shape: VehicleShape) -> Mesh:
-    """The glass part of a car, narrower towards the roof."""
+    """Return the glass part of a car, narrower towards the roof."""
     return _taper(shape, _CABIN_BASE, 0.60, 0.90, _CABIN_ROOF, 0.97, 0.72)
 
 
 def roof(shape: VehicleShape) -> Mesh:
-    """The painted plate on top of the cabin."""
+    """Return the painted plate on top of the cabin."""
     low, high = (_CABIN_ROOF[0] - 0.01, _CABIN_ROOF[1] + 0.015), _CABIN_ROOF
     return _taper(shape, low, 0.96, 0.75, high, 1.0, 0.70)
 
@@ -84,7 +84,7 @@ def lamps(shape: VehicleShape, *, front: bool) -> Mesh:
 
 
 def wheel(radius_m: float, segments_count: int = 20) -> Mesh:
-    """A wheel that rolls along x."""
+    """Return a wheel that rolls along x."""
     angles = np.arange(segments_count) * math.tau / segments_count
     side = np.column_stack((np.cos(angles), np.sin(angles))) * radius_m
     return _extrude(side, WHEEL_WIDTH_M)
@@ -98,7 +98,7 @@ def join(meshes: list[Mesh]) -> Mesh:
 
 
 def ring(radius_m: float, width_m: float, z_m: float, count: int = 40) -> Mesh:
-    """A flat ring on the ground."""
+    """Return a flat ring on the ground."""
     angles = np.arange(count) * math.tau / count
     circle = np.column_stack((np.cos(angles), np.sin(angles)))
     flat = np.concatenate((circle * radius_m, circle * (radius_m - width_m)))
@@ -108,7 +108,7 @@ def ring(radius_m: float, width_m: float, z_m: float, count: int = 40) -> Mesh:
 
 
 def pin(size_m: float) -> Mesh:
-    """A pyramid that stands on its tip."""
+    """Return a pyramid that stands on its tip."""
     half = size_m / 2
     top = [(half, 0, size_m * 1.4), (0, half, size_m * 1.4), (-half, 0, size_m * 1.4), (0, -half, size_m * 1.4)]
     faces = [(4, k, (k + 1) % 4) for k in range(4)] + [(0, 2, 1), (0, 3, 2)]
@@ -116,7 +116,7 @@ def pin(size_m: float) -> Mesh:
 
 
 def quaternion_z(angle_rad: float) -> tuple[float, float, float, float]:
-    """A rotation about the vertical axis, as (w, x, y, z)."""
+    """Return a rotation about the vertical axis, as (w, x, y, z)."""
     return math.cos(angle_rad / 2), 0.0, 0.0, math.sin(angle_rad / 2)
 
 
@@ -147,7 +147,7 @@ def _taper(
     top_height: float,
     top_width: float,
 ) -> Mesh:
-    """A block whose top may be shorter and narrower; all in fractions of the vehicle's size."""
+    """Return a block whose top may be shorter and narrower; all in fractions of the vehicle's size."""
     corners = [
         (u * shape.length_m - shape.rear_overhang_m, sign * width * shape.width_m / 2, height * shape.height_m)
         for (rear, front), height, width in ((base, base_height, base_width), (top, top_height, top_width))

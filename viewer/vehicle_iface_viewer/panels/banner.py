@@ -36,7 +36,7 @@ _GONE = {
 
 
 def banner_html(view: View | None) -> str:
-    """The banner; grey where the data is stale."""
+    """Return the banner; grey where the data is stale."""
     if view is None or view.snapshot is None:
         title = _GONE.get(view.writer_state, "WAITING") if view else "WAITING"
         lines = [f"<div>{plain(view.problem or 'no snapshot yet')}</div>"] if view else []
@@ -54,7 +54,7 @@ def banner_html(view: View | None) -> str:
 
 
 def _recording_box(view: View | None) -> str:
-    """A box above the banner that marks a recording."""
+    """Return a box above the banner that marks a recording."""
     if view is None or not view.recording:
         return ""
     return (
@@ -78,7 +78,7 @@ def _banner(color: str, title: str, subtitle: str, lines: list[str], *, state: s
 
 
 def _handover(view: View) -> Iterator[str]:
-    """A call to the driver to take over."""
+    """Return the request to the driver to take over."""
     assert view.snapshot is not None
     if view.snapshot.handover_pending and not view.is_stale:
         left_s = view.snapshot.handover_in_ns / NS_PER_S
@@ -119,7 +119,7 @@ def _session_lines(view: View) -> Iterator[str]:
 
 
 def _link_lines(view: View) -> Iterator[str]:
-    """The link's state when it is not UP, and the bus load when it is known."""
+    """Return the link's state when it is not UP, and the bus load when it is known."""
     if view.details is None:
         return
     link = view.details.link
@@ -147,7 +147,7 @@ def _sample_lines(view: View) -> Iterator[str]:
 
 
 def _shadow_lines(view: View) -> Iterator[str]:
-    """How far the commands of another commander are from those of a loop in shadow mode."""
+    """Return the differences between another commander's commands and those of a loop in shadow mode."""
     shadow = view.details.shadow if view.details is not None else UNSET
     if shadow is UNSET or not shadow.compared:
         return

@@ -11,7 +11,7 @@ from vehicle_iface_viewer.panels.text import plain
 
 
 def counters_html(view: View) -> str:
-    """Counters with the loop's names, nested names joined."""
+    """Return the table of counters with the loop's names, nested names joined."""
     rows = "".join(
         f'<tr><td style="opacity:.75">{plain(name)}</td><td style="text-align:right">{plain(value)}</td></tr>'
         for name, value in _flat("", msgspec.to_builtins(view.details) or {}, depth=0)
@@ -25,7 +25,7 @@ def counters_html(view: View) -> str:
 
 
 def _flat(prefix: str, value: Any, *, depth: int, limit: int = 100) -> list[tuple[str, object]]:
-    """At most `limit` leaves of nested counters."""
+    """Yield at most `limit` leaves of nested counters."""
     if not isinstance(value, dict) or depth > 4:
         return [(prefix, f"{value:.6g}" if isinstance(value, float) else value)]
     found: list[tuple[str, object]] = []

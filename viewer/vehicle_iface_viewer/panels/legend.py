@@ -12,7 +12,7 @@ from vehicle_iface_viewer.scene import ground, markers, trail
 
 
 def legend_html(view: View | None) -> str:
-    """The legend of speed colours and markers."""
+    """Return the legend of speed colours and markers."""
     path = view.trajectory if view else None
     speeds = np.abs(path.speed_mps) if path is not None and len(path.x_m) else np.zeros(0)
     fastest = float(speeds.max()) if len(speeds) and np.isfinite(speeds).all() else 0.0

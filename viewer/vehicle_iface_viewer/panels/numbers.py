@@ -10,7 +10,7 @@ from vehicle_iface_viewer.panels.text import enum_name, plain
 
 
 def numbers_html(view: View) -> str:
-    """The table of numbers; empty without a snapshot."""
+    """Return the table of numbers; empty without a snapshot."""
     s = view.snapshot
     if s is None:
         return ""

@@ -9,14 +9,14 @@ _MAX_TEXT = 160
 
 
 def plain(value: object) -> str:
-    """`value` as text that no browser takes for markup, of bounded length, in one line."""
+    """Escape `value` as text without markup, of bounded length, in one line."""
     text = str(value)
     text = text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 1] + "…"
     return html.escape("".join(c if c.isprintable() else "�" for c in text), quote=True)
 
 
 def enum_name(kind: type[IntEnum], value: int) -> str:
-    """The name of a code; its kind and number where this version does not know it."""
+    """Return the name of a code; its kind and number where this version does not know it."""
     try:
         return str(kind(value).name)
     except ValueError:
@@ -24,5 +24,5 @@ def enum_name(kind: type[IntEnum], value: int) -> str:
 
 
 def css(color: tuple[int, int, int]) -> str:
-    """A colour as CSS writes it."""
+    """Return a colour as CSS writes it."""
     return "rgb({},{},{})".format(*color)

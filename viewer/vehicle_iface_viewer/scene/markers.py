@@ -46,7 +46,7 @@ class Markers:
 def _add_marker(
     scene: viser.SceneApi, name: str, label: str, height_m: float, color: tuple[int, int, int]
 ) -> viser.FrameHandle:
-    """The frame of a marker, with a post from the ground and a label on top."""
+    """Return the frame of a marker, with a post from the ground and a label on top."""
     frame = scene.add_frame(f"{ROOT}/{name}", show_axes=False, visible=False)
     post = np.array([[(0.0, 0.0, 0.0), (0.0, 0.0, height_m)]], dtype=np.float32)
     scene.add_line_segments(f"{ROOT}/{name}/post", post, color, thickness=0.07)

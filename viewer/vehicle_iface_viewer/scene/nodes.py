@@ -10,7 +10,7 @@ FAR_M = 1e5
 
 
 def is_near(x_m: float, y_m: float, limit_m: float = FAR_M) -> bool:
-    """Whether both coordinates are numbers within the range."""
+    """Return whether both coordinates are numbers within the range."""
     return abs(x_m) < limit_m and abs(y_m) < limit_m  # false for NaN as well
 
 

@@ -60,7 +60,7 @@ class Scene:
         return snapshot.x_m - origin[0], snapshot.y_m - origin[1]
 
     def _update_origin(self, snapshot: Snapshot) -> tuple[float, float]:
-        """The local origin, moved when the vehicle is far from it; always on a corner of the grid."""
+        """Return the local origin, moved when the vehicle is far from it; always on a corner of the grid."""
         old = self._origin
         if old is None or math.dist(old, (snapshot.x_m, snapshot.y_m)) > _REANCHOR_M:
             step = 2 * SECTION_M

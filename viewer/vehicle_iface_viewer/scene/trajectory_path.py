@@ -53,7 +53,7 @@ class TrajectoryPath:
 
 
 def select_drawable(path: DrawnTrajectory, origin: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-    """The (n, 3) points relative to `origin` that can be drawn, and their (n,) speeds."""
+    """Return the (n, 3) points relative to `origin` that can be drawn, and their (n,) speeds."""
     x_m, y_m = path.x_m - origin[0], path.y_m - origin[1]
     with np.errstate(invalid="ignore"):
         good = (np.abs(x_m) < FAR_M) & (np.abs(y_m) < FAR_M) & np.isfinite(path.speed_mps)
