@@ -339,7 +339,7 @@ def test_a_pose_that_is_not_valid_stops_and_a_valid_one_drives_on() -> None:
 
 
 @pytest.mark.parametrize("mood", [ValueError("mistake"), RuntimeError(), math.nan, math.inf, "fast"])
-def test_a_controller_that_raises_or_says_nonsense_stops(mood: object) -> None:
+def test_a_controller_that_raises_or_returns_an_invalid_command_stops(mood: object) -> None:
     controller = Moody()
     drive = cruising(controller=controller)
     controller.mood = mood

@@ -25,7 +25,7 @@ def without(*names: str) -> VehicleDatabase:
     [("front_wheel_angle_rad",), ("yaw_rate_radps",), ("front_wheel_angle_rad", "yaw_rate_radps"), ("accel_mps2",)],
     ids=" ".join,
 )
-def test_a_vehicle_that_does_not_say_its_wheel_angle_or_yaw_rate_is_driven_round_tight_curves(
+def test_a_vehicle_without_wheel_angle_or_yaw_rate_is_driven_round_tight_curves(
     names: tuple[str, ...],
 ) -> None:
     drive = Drive(RecedingRoute(make_route("u_turn"), frame_id="map"), database=without(*names)).engage()

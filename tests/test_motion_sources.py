@@ -42,7 +42,7 @@ ODOM = {"ODOM": "odom"}
         (("lateral_speed_mps",), None, True, []),
     ],
 )
-def test_what_cannot_be_compared_is_said(
+def test_quantities_that_cannot_be_compared_are_reported(
     without: tuple[str, ...], frames: dict[str, str] | None, has: bool, said: list[str]
 ) -> None:
     vehicle = profile(without=without, frames=frames)
@@ -78,7 +78,7 @@ def test_a_speed_that_nothing_confirms_is_capped(make: Callable[[], Profile], sp
     assert cap_unconfirmed_speed(make()).limits.speed_max_mps == speed_max_mps
 
 
-def test_check_dbc_says_so_at_the_profiles_line(tmp_path: Path) -> None:
+def test_check_dbc_reports_it_at_the_profiles_line(tmp_path: Path) -> None:
     text = (ROOT / "dbc" / "reference.toml").read_text()
     text = text.replace('accel_mps2 = "CHASSIS.ACCEL"\n', "").replace('MAP = "map"', 'MAP = "odom"')
     text = text.replace("ignored = [] ", 'ignored = ["CHASSIS.ACCEL"] ')

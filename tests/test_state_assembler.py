@@ -284,7 +284,7 @@ def extra(stamp_ns: int) -> DecodedMessage:
 
 
 @pytest.mark.parametrize("came", [[], [status(ms(100))], [extra(ms(100))]])
-def test_until_every_message_outside_the_sample_has_come_the_sample_says_that_one_is_missing(
+def test_a_sample_is_marked_until_every_message_outside_it_was_received(
     came: list[DecodedMessage],
 ) -> None:
     t = assembler()
@@ -317,7 +317,7 @@ def test_a_vehicle_with_nothing_outside_the_sample_but_its_mode_needs_no_more_th
     assert sample.others_fresh
 
 
-def test_a_vehicle_that_does_not_say_its_gear_is_not_said_to_be_in_one() -> None:
+def test_an_unreported_gear_is_no_gear() -> None:
     t = assembler_of(
         sample={},
         others={"MODE": ("mode",), "LEVER": ("gear",)},
@@ -432,7 +432,7 @@ def pair(stamp_ns: int) -> list[DecodedMessage]:
     return [DecodedMessage(name, stamp_ns, 1, (1.0, 2.0)) for name in ("POSE", "MOTION")]
 
 
-def test_what_the_vehicle_never_says_of_its_driver_is_that_he_does_nothing() -> None:
+def test_driver_actions_without_a_signal_count_as_inactive() -> None:
     t = plain_assembler(STATUS=("mode",))
     t.take(DecodedMessage("STATUS", 5, 0, (1,)))
     assert t.status is not None
@@ -441,7 +441,7 @@ def test_what_the_vehicle_never_says_of_its_driver_is_that_he_does_nothing() -> 
     assert t.status.fault_code == 0
 
 
-def test_a_vehicle_that_says_nothing_of_its_pose_is_taken_at_its_word() -> None:
+def test_a_pose_without_a_validity_signal_counts_as_valid() -> None:
     (sample,) = taken(plain_assembler(), pair(0))
     assert sample.pose_valid is True
 

@@ -45,7 +45,7 @@ class IdFilter(NamedTuple):
 class CanFrame(_Fields):
     """A classical or FD data frame with the moment it was seen.
 
-    Refuses what no bus can carry. `unchecked_frame` makes those that are known to be good.
+    Rejects what no bus can carry. `unchecked_frame` makes those that are known to be good.
     """
 
     __slots__ = ()

@@ -101,7 +101,7 @@ def _rebuilt(kind: type[Trajectory], values: dict[str, Any]) -> Trajectory:
 
 
 def _locked(array: npt.NDArray[Any], kind: type[Scalar]) -> npt.NDArray[Scalar]:
-    """A copy of a one-dimensional array in immutable bytes: `setflags` refuses to make it writable."""
+    """A copy of a one-dimensional array in immutable bytes: `setflags` cannot make it writable."""
     values = array.astype(kind, copy=False)
     return np.ndarray(values.shape, values.dtype, values.tobytes())
 

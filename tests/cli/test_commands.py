@@ -331,7 +331,7 @@ def test_a_terminal_that_is_not_utf8_gets_replacements_and_the_right_status(tmp_
     assert "unit '°?' is not known" in lint.stdout.replace("??", "°?")
 
 
-def test_a_demo_whose_port_is_taken_says_so_before_it_starts_anything() -> None:
+def test_a_demo_whose_port_is_taken_ends_before_it_starts_anything() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         done = command("demo", "--port", str(port), "--duration", "1")

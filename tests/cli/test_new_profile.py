@@ -16,7 +16,7 @@ def test_without_out_the_draft_is_printed(capsys: pytest.CaptureFixture[str]) ->
     assert tomllib.loads(capsys.readouterr().out)["state"]["sample"] == ["POSE", "MOTION", "CHASSIS"]
 
 
-def test_out_writes_the_draft_and_says_what_comes_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_out_writes_the_draft_and_prints_the_next_step(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "mine.toml"
     assert cli.main(["new-profile", str(DBC), "--out", str(out)]) == 0
     assert tomllib.loads(out.read_text("utf-8"))["name"] == "mine"

@@ -209,7 +209,7 @@ def test_long_names_are_those_of_the_attributes(tmp_path: Path) -> None:
     assert file.lines["FEEDBACK_FRONT_LEFT.PART_OF_LEFT"] == file.lines["FEEDBACK_FRONT_LEFT"] + 2
 
 
-def test_extended_ids_without_the_flag_are_extended_in_all_that_is_said_of_them(tmp_path: Path) -> None:
+def test_extended_ids_without_the_flag_are_extended_in_all_messages(tmp_path: Path) -> None:
     notes = 'VAL_ 316495015 S 0 "A" ;\nBA_ "GenMsgCycleTime" BO_ 316495015 20;\nSIG_VALTYPE_ 316495015 F : 1;\n'
     odd = f'{ODD.replace("512", "316495015")} SG_ F : 32|32@1- (1,0) [0|0] "" GW\n'
     message = find(read_dbc(write(tmp_path / "odd.dbc", Oddity(odd, notes))), "ODD")

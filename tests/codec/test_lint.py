@@ -242,7 +242,7 @@ def test_another_kind_of_file_is_refused(tmp_path: Path) -> None:
         check_file(tmp_path / "a.arxml")
 
 
-def test_the_command_says_each_finding_and_ends_with_2_only_for_errors(
+def test_the_command_prints_each_finding_and_exits_with_2_only_for_errors(
     copy: Copy, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.main(["check-dbc", str(DBC_FOLDER / "reference.toml")]) == 0

@@ -120,7 +120,7 @@ def test_each_wrong_key_of_a_rule_is_reported_with_its_line(tmp_path: Path) -> N
     }
 
 
-def test_the_check_says_what_a_missing_part_means(tmp_path: Path) -> None:
+def test_the_check_explains_a_missing_part(tmp_path: Path) -> None:
     protection = SUM + RULE.replace('checksum = { signal = "CHECKSUM", kind = "crc8", poly = 0x1D }', "")
     command = "\n".join(line for line in COMMAND.splitlines() if "CHECKSUM" not in line) + "\n"
     findings = check_file(write_vehicle(tmp_path, protection, command=command))

@@ -138,7 +138,7 @@ class ControllerContract(ABC):
         controller.set_trajectory(along_x(frame_id="odom"))
         assert controller.compute_stop_command(at(0.0, 1.0)).front_wheel_angle_rad == 0.0
 
-    def test_a_stop_says_the_reason_that_it_was_given(self) -> None:
+    def test_a_stop_reports_its_reason(self) -> None:
         assert self.controller().compute_stop_command(at(0.0), Reason.STATE_STALE).reason is Reason.STATE_STALE
 
     def test_a_stop_without_a_reason_finds_one(self) -> None:

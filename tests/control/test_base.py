@@ -150,7 +150,7 @@ def test_a_straight_stop_asks_no_child_where_to_steer() -> None:
     assert (command.front_wheel_angle_rad, command.rear_wheel_angle_rad) == (0.0, 0.0)
 
 
-def test_a_child_that_says_nothing_stops_straight_and_one_that_fails_is_logged_once(
+def test_a_subclass_without_a_stop_steering_stops_straight_and_a_failing_one_is_logged_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     quiet = Coasting(BehaviorConfig(stop_steering=StopSteering.TRACK))

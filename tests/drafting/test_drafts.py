@@ -133,7 +133,7 @@ def test_further_candidates_stand_below_their_field(tmp_path: Path) -> None:
     assert lines[place + 1].startswith('#   or "ETC2.TransSelectedGear"')
 
 
-def test_a_field_without_candidate_says_what_it_would_be(tmp_path: Path) -> None:
+def test_a_field_without_candidate_describes_the_signal_it_needs(tmp_path: Path) -> None:
     assert line_of(draft_text(tmp_path), "# missing: yaw_rate_radps").endswith(
         '# optional: a number in rad/s, named like "yaw rate"'
     )

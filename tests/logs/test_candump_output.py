@@ -103,7 +103,7 @@ def test_differences_are_summed_also_over_other_frames_and_damaged_lines(tmp_pat
     assert "differences" in log.stamps
 
 
-def test_a_difference_that_is_lost_is_said(tmp_path: Path) -> None:
+def test_a_lost_difference_is_reported(tmp_path: Path) -> None:
     form = " ({})  " + SCREEN
     log = decode_lines(
         tmp_path, *map(form.format, ["000.000000", "000.010000", "000.010000", "000.01"]), "000.010000)  vcan0", form

@@ -190,7 +190,7 @@ def test_payloads_may_be_given_as_a_matrix() -> None:
     assert decoded.out_of_range == {}
 
 
-def test_the_command_writes_the_arrays_and_says_what_it_found(
+def test_the_command_writes_the_arrays_and_prints_the_counts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, out = tmp_path / "candump.log", tmp_path / "out.npz"

@@ -81,7 +81,7 @@ def is_gone(pid: int) -> bool:
         return True
 
 
-def test_a_recorded_drive_leaves_everything_and_says_so(start: Start, folder: Path) -> None:
+def test_a_recorded_drive_is_complete_and_reports_it(start: Start, folder: Path) -> None:
     loop = start("--duration", "2")
     said, _ = loop.communicate(timeout=PATIENCE_S)
     assert loop.returncode == 0, said

@@ -94,7 +94,7 @@ def test_every_snapshot_is_written_once_and_in_full(
     assert rows(recording) == [snapshot._replace(sequence=k + 1) for k, snapshot in enumerate(sent)]
 
 
-def test_who_comes_too_late_counts_what_is_gone_and_says_so(
+def test_a_late_recorder_counts_and_reports_lost_data(
     writer: TelemetryWriter, recorder: Recorder, recording: RecordingRequest, said: list[str]
 ) -> None:
     late = 100

@@ -60,7 +60,7 @@ def test_what_finds_no_room_is_counted_and_no_line_is_cut(
     assert (len(said), bool(sink.trouble)) == ((1, True) if fits < 3 else (0, False))
 
 
-def test_it_is_tried_again_a_second_later_and_both_are_said_once(
+def test_writing_is_retried_after_a_second_and_both_are_logged_once(
     sink: Sink, content: Callable[[], bytes], said: list[str]
 ) -> None:
     with room(12):
@@ -77,7 +77,7 @@ def test_it_is_tried_again_a_second_later_and_both_are_said_once(
     ]
 
 
-def test_a_disk_that_stays_full_is_said_once(sink: Sink, said: list[str]) -> None:
+def test_a_full_disk_is_logged_once(sink: Sink, said: list[str]) -> None:
     with room(12):
         for k in range(10):
             sink.write([LINE], k * RETRY_NS)

@@ -258,7 +258,7 @@ def test_a_controller_that_takes_longer_than_its_budget_stops_the_vehicle(takes_
     assert cabin.counters.controller_too_slow == (reason is not Reason.NOMINAL)
 
 
-def test_how_slow_a_controller_is_is_said_once_while_it_is(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_slow_controller_is_logged_once_with_its_time(caplog: pytest.LogCaptureFixture) -> None:
     controller = Slow()
     controller.cabin = cabin = Cabin(controller)
     for takes_ms in (62, 62, 1, 70):

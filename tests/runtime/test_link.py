@@ -462,9 +462,7 @@ def test_each_event_is_counted_and_each_kind_is_logged_once(caplog: pytest.LogCa
 
 @pytest.mark.parametrize("well", [ControllerEvent.ACTIVE, ControllerEvent.RESTARTED])
 @pytest.mark.parametrize("ill", [ControllerEvent.WARNING, ControllerEvent.PASSIVE])
-def test_an_illness_lasts_until_the_controller_says_that_it_is_over(
-    ill: ControllerEvent, well: ControllerEvent
-) -> None:
+def test_degraded_lasts_until_the_controller_reports_recovery(ill: ControllerEvent, well: ControllerEvent) -> None:
     cable = Cable()
     cable.frames = [FRAME]
     cable.events = [ill]

@@ -52,7 +52,7 @@ def test_a_bus_that_is_there_is_not_waited_for_and_given_back(caplog: pytest.Log
     interface.opened[0].close.assert_called_once_with()
 
 
-def test_what_is_waited_for_is_said_at_once_again_every_five_seconds_and_when_it_changes(
+def test_a_wait_is_logged_at_once_every_five_seconds_and_on_change(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     interface = Interface(12.5)

@@ -104,13 +104,13 @@ def test_the_loop_is_bound_to_a_processor_only_when_asked() -> None:
     assert claimed(cpu=allowed[0])["cpus"] == allowed[:1]
 
 
-def test_a_processor_that_is_not_there_is_said() -> None:
+def test_a_missing_processor_is_reported() -> None:
     found = claimed(cpu=100_000)
     assert lacking(found, "CPU 100000 is not available")
     assert found["cpus"] == sorted(os.sched_getaffinity(0))
 
 
-def test_a_system_without_any_of_it_says_so(monkeypatch: pytest.MonkeyPatch, collector: None) -> None:  # noqa: ARG001
+def test_a_system_without_these_settings_is_reported(monkeypatch: pytest.MonkeyPatch, collector: None) -> None:  # noqa: ARG001
     monkeypatch.delattr(os, "sched_setscheduler")
     monkeypatch.delattr(os, "sched_setaffinity")
     lacks = realtime.apply_settings(cpu=0)

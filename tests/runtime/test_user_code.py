@@ -218,7 +218,7 @@ class _Looks(_Handy):
     ],
     ids=repr,
 )
-def test_whatever_a_controllers_look_ahead_is_it_is_drawn_or_said_once(
+def test_any_look_ahead_of_a_controller_is_drawn_or_logged_once(
     nonsense: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
     controller, page = _Looks(), _Page()
@@ -241,7 +241,7 @@ def _publish(publisher: TelemetryPublisher) -> None:
     )
 
 
-def test_a_count_or_index_that_its_signal_cannot_say_is_said_as_its_greatest(tmp_path: Path) -> None:
+def test_a_count_or_index_beyond_its_signal_is_sent_as_the_greatest(tmp_path: Path) -> None:
     profile = reference().profile
     dbc = Path(profile.dbc).read_text(encoding="utf-8")
     for was, becomes in (

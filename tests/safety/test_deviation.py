@@ -152,7 +152,7 @@ def test_what_is_forgotten_does_not_stop_a_vehicle_that_moves() -> None:
         ({"y_m": 2.0}, ""),
     ],
 )
-def test_what_is_wrong_is_said_once_with_value_limit_and_place(
+def test_a_deviation_is_logged_once_with_value_limit_and_place(
     change: dict[str, float], said: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     watching = monitor()

@@ -191,7 +191,7 @@ def test_who_is_not_armed_sends_nothing_whatever_comes() -> None:
     assert not run.engagement.mode.enables
 
 
-def test_what_cannot_be_armed_says_why_and_what_the_vehicle_lacks() -> None:
+def test_a_rejected_arming_names_the_reason_and_the_vehicles_state() -> None:
     said = {mode: in_mode(mode).refusal_to_arm(None) for mode in Mode if (mode, Event.ARMED) not in TABLE}
     assert "--arm" in said[Mode.SHADOW]
     assert "another node" in said[Mode.OBSERVING]

@@ -56,7 +56,7 @@ def test_an_empty_one_may_be_followed_and_a_million_points_may() -> None:
     assert judged(straight(length_m=1e6)) == ""
 
 
-def test_a_loop_does_not_take_one_that_is_too_fast_and_says_so() -> None:
+def test_a_loop_rejects_a_trajectory_that_is_too_fast_and_logs_it() -> None:
     drive = Drive(FixedTrajectory(straight(speed_mps=25.0)))
     drive.run_s(1.0)
     assert drive.controller.trajectory is None

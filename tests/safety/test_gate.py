@@ -540,7 +540,7 @@ def test_no_order_of_events_makes_a_stop_push_the_vehicle_along(
 
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("wished_mps2", [0.0, 3.0, -0.001, -6.0, math.nan, math.inf])
-def test_how_hard_a_stop_brakes_is_not_up_to_who_wishes_it(wished_mps2: float, sign: int) -> None:
+def test_the_deceleration_of_a_stop_does_not_depend_on_the_request(wished_mps2: float, sign: int) -> None:
     stop = wish(accel_mps2=wished_mps2, reason=Reason.DEVIATION)
     answers = driven(new_gate(), stop, sign * 5.0, 12)
     expected = [-sign * min(0.3 * (k + 1), 3.0) for k in range(12)]

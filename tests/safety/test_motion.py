@@ -204,7 +204,7 @@ def test_an_invalid_pose_and_another_frame_are_not_compared() -> None:
     assert check.disagreement is None
 
 
-def test_samples_far_apart_say_nothing_of_what_lay_between_them() -> None:
+def test_samples_far_apart_are_not_compared() -> None:
     states = drive(4.0)
     moved = [*states[:200], *(replace(state, x_m=state.x_m + 5.0) for state in states[206:])]
     assert first_disagreement(moved) == (None, math.inf)

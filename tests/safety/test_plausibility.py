@@ -443,7 +443,7 @@ def test_a_place_that_was_believed_again_is_the_one_that_counts_then() -> None:
         ({"stamp_ns": -ms(20)}, "out of order: older_s = 0.02, limit 0"),
     ],
 )
-def test_what_persists_is_said_once_with_value_limit_and_place(
+def test_a_persistent_fault_is_logged_once_with_value_limit_and_place(
     change: dict[str, Any], said: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     checked, states = check(), drive(4)
@@ -457,7 +457,7 @@ def test_what_persists_is_said_once_with_value_limit_and_place(
 @pytest.mark.parametrize(
     ("speed_mps", "said"), [(5.0, "frozen: still_s = 0.11, limit 0.09"), (0.4, "frozen: still_m = 0.512, limit 0.5")]
 )
-def test_how_long_and_how_far_values_were_frozen_is_said(
+def test_time_and_distance_of_frozen_values_are_logged(
     speed_mps: float, said: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     checked = check()

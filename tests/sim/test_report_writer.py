@@ -165,7 +165,7 @@ def test_each_mode_that_has_a_condition_is_read_as_itself(
         assert database.row.read_status(0, row).mode is mode
 
 
-def test_a_mode_that_no_values_can_say_is_refused_by_name(tmp_path: Path) -> None:
+def test_a_mode_that_no_values_express_is_rejected_by_name(tmp_path: Path) -> None:
     text = f'{FLAGS}manual = "RPT.A"\nautonomous = {{ all = ["RPT.A", "RPT.B"] }}\n[status.driver]\n'
     database = load_text(
         f'{text}brake = {{ all = [{{ signal = "RPT.N", above = 5 }}, {{ signal = "RPT.N", below = 3 }}] }}\n',

@@ -120,7 +120,7 @@ def test_a_left_turn_is_positive_in_every_signal_that_turns(engaged: VehicleHarn
     assert engaged.last("VEHICLE_STATUS")["DRIVER_STEER_TORQUE"] == pytest.approx(2.0)
 
 
-def test_what_the_bus_says_is_what_the_car_does() -> None:
+def test_the_reports_on_the_bus_agree_with_the_motion() -> None:
     harness = cruising(-3.0, front_wheel_angle_rad=0.3)
     harness.command_for_ms(1000, angle_rad=0.3, ACCEL_REQUEST=-0.5)
     harness.tick()

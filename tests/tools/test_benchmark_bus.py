@@ -49,7 +49,7 @@ def test_every_contestant_answers_nearly_every_pass(passes: Any) -> None:
         assert found["unanswered"] <= 4, name
 
 
-def test_an_echo_is_faster_than_whoever_computes(passes: Any) -> None:
+def test_an_echo_is_faster_than_a_computing_loop(passes: Any) -> None:
     best = {name: min(found["passes_us"][reaction_pass.HOT]) for name, found in passes.items()}
     assert min(best, key=lambda name: best[name]) == reaction.ECHO
 
@@ -121,7 +121,7 @@ def test_asking_the_bus_for_room_counts_beyond_the_frames_and_a_write_as_publish
     assert (quiet, asking, writing) == ([True, True], [False, True], [True, False])
 
 
-def test_without_strace_the_table_says_so() -> None:
+def test_without_strace_the_table_shows_it() -> None:
     assert reaction._call_tables(None) == []
     assert "strace is not installed" in reaction._notes(None)[-1]
 
@@ -140,7 +140,7 @@ def test_the_vehicle_drives_off_after_three_enabled_pairs_and_keeps_to_its_cours
     assert motion["SPEED"] == pytest.approx(4.0)
 
 
-def test_a_part_that_fails_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_part_reports_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reaction, "_vcan", list)
     with pytest.raises(report.BenchmarkError, match="reaction_pass ended with 1"):
         reaction._child("reaction_pass", 1)

@@ -494,9 +494,7 @@ def test_the_first_of_several_steps_back_is_named() -> None:
 # Files
 
 
-def test_a_file_is_cleaned_when_it_is_loaded_and_what_was_changed_is_said(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_loaded_file_is_cleaned_and_its_changes_are_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     file = tmp_path / "lap.csv"
     save_csv(file, lap())
     assert same(load_csv(file), lap())

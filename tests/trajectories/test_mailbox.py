@@ -88,9 +88,7 @@ publish_trajectory({str(tmp_path / "t")!r}, Trajectory(stamp_ns=9, time_from_sta
     assert trajectory.stamp_ns == 9
 
 
-def test_a_path_that_cannot_be_looked_at_is_said_once_and_ends_nothing(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_unreadable_path_is_logged_once_and_ends_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     folder = tmp_path / "folder"
     source = MailboxFile(folder / "t")
     source.close()  # its thread: here the test looks

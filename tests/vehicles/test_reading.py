@@ -217,7 +217,7 @@ steering = { signal = "GAS.TORQUE", above = 3.0, magnitude = true }
         ((0b01, 0), 5, VehicleMode.FAULT),
     ],
 )
-def test_conditions_say_who_drives(tmp_path: Path, gas: tuple[int, int], status: int, mode: VehicleMode) -> None:
+def test_conditions_determine_the_mode(tmp_path: Path, gas: tuple[int, int], status: int, mode: VehicleMode) -> None:
     names = '4 "EMERGENCY_STOP" ;'
     dbc = (*FLAGS, (names, '4 "EMERGENCY_STOP" 5 "LIMP" ;'))
     reader = Reader(load_vehicle(tmp_path, dbc=dbc, toml=CONDITIONS))

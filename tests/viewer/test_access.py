@@ -232,7 +232,7 @@ def test_too_long_and_senseless_messages_close_that_client_alone(server: viser.V
     assert status(server).status == 200
 
 
-def test_a_connection_that_says_nothing_does_not_hold_up_the_end() -> None:
+def test_a_silent_connection_does_not_delay_the_end() -> None:
     server = open_server(Access(port=0))
     with socket.create_connection(("127.0.0.1", server.get_port())), joined(server) as client:
         client.recv(timeout=10)

@@ -32,7 +32,7 @@ def feed(writer: TelemetryWriter) -> Iterator[Feed]:
         yield Feed(reader)
 
 
-def test_without_a_loop_the_view_says_so(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_without_a_loop_the_view_reports_it(tmp_path_factory: pytest.TempPathFactory) -> None:
     with TelemetryReader(str(tmp_path_factory.mktemp("feed") / "loop")) as reader:
         view = Feed(reader).read(5)
     assert (view.writer_state, view.snapshot, view.is_stale) == (WriterState.ABSENT, None, True)

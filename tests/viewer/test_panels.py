@@ -104,7 +104,7 @@ def test_long_texts_are_cut_and_lines_joined() -> None:
     assert "\n" not in plain("a\nb")
 
 
-def test_a_shadow_says_how_far_another_commander_is_from_it() -> None:
+def test_a_shadow_shows_its_differences_from_another_commander() -> None:
     found = ShadowSummary(
         compared=812,
         takeovers=1,
@@ -126,7 +126,7 @@ def test_a_shadow_says_how_far_another_commander_is_from_it() -> None:
         assert "other commander" not in banner_html(replace(of, details=other))
 
 
-def test_the_banner_says_how_far_odometry_came_and_which_part_of_a_sample_was_oldest() -> None:
+def test_the_banner_shows_the_distance_of_odometry_and_the_oldest_part_of_a_sample() -> None:
     details = LiveDetails(
         link=LinkDetails(state="UP"), odometry_m=51.66, part_ages_s={"ABS": 0.002, "GNSS<": 0.0491, "ESP": 0.01}
     )
@@ -189,7 +189,7 @@ def test_what_was_never_received_has_no_figure() -> None:
 
 
 @pytest.mark.parametrize(("gear", "shown"), [(Gear.REVERSE, "gear REVERSE"), (Gear.NO_REQUEST, "gear –")])
-def test_a_vehicle_that_does_not_say_its_gear_has_a_dash_for_it(gear: Gear, shown: str) -> None:
+def test_an_unreported_gear_is_shown_as_a_dash(gear: Gear, shown: str) -> None:
     words = _Words(numbers_html(view(driving(has_status=True, gear=gear)))).text
     assert shown in " ".join(words.split())
 
@@ -223,7 +223,7 @@ def test_counters_without_end_are_cut() -> None:
 
 
 @pytest.mark.parametrize("state", ["DEGRADED", "DOWN", "GONE", "RECOVERING", "<b>"])
-def test_a_link_that_is_not_up_is_said_in_the_banner(state: str) -> None:
+def test_a_link_that_is_not_up_is_shown_in_the_banner(state: str) -> None:
     shown = banner_html(replace(view(Snapshot(0, 3, 0)), details=LiveDetails(link=LinkDetails(state=state))))
     assert f"link {html.escape(state)}" in shown
 

@@ -101,7 +101,7 @@ def test_between_two_snapshots_and_where_some_are_lost_the_one_before_is_shown(r
     assert recording.newest() == snapshot(199)
 
 
-def test_it_stays_at_its_end_and_says_so(recording: Playback) -> None:
+def test_playback_stays_at_its_end_and_shows_it(recording: Playback) -> None:
     recording.advance(0)
     assert recording.advance(10 * NS_PER_S) == at_ns(COUNT - 1)
     assert recording.description.startswith("5.0 s of 5.0 s · at its end · recorded on 2026-11-22 at ")
@@ -226,7 +226,7 @@ def app(recording: Playback) -> Iterator[App]:
     opened.close()
 
 
-def test_its_page_says_recording_above_everything(app: App) -> None:
+def test_its_page_shows_recording_above_everything(app: App) -> None:
     for tick in range(12):
         app.update(tick)
     banner = app._side_panel._banner.content

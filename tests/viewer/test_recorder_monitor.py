@@ -40,7 +40,7 @@ def test_without_a_recorder_the_page_speaks_of_none() -> None:
     assert "record" not in banner(None).lower()
 
 
-def test_while_all_is_well_the_page_says_where_it_goes(tmp_path: Path) -> None:
+def test_while_all_is_well_the_page_shows_the_folder(tmp_path: Path) -> None:
     assert fault(tmp_path, WELL) == ""
     assert "recording to /somewhere" in banner(RecorderHealth(folder="/somewhere"))
 

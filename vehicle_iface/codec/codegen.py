@@ -151,7 +151,7 @@ def _encode_level(layout: Layout, fields: Sequence[Field], checked: bool) -> lis
 
 
 def _absent(layout: Layout, multiplexer: Field, branch: Branch) -> list[str]:
-    """Refuse values of signals that this branch does not carry."""
+    """Reject values of signals that this branch does not carry."""
     hidden = [child for child in layout.fields if child.parent == multiplexer.name]
     hidden = [child for child in hidden if child not in branch.fields]
     lines = []
@@ -189,7 +189,7 @@ def _unscaling(field: Field, value: str) -> str:
 
 
 def _value_check(field: Field, value: str) -> list[str]:
-    """Refuse what is outside the DBC's range; NaN fails every comparison and is refused by them."""
+    """Reject what is outside the DBC's range; NaN fails every comparison and is rejected by them."""
     low, high = field.lowest, field.highest
     if field.is_float:
         return _float_check(field, value)
@@ -200,7 +200,7 @@ def _value_check(field: Field, value: str) -> list[str]:
 
 
 def _fit_check(field: Field, checked: bool) -> list[str]:
-    """Refuse raw values that the bits cannot hold or the VAL_ table does not name."""
+    """Reject raw values that the bits cannot hold or the VAL_ table does not name."""
     index = field.index
     low, high, named = field.raw_minimum, field.raw_maximum, None
     enumerated = checked and field.enumeration()

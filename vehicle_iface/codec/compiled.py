@@ -32,11 +32,11 @@ class MessageCodec:
     in the DBC's units, enumerated signals as numbers, None for signals of another multiplexer
     branch. `encode(values)` takes the same order and gives the payload; unused bits are 0.
 
-    With `checked` both refuse, as `SignalError`: a wrong length, a value outside the DBC's range or
+    With `checked` both reject, as `SignalError`: a wrong length, a value outside the DBC's range or
     not finite, a number that the signal's VAL_ table does not name, an unknown multiplexer. A VAL_
     table counts as an enumeration when the signal is among `enumerated`, or when it is unscaled,
     without unit, and the table counts up from the bottom of the range and stays in it; otherwise
-    its entries outside the range are markers ("not available") and refused as the missing values
+    its entries outside the range are markers ("not available") and rejected as the missing values
     that they are. Without `checked` the values are those of cantools
     with `decode_choices=False`, longer payloads are cut like there, and `SignalError` says what
     cannot be represented at all.

@@ -101,7 +101,7 @@ def read_dbc(path: Path) -> DbcFile:
 
 
 def _parse(messages: Sequence[SoundMessage], notes: DbcNotes, findings: DbcFindings) -> Database:
-    """All of them at once; where cantools refuses that, one by one."""
+    """Parse all of them at once; where cantools rejects that, one by one."""
     writer = CanonicalWriter(notes)
     text, head = writer.write_messages(messages), writer.write_head()
     logging.getLogger(Database.__module__).setLevel(logging.ERROR)  # what it warns of is among the findings

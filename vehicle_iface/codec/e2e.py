@@ -82,7 +82,7 @@ def _functions(
 ) -> tuple[Callable[[bytearray], None], Callable[[bytes], bool]]:
     """The two functions of a profile with its data id and mode bound.
 
-    The package's own check of profiles 1 and 11 also refuses an invalid counter; here it is only the checksum
+    The package's own check of profiles 1 and 11 also rejects an invalid counter; here it is only the checksum
     that is checked, so that the two faults can be counted apart."""
     if profile == 2:
         return _functions_p02(data_id)

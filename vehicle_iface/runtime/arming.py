@@ -11,11 +11,11 @@ from vehicle_iface.units import NS_PER_S
 log = logging.getLogger(__name__)
 
 REFUSALS_NS = NS_PER_S
-"""Refused requests are logged this often at most."""
+"""Rejected requests are logged this often at most."""
 
 
 class ArmingRequests:
-    """Applies at most one request per tick, and logs why a request was refused."""
+    """Applies at most one request per tick, and logs why a request was rejected."""
 
     def __init__(self, engagement: Engagement) -> None:
         self._engagement = engagement

@@ -21,9 +21,9 @@ log = logging.getLogger(__name__)
 REOPEN_NS = 100 * NS_PER_MS
 """Period of the attempts to reopen a lost link."""
 REFUSED_NS = 100 * NS_PER_MS
-"""A bus that has refused every frame for this long is lost."""
+"""A bus that has rejected every frame for this long is lost."""
 STALLED_AFTER = 3
-"""After this many refused commands in a row the vehicle is stopped, until the link is clean again."""
+"""After this many rejected commands in a row the vehicle is stopped, until the link is clean again."""
 WATCH_NS = 50 * NS_PER_MS
 """Period of polling the CAN controller."""
 SURVEY_NS = 500 * NS_PER_MS
@@ -82,7 +82,7 @@ class Link:
         self.why = ""
         """Why the state is as it is."""
         self.is_stalled = False
-        """Several commands in a row were refused: the next one must be a stop."""
+        """Several commands in a row were rejected: the next one must be a stop."""
         self.transitions: list[LinkTransition] = []
         """The first state changes of the run, at most `MAX_TRANSITIONS`."""
         self.events: Counter[str] = Counter()
@@ -111,7 +111,7 @@ class Link:
         return frames
 
     def has_room(self) -> bool:
-        """Whether the transmit queue accepts a command now; a false is counted as a refused command."""
+        """Return whether the transmit queue accepts a command now; false is counted as a rejected command."""
         if self._bus is None:
             return False
         try:

@@ -1,4 +1,4 @@
-"""Real-time settings of Linux and Python for the loop; each setting that is refused reports what is missing.
+"""Real-time settings of Linux and Python for the loop; each setting that fails reports what is missing.
 
 Measurements, and the settings that follow (two shared cores, Python 3.11, the embedded loop):
 
@@ -56,7 +56,7 @@ class RealtimeSettings:
 
 
 def apply_settings(priority: int = FIFO_PRIORITY, *, cpu: int | None = None) -> list[str]:
-    """Apply the settings to this thread and process; return those that were refused, with the command that fixes it."""
+    """Apply the settings to this thread and process; return those that failed, each with its remedy."""
     settings = RealtimeSettings(priority=priority, cpu=cpu)
     problems = (step(settings) for step in STEPS)
     return [problem for problem in problems if problem]
@@ -170,7 +170,7 @@ STEPS: tuple[Callable[[RealtimeSettings], str], ...] = (
     _lock_memory,
     _set_fifo,
 )
-"""Applied in this order; each returns why it was refused, or an empty text."""
+"""Applied in this order; each returns why it failed, or an empty text."""
 
 
 def _blas_libraries() -> list[str]:

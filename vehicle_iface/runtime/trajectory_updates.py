@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 
 class TrajectoryUpdater:
-    """Asks the source once per sample; a trajectory that is refused leaves the old one in force."""
+    """Asks the source once per sample; a trajectory that is rejected leaves the old one in force."""
 
     def __init__(
         self,

@@ -131,7 +131,7 @@ class Transmitter:
         return self._encoder.has_echoes(names)
 
     def _send(self, frames: tuple[CanFrame, ...]) -> int:
-        """How many left: those before the first that is refused. Only they step a counter."""
+        """Return how many were sent: those before the first that is rejected. Only they step a counter."""
         now_ns, transmit_filter = self._now_ns(), self._transmit_filter
         allowed = frames
         for count, frame in enumerate(frames):

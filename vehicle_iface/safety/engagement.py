@@ -105,7 +105,7 @@ class Engagement:
         return True
 
     def refusal_to_arm(self, status: VehicleStatus | None) -> str:
-        """Why `Event.ARMED` was refused, as text for the log."""
+        """Return why `Event.ARMED` was rejected, as text for the log."""
         refusal = self.mode.refusal
         if self.mode is not Mode.STANDBY or status is None:
             return refusal

@@ -32,7 +32,7 @@ class ModeRow:
     wire_state: ControllerState
     """The mode in the words of the bus contract."""
     refusal: str = ""
-    """Why a request to arm is refused; empty where it is accepted."""
+    """Why a request to arm is rejected; empty where it is accepted."""
 
 
 class Mode(Enum):

@@ -25,7 +25,7 @@ class AllowedMessage(NamedTuple):
 
 
 class TransmitFilter:
-    """An allow-list with a limit of rate for each entry. A frame that is refused is counted by cause."""
+    """An allow-list with a limit of rate for each entry. A frame that is rejected is counted by cause."""
 
     def __init__(self, messages: Iterable[AllowedMessage]) -> None:
         self._sent_ns = {(*message[:4], message.bus): _empty_window(message.period_ns) for message in messages}
