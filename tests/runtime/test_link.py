@@ -473,6 +473,15 @@ def test_degraded_lasts_until_the_controller_reports_recovery(ill: ControllerEve
     assert states(cable) == ["DEGRADED", "UP"]
 
 
+def test_an_event_that_is_no_state_of_the_controller_is_over_by_itself() -> None:
+    cable = Cable()
+    assert cable.link.why == ""
+    cable.frames = [FRAME]
+    cable.events = [ControllerEvent.PROTOCOL]
+    cable.watch_for(ms(1000))
+    assert states(cable) == ["DEGRADED", "UP"]
+
+
 def test_one_lost_frame_is_trouble_and_its_count_outlives_the_bus() -> None:
     cable = Cable()
     cable.overflow = 1
