@@ -33,7 +33,7 @@ START_NS = 1_000_000_000
 
 
 class Clock:
-    """Moves only when somebody sleeps."""
+    """Advances only during sleep calls."""
 
     def __init__(self) -> None:
         self.t_ns = START_NS

@@ -484,7 +484,7 @@ def test_another_commander_silences_at_once_and_for_good(name: str) -> None:
 
 @pytest.fixture
 def lenient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The vehicle's own watchdog is satisfied: somebody else drives it."""
+    """The vehicle's own watchdog is satisfied: another commander drives it."""
     monkeypatch.setattr(sim_engagement, "WATCHDOG_PERIODS", 10**5)
 
 

@@ -44,10 +44,10 @@ def test_a_bus_that_is_held_all_the_time_has_a_load_of_one_hundred_percent() -> 
 
 def test_what_was_counted_takes_the_place_of_estimates() -> None:
     load = BusLoad()
-    pose, stranger = FrameKey(0x110), FrameKey(0x3A0)
-    load.add(TrafficSample(NS_PER_S, 200, 0, {pose: 80.0, stranger: 120.0}))
+    pose, unknown = FrameKey(0x110), FrameKey(0x3A0)
+    load.add(TrafficSample(NS_PER_S, 200, 0, {pose: 80.0, unknown: 120.0}))
     assert load.now("UP", NAMES, {pose: 100}).rates_hz == {"0x110 POSE": 100.0, "0x3A0": 120.0}
-    load.add(TrafficSample(NS_PER_S // 2, 200, 0, {pose: 90.0, stranger: 110.0}))
+    load.add(TrafficSample(NS_PER_S // 2, 200, 0, {pose: 90.0, unknown: 110.0}))
     assert load.now("UP", NAMES, {pose: 150}).rates_hz == {"0x110 POSE": 100.0, "0x3A0": 220.0}
     assert load.now("UP", NAMES, {pose: 151}).rates_hz == {"0x110 POSE": 100.0, "0x3A0": 220.0}
     assert load.whole("UP", [], NAMES, {pose: 150}).rates_hz == {"0x110 POSE": 100.0, "0x3A0": 153.3}

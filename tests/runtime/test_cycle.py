@@ -46,7 +46,7 @@ class Always(ControllerBase):
 
 
 class Raises(Always):
-    """A controller with somebody's mistake in it."""
+    """A controller with an error."""
 
     def __init__(self, error: BaseException) -> None:
         super().__init__()

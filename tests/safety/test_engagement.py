@@ -294,8 +294,8 @@ def test_it_takes_half_a_second_of_fresh_samples_to_the_nanosecond(missing_ns: i
     assert engagement.mode is (Mode.STARTING if missing_ns else Mode.STANDBY)
 
 
-@pytest.mark.parametrize(("gap_ns", "starts_anew"), [(50 * MS - 1, False), (50 * MS, False), (50 * MS + 1, True)])
-def test_a_gap_longer_than_50_ms_restarts_the_half_second(gap_ns: int, starts_anew: bool) -> None:
+@pytest.mark.parametrize(("gap_ns", "restarts"), [(50 * MS - 1, False), (50 * MS, False), (50 * MS + 1, True)])
+def test_a_gap_longer_than_50_ms_restarts_the_half_second(gap_ns: int, restarts: bool) -> None:
     engagement = in_mode(Mode.STARTING)
     last_ns = 0
     for i in range(40):
@@ -304,7 +304,7 @@ def test_a_gap_longer_than_50_ms_restarts_the_half_second(gap_ns: int, starts_an
     resumed_ns = last_ns + gap_ns
     for i in range(12):
         engagement.on_sample(resumed_ns + i * 10 * MS, resumed_ns + i * 10 * MS)
-    assert engagement.mode is (Mode.STARTING if starts_anew else Mode.STANDBY)
+    assert engagement.mode is (Mode.STARTING if restarts else Mode.STANDBY)
 
 
 def test_a_gap_that_was_noticed_counts_also_when_the_samples_were_only_held_up() -> None:

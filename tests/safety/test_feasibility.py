@@ -84,7 +84,7 @@ def circle(
 
 
 def copied(trajectory: Trajectory, stride: int, *, digits: int, noise_m: float, follows_chords: bool) -> Trajectory:
-    """As somebody else would write it down: fewer points, rounded, measured, with headings from the positions."""
+    """A route as another program exports it: fewer points, rounded, measured, with headings from the positions."""
     kept = np.append(np.arange(0, len(trajectory) - 1, stride), len(trajectory) - 1)
     # A change of direction is a point that nobody leaves out.
     kept = np.union1d(kept, np.flatnonzero(trajectory.speed_mps == 0.0))

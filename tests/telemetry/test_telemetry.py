@@ -196,7 +196,7 @@ def test_the_newest_details_are_shown(writer: TelemetryWriter, reader: Telemetry
 
 
 def test_details_that_are_too_long_are_shortened_to_sums(writer: TelemetryWriter, reader: TelemetryReader) -> None:
-    rates = {f"0x{k:03X} stranger": 1.0 for k in range(2048)}
+    rates = {f"0x{k:03X} unknown": 1.0 for k in range(2048)}
     link = LinkDetails(state="UP", load_percent=1.0, frames_per_s=2048.0, rates_hz=rates)
     writer.publish_details(LiveDetails(link=link, drops={"bad CRC POSE": 3, "bad CRC SPEED": 4}, loop={"samples": 7}))
     details = reader.details()

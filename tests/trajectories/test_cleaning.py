@@ -76,7 +76,7 @@ def turned(trajectory: Trajectory, by_rad: float) -> Trajectory:
 
 
 def noisy(trajectory: Trajectory, noise_m: float, seed: int) -> Trajectory:
-    """As somebody measures it."""
+    """Return a measured trajectory, with noise."""
     dice, count = np.random.default_rng(seed), len(trajectory)
     x_m, y_m = (values + dice.uniform(-noise_m, noise_m, count) for values in (trajectory.x_m, trajectory.y_m))
     return changed(trajectory, x_m=x_m, y_m=y_m)

@@ -159,6 +159,6 @@ def _percent(busy_ns: int, span_ns: int) -> float:
 
 
 def _label(key: FrameKey, names: Mapping[FrameKey, str]) -> str:
-    """`0x110 POSE`; `0x3A0` for a stranger, `0x0012D687x` for an extended one."""
+    """`0x110 POSE`; `0x3A0` for an unknown message, `0x0012D687x` for an extended identifier."""
     number = f"0x{key.can_id:08X}x" if key.is_extended else f"0x{key.can_id:03X}"
     return f"{number} {names.get(key, '')}".rstrip()
