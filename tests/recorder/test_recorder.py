@@ -172,6 +172,26 @@ def test_the_folder_says_what_was_recorded_and_has_the_profile_with_its_hashes(
 
 
 @pytest.mark.usefixtures("writer")
+def test_dbcs_of_one_name_in_two_folders_are_both_kept_where_the_profile_finds_them(
+    recording: RecordingRequest, said: list[str], tmp_path: Path
+) -> None:
+    for bus in ("vehicle", "ins"):
+        (tmp_path / bus).mkdir()
+        (tmp_path / bus / "can.dbc").write_text(bus)
+    profile = tmp_path / "two.toml"
+    profile.write_text("name = 'two'")
+    dbcs = [str(tmp_path / bus / "can.dbc") for bus in ("vehicle", "ins")]
+    Recorder(msgspec.structs.replace(recording, profile=str(profile), dbcs=dbcs), said.append).close(1)
+    folder = Path(recording.folder)
+    assert [(folder / "profile" / bus / "can.dbc").read_text() for bus in ("vehicle", "ins")] == ["vehicle", "ins"]
+    assert set(json.loads((folder / "meta.json").read_text())["sha256"]) == {
+        "two.toml",
+        "vehicle/can.dbc",
+        "ins/can.dbc",
+    }
+
+
+@pytest.mark.usefixtures("writer")
 def test_a_folder_with_something_in_it_is_refused_and_stays_as_it_is(
     recording: RecordingRequest, said: list[str]
 ) -> None:

@@ -53,7 +53,9 @@ def create_folder(request: RecordingRequest, info: SessionInfo) -> Path:
     copies = folder / PROFILE
     copies.mkdir()
     for file in (request.profile, *request.dbcs):
-        shutil.copyfile(file, copies / Path(file).name)
+        copy = copies / _relative_place(file, request.profile)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(file, copy)
     meta = Meta(
         format=FORMAT,
         session=info,
@@ -62,11 +64,21 @@ def create_folder(request: RecordingRequest, info: SessionInfo) -> Path:
         frames=f"SocketCAN {', '.join(request.channels)}" if request.channels else _no_frames(info),
         command_line=request.command_line,
         versions=_versions(),
-        sha256={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(copies.iterdir())},
+        sha256={
+            path.relative_to(copies).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in sorted(copies.rglob("*"))
+            if path.is_file()
+        },
     )
     text = msgspec.json.format(msgspec.json.encode(meta)) + b"\n"
     (folder / META).write_bytes(text)
     return folder
+
+
+def _relative_place(file: str, profile: str) -> Path:
+    """Where a DBC lies below the profile's folder, so that the copy of the profile finds it; else its name."""
+    place = Path(os.path.relpath(file, Path(profile).parent))
+    return Path(place.name) if ".." in place.parts else place
 
 
 def _no_frames(info: SessionInfo) -> str:
