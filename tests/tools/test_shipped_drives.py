@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from drive_checks.shipped_drives import DBC, Drive, Track, drivable_vehicles, line
+from drive_checks.shipped_drives import DBC, Drive, Track, drivable_vehicles, incomplete_at_start, line
 
 from .running import run_module
 
@@ -51,3 +51,8 @@ def test_a_drive_is_reported_with_its_distance_and_all_faults() -> None:
         "rover u_turn 58.2 m in 46.6 s, at most 0.079 m from the path, 2 stops for late samples, try 3: "
         "drops: bad CRC STATE 2; late"
     )
+
+
+def test_before_the_slowest_part_has_come_samples_are_incomplete() -> None:
+    assert incomplete_at_start("j1939_truck") == 10  # speed every 100 ms, samples every 10 ms
+    assert incomplete_at_start("agilex_hunter") == 1

@@ -36,6 +36,7 @@ from drive_checks.long_drive import (
     interface,
     wrong_with_run,
 )
+from vehicle_iface.codec.database import load_database
 from vehicle_iface.drivable import build_route
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import load_profile
@@ -180,6 +181,8 @@ def _drive(vehicle: str, route_name: str, channel: str, folder: Path, over: thre
     finally:
         programs.end()
     told = json.loads(summary.read_text() or "{}") if summary.exists() else {}
+    if told:
+        told["incomplete_samples"] = max(0, told["incomplete_samples"] - incomplete_at_start(vehicle))
     distance_m = max(lateral_errors_m(track.samples, route.x_m.tolist(), route.y_m.tolist()), default=0.0)
     wrong = [*programs.wrong, *wrong_with_run(told, programs.status("loop"))]
     if distance_m >= DISTANCE_LIMIT_M:
@@ -193,6 +196,13 @@ def _drive(vehicle: str, route_name: str, channel: str, folder: Path, over: thre
         stale_stops=told.get("counts", {}).get("stops_on_stale_state", 0),
         wrong=tuple(wrong),
     )
+
+
+def incomplete_at_start(vehicle: str) -> int:
+    """How many samples may be incomplete because their slowest part has not come for the first time."""
+    database = load_database(load_profile(vehicle))
+    slowest_s = max(message.cycle_s or 0.0 for message in database.sample)
+    return math.ceil(slowest_s / database.profile.timing.sample_period_s - 1e-6)
 
 
 def _follow(programs: Programs, socket: str, route: Route, track: Track, over: threading.Event) -> None:
