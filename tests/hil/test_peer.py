@@ -249,6 +249,7 @@ def test_a_vehicle_that_reacts_later_is_given_the_time_and_odometry_is_armed_aga
             '"MOTION_COMMAND.STEERING_ANGLE"\n[signals."MOTION_COMMAND.STEERING_ANGLE"]\nunit = "gon"',
             "unit 'gon'",
         ),
+        ('"MOTION_COMMAND.STEERING_ANGLE"', '[["MOTION_COMMAND.STEERING_ANGLE"]]', "is no profile"),
         ("lateral_jerk_mps3", "# lateral_jerk_mps3", "lateral_jerk_mps3 is missing"),
     ],
 )

@@ -64,6 +64,7 @@ class _Examination:
         self._speed_mps, self._direction = 0.0, 1.0
         self.releases: list[Pair] = []
         """Said by messages other than commands."""
+        self._both_since_ns: int | None = None
         self._drives_since_ns: int | None = None
         """Commands ask for a drive, although the vehicle is not enabled."""
 
@@ -186,15 +187,25 @@ class _Examination:
             for dotted in driving:
                 yield f"{dotted} is {self._newest[dotted]:g} although the vehicle is not enabled"
 
+    def _both_pedals(self, pair: Pair) -> Iterator[str]:
+        """Drive and brake at once, for longer than a slower message of one of them takes to follow."""
+        opposed = self.wire.opposed
+        both = [[self._newest.get(name, 0.0) for name in self.wire.carriers(field)] for field in opposed]
+        if not both or not all(any(value > RESTING_SLACK for value in values) for values in both):
+            self._both_since_ns = None
+            return
+        self._both_since_ns = self._both_since_ns or pair.stamp_ns
+        hold_s = self.wire.hold_s(*opposed)
+        if pair.stamp_ns - self._both_since_ns >= (hold_s + ENABLE_SLACK_S * (hold_s > 0.0)) * S:
+            yield f"{' and '.join(opposed)} at once"
+
     def _wrong_values(self, pair: Pair) -> Iterator[str]:
         wire, asked, limits = self.wire, pair.drive, self.wire.limits
         angle = asked["FRONT_WHEEL_ANGLE_REQUEST"]
         if wire.commands_angle and abs(angle) > limits.steer_rad + wire.wheel_count_rad:
             yield f"front wheels to {angle:.4f} rad"
         yield from self._unasked_drive(pair)
-        both = [[self._newest.get(name, 0.0) for name in wire.carriers(field)] for field in wire.opposed]
-        if both and all(any(value > RESTING_SLACK for value in values) for values in both):
-            yield f"{' and '.join(wire.opposed)} at once"
+        yield from self._both_pedals(pair)
         enables = {bool(self._newest.get(name, 0.0)) for name in wire.carriers("enable")}
         if len(enables) > 1:
             yield "signals that enable contradict each other"

@@ -48,6 +48,8 @@ class PeerWire(Wire):
             self._take_allowances()
         except KeyError as error:
             raise ProfileError(f"{files.path}: {error} is missing, or the DBC does not have it") from None
+        except (AttributeError, TypeError, ValueError) as error:
+            raise ProfileError(f"{files.path}: is no profile ({error}); vehicle-iface check-dbc says why") from None
 
     # --- frames
 
@@ -230,6 +232,12 @@ class PeerWire(Wire):
             return max(WHEEL_COUNT_RAD, self.reader.count("front_wheel_angle_rad"))
         return max(WHEEL_COUNT_RAD, self.reader.count(per_m) * float(self.profile["geometry"]["wheelbase_m"]))
 
+    def hold_s(self, *fields: str) -> float:
+        """How much longer than a command's shortest period the slowest of these fields keeps its value."""
+        messages = (name.partition(".")[0] for field in fields for name in self.carriers(field))
+        periods_s = [self.roles.periods_of_commands[message] for message in messages]
+        return max(periods_s, default=self.command_period_s) - self.command_period_s
+
     def wheel_slack_rad(self, rate_radps: float) -> float:
         """Tolerance of a wheel rate: commands that are slower than samples step by as much."""
         return rate_radps * self.wheel_hold_s + self.wheel_count_rad * (self.wheel_hold_s > 0.0)
@@ -275,9 +283,7 @@ class PeerWire(Wire):
         self.later_s = allowances.later_s(profile, roles, self.reader)
         self.accel_slack_mps2 = self.engaging_slack_mps2 = allowances.accel_slack_mps2(profile, self.reader)
         self.tow_mps2 = allowances.tow_mps2(profile, self.reader)
-        lateral = WHEEL_FIELDS.get(self.reader.lateral, "front_wheel_angle_rad")
-        periods = [roles.periods_of_commands[name.partition(".")[0]] for name in self.carriers(lateral)]
-        self.wheel_hold_s = max(periods, default=0.0) - roles.command_period_s
+        self.wheel_hold_s = self.hold_s(WHEEL_FIELDS.get(self.reader.lateral, "front_wheel_angle_rad"))
         self.speed_slack_mps = 2.0 * self.reader.count("speed_mps")
         self.along_mps2 = allowances.along_mps2(profile)
         self.length_share = allowances.length_share(profile)
