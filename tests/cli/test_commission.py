@@ -82,6 +82,15 @@ def test_a_sound_walk_succeeds_and_writes_only_on_request(tmp_path: Path, capsys
     assert len(list(tmp_path.glob("reference-walk-*.log"))) == 1
 
 
+def test_a_walk_on_a_virtual_bus_is_never_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    profile = write_profile(tmp_path)
+    before = profile.read_text(encoding="utf-8")
+    words = ["commission", "--channel", "vcan0", "--profile", str(profile), "--step-timeout", "12", "--write"]
+    assert cli.main(words) == 0
+    assert "not written: vcan0: a walk on a virtual bus proves nothing about the vehicle" in capsys.readouterr().out
+    assert profile.read_text(encoding="utf-8") == before
+
+
 def test_with_write_the_record_fits_log_profile_and_dbc(tmp_path: Path) -> None:
     profile = write_profile(tmp_path)
     page, numbers = tmp_path / "report.html", tmp_path / "report.json"

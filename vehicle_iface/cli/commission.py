@@ -11,6 +11,7 @@ from datetime import date, datetime
 from pathlib import Path
 
 from vehicle_iface import clock
+from vehicle_iface.arming import is_virtual
 from vehicle_iface.cli.channels import find_channels
 from vehicle_iface.cli.exit_status import CONTRADICTED, DONE, NOT_SEEN
 from vehicle_iface.cli.files import check_writable, write_text
@@ -70,7 +71,14 @@ def commission(options: argparse.Namespace) -> int:
     on_end_signals(None)
     for line in summarize(found):
         print_safely(line)
-    is_written = found.is_sound and _offer_to_write(profile, hashes.make_record(found, now.date()), options.write)
+    virtual = [channel for channel in channels.values() if is_virtual(options.interface, channel)]
+    if found.is_sound and virtual:
+        print_safely(f"not written: {' and '.join(virtual)}: a walk on a virtual bus proves nothing about the vehicle")
+    is_written = (
+        found.is_sound
+        and not virtual
+        and _offer_to_write(profile, hashes.make_record(found, now.date()), options.write)
+    )
     if options.out:
         write_text(options.out, render_page(found), "--out")
     if options.json:
