@@ -2,11 +2,14 @@
 
 import itertools
 from collections.abc import Iterator
+from typing import Any
 
 import can
 import pytest
+from can.interfaces import virtual
 
 from vehicle_iface import clock
+from vehicle_iface.bus import python_can
 from vehicle_iface.bus.python_can import PythonCanBus
 from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
@@ -95,6 +98,53 @@ def test_what_is_sent_reaches_the_other_end_and_not_ourselves(wire: Wire) -> Non
     assert (message.arbitration_id, bytes(message.data), message.is_extended_id) == (0x080, bytes(range(8)), False)
     assert wire.ours.drain() == []
     assert wire.ours.counters()["sent"] == 1
+
+
+@pytest.fixture
+def echoing(monkeypatch: pytest.MonkeyPatch) -> Iterator[Wire]:
+    """An adapter that hands back what was sent through it, not marked as sent."""
+    bus = can.Bus
+    received = virtual.VirtualBus._recv_internal
+
+    def open_echoing(**options: Any) -> can.BusABC:
+        return bus(**options, receive_own_messages=True)
+
+    def receive(self: Any, timeout: float | None) -> tuple[can.Message | None, bool]:
+        message, is_filtered = received(self, timeout)
+        if message is not None:
+            message.is_rx = True
+        return message, is_filtered
+
+    monkeypatch.setattr(can, "Bus", open_echoing)
+    monkeypatch.setattr(virtual.VirtualBus, "_recv_internal", receive)
+    wire = Wire()
+    yield wire
+    wire.ours.close()
+    wire.other.shutdown()
+
+
+def test_what_an_adapter_hands_back_is_no_other_nodes_frame(echoing: Wire) -> None:
+    for number in range(3):
+        assert echoing.ours.send(CanFrame(0x110, bytes([number])), CanFrame(0x100, bytes([number]))) == 2
+        echoing.other_sends(0x110, bytes([number + 10]))
+    assert [frame.data for frame in echoing.ours.drain()] == [b"\x0a", b"\x0b", b"\x0c"]
+    assert echoing.ours.counters()["own_echoes"] == 6
+
+
+def test_a_copy_of_a_frame_is_another_nodes_when_the_echo_has_come(echoing: Wire) -> None:
+    echoing.ours.send(CanFrame(0x110, b"\x01"))
+    echoing.other_sends(0x110, b"\x01")
+    assert [frame.data for frame in echoing.ours.drain()] == [b"\x01"]
+
+
+def test_a_copy_of_a_frame_is_another_nodes_when_the_echos_time_is_over(
+    wire: Wire, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wire.ours.send(CanFrame(0x110, b"\x02"))
+    late_ns = clock.monotonic_ns() + python_can.ECHO_NS + 1
+    monkeypatch.setattr(clock, "monotonic_ns", lambda: late_ns)
+    wire.other_sends(0x110, b"\x02")
+    assert [frame.data for frame in wire.ours.drain()] == [b"\x02"]
 
 
 def test_a_frame_that_the_adapter_refuses_is_counted_and_lost(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:

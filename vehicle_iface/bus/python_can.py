@@ -1,6 +1,8 @@
 """CAN adapters supported by python-can (https://python-can.readthedocs.io/en/stable/interfaces.html)."""
 
+from collections import deque
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import can
 
@@ -13,10 +15,23 @@ INTERFACES: frozenset[str] = can.VALID_INTERFACES
 """Names of python-can's interfaces, including those of installed plugins."""
 POLL_NS = NS_PER_MS // 2
 """Polling period of an adapter: python-can's own wait uses the wall clock, which may step."""
+ECHO_NS = 100 * NS_PER_MS
+"""An adapter that hands back what was sent through it does so within this time."""
+
+
+class _Sent(NamedTuple):
+    """A frame that may come back, and until when."""
+
+    content: tuple[int, bool, bytes]
+    until_ns: int
 
 
 class PythonCanBus:
-    """An adapter driven by python-can. Frames are stamped when they are read: adapters' clocks differ."""
+    """An adapter driven by python-can. Frames are stamped when they are read: adapters' clocks differ.
+
+    Some adapters hand back what was sent through them (`udp_multicast`, slcan with local echo). Such a frame is not
+    another node's and is left out: one of the same content for each that was sent, in their order, within `ECHO_NS`.
+    """
 
     def __init__(
         self,
@@ -29,7 +44,8 @@ class PythonCanBus:
         is_fd: bool = False,
     ) -> None:
         self.description = f"python-can {interface} {channel}"
-        self._counters = {"received": 0, "sent": 0, "send_no_room": 0, "error_frames": 0}
+        self._counters = {"received": 0, "sent": 0, "send_no_room": 0, "error_frames": 0, "own_echoes": 0}
+        self._may_echo: deque[_Sent] = deque()
         self._next: CanFrame | None = None
         # Filtered here: with its own filters python-can reports an empty queue at the first frame of another node.
         self._can_ids, self._masked = frozenset(can_ids), tuple(masked)
@@ -79,7 +95,7 @@ class PythonCanBus:
         return len(frames)
 
     def counters(self) -> dict[str, int]:
-        """Return the frames received, sent and rejected by the adapter, and the error frames."""
+        """Return the frames received, sent, rejected by the adapter and handed back by it, and the error frames."""
         return dict(self._counters)
 
     def close(self) -> None:
@@ -103,7 +119,25 @@ class PythonCanBus:
         except (can.CanError, OSError) as error:
             raise BusError(f"{self.description}: {error}") from error
         self._counters["sent"] += 1
+        if self._is_wanted(frame.can_id):
+            content = (frame.can_id, frame.is_extended, frame.data)
+            self._may_echo.append(_Sent(content, clock.monotonic_ns() + ECHO_NS))
         return True
+
+    def _is_own_echo(self, message: can.Message) -> bool:
+        """Whether the frame was sent through this adapter; each that was sent counts once."""
+        if not message.is_rx:
+            return True
+        now_ns = clock.monotonic_ns()
+        while self._may_echo and self._may_echo[0].until_ns < now_ns:
+            self._may_echo.popleft()
+        content = (message.arbitration_id, message.is_extended_id, bytes(message.data))
+        for place, sent in enumerate(self._may_echo):
+            if sent.content == content:
+                for _ in range(place + 1):
+                    self._may_echo.popleft()
+                return True
+        return False
 
     def _read(self) -> CanFrame | None:
         """Return the next queued data or remote frame; count and skip error frames."""
@@ -116,7 +150,11 @@ class PythonCanBus:
                 return None
             if message.is_error_frame:
                 self._counters["error_frames"] += 1
-            elif self._is_wanted(message.arbitration_id):
+            elif not self._is_wanted(message.arbitration_id):
+                continue
+            elif self._is_own_echo(message):
+                self._counters["own_echoes"] += 1
+            else:
                 return CanFrame(
                     message.arbitration_id,
                     bytes(message.data),
