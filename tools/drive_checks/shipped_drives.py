@@ -12,11 +12,13 @@ import json
 import math
 import os
 import signal
+import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -39,7 +41,7 @@ from drive_checks.long_drive import (
 from vehicle_iface.codec.database import load_database
 from vehicle_iface.drivable import build_route
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.profile import load_profile
+from vehicle_iface.profile import Profile, load_profile
 from vehicle_iface.sim.driver_socket import send_line
 from vehicle_iface.trajectories.route import Route
 
@@ -110,8 +112,6 @@ def main() -> int:
         for name in vehicles:
             if load_profile(name).only_watches:
                 raise CannotError(f"{name} has no [command] and cannot be driven")
-            if len(load_profile(name).all_buses) > 1:
-                raise CannotError(f"{name} has several buses, and these drives are on one")
     except (CannotError, ConfigError) as error:
         print(f"shipped_drives: {error}", file=sys.stderr)
         return CANNOT
@@ -135,10 +135,9 @@ def main() -> int:
 
 
 def drivable_vehicles() -> tuple[str, ...]:
-    """The shipped profiles of other makers' vehicles that can be driven on one bus."""
+    """The shipped profiles of other makers' vehicles that can be driven."""
     names = sorted(path.stem for path in DBC.glob("*.toml") if path.stem not in REFERENCE)
-    profiles = {name: load_profile(name) for name in names}
-    return tuple(name for name, one in profiles.items() if not one.only_watches and len(one.all_buses) == 1)
+    return tuple(name for name in names if not load_profile(name).only_watches)
 
 
 def _drive_all(vehicles: Sequence[str], options: argparse.Namespace, over: threading.Event) -> list[Drive]:
@@ -154,8 +153,11 @@ def _drive_all(vehicles: Sequence[str], options: argparse.Namespace, over: threa
 def _drive_in_tries(vehicle: str, route: str, options: argparse.Namespace, over: threading.Event) -> Drive:
     """Repeat a drive while something is wrong with it."""
     for tries in range(1, options.tries + 1):
-        with tempfile.TemporaryDirectory(prefix="shipped-drive-", dir=_memory()) as folder:
-            drive = replace(_drive(vehicle, route, options.channel, Path(folder), over), tries=tries)
+        with (
+            tempfile.TemporaryDirectory(prefix="shipped-drive-", dir=_memory()) as folder,
+            _channels(load_profile(vehicle), options.channel) as channels,
+        ):
+            drive = replace(_drive(vehicle, route, channels, Path(folder), over), tries=tries)
         if not options.json:
             print(line(drive), flush=True)
         if not drive.wrong or over.is_set():
@@ -168,12 +170,37 @@ def _memory() -> str | None:
     return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
 
 
-def _drive(vehicle: str, route_name: str, channel: str, folder: Path, over: threading.Event) -> Drive:
+@contextmanager
+def _channels(profile: Profile, channel: str) -> Iterator[list[str]]:
+    """The options for the channels: `channel` for the first bus, and an interface made for each other one."""
+    first, *others = profile.all_buses
+    if not others:
+        yield ["--channel", channel]
+        return
+    made = {name: f"{channel[:8]}-{name[:6]}" for name in others}
+    try:
+        for name in made.values():
+            _ip("add", "dev", name, "type", "vcan")
+            _ip("set", name, "up")
+        yield [word for name, one in {first: channel, **made}.items() for word in ("--channel", f"{name}={one}")]
+    finally:
+        for name in made.values():
+            if interface(name).exists():
+                _ip("del", name)
+
+
+def _ip(*words: str) -> None:
+    done = subprocess.run(["ip", "link", *words], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise CannotError(f"ip link {' '.join(words)}: {done.stderr.strip()}")
+
+
+def _drive(vehicle: str, route_name: str, channels: list[str], folder: Path, over: threading.Event) -> Drive:
     """One vehicle along one route, until it is at the end."""
     route = build_route(route_name, load_profile(vehicle))
     programs, begun_s = Programs(folder), time.monotonic()
     socket, summary = str(folder / "driver.sock"), folder / "summary.json"
-    bus = ["--channel", channel, "--profile", vehicle]
+    bus = [*channels, "--profile", vehicle]
     track = Track()
     try:
         programs.start_ours("sim", "sim", *bus, "--driver-socket", socket)
