@@ -33,6 +33,8 @@ PATIENCE_MS = 240_000
 """One slow processor draws the page in software while the vehicle drives: what counts is that it comes, in order."""
 ON_ROUTE_M = 0.3
 POINTS_SEEN = 60
+WAY_SEEN_M = 5.0
+"""From the first place that the page shows; half a lap later the vehicle is there again."""
 SPEED_MPS, SPACING_M = 2.5, 0.25
 LOOK = """() => {
     const {state, reason} = document.getElementById("banner").dataset;
@@ -92,7 +94,6 @@ def test_the_page_shows_the_vehicle_drive_its_lap_on_vcan_and_stop_when_its_stat
     places = np.array([(look["x"], look["y"]) for look in seen])
     distances = [np.hypot(route.x_m - x, route.y_m - y).min() for x, y in places]
     indices = [look["spatial-ref"] for look in seen]
-    assert np.hypot(*(places - places[0]).T).max() > 5.0
     assert max(distances) < ON_ROUTE_M
     assert indices == sorted(indices)
     assert seen[-1]["temporal-ref"] > seen[0]["temporal-ref"]
@@ -125,7 +126,7 @@ def _seen_driving(page: Page) -> list[dict[str, float]]:
     must, and that brings it off its path. Then somebody puts it back at the start and arms again.
     """
     seen: list[dict[str, float]] = []
-    while not seen or seen[-1]["spatial-ref"] < seen[0]["spatial-ref"] + POINTS_SEEN:
+    while not seen or seen[-1]["spatial-ref"] < seen[0]["spatial-ref"] + POINTS_SEEN or _way_m(seen) <= WAY_SEEN_M:
         state, reason, numbers = page.evaluate(LOOK)
         if state == "FAULT" or reason == "DEVIATION":
             return []
@@ -133,3 +134,8 @@ def _seen_driving(page: Page) -> list[dict[str, float]]:
             seen.append(numbers)
         page.wait_for_timeout(1000)
     return seen
+
+
+def _way_m(seen: list[dict[str, float]]) -> float:
+    """How far the vehicle was seen from its first place."""
+    return max(math.hypot(look["x"] - seen[0]["x"], look["y"] - seen[0]["y"]) for look in seen)

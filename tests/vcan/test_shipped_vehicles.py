@@ -235,9 +235,9 @@ def test_a_shipped_vehicle_drives_and_is_stopped_or_released_for_each_cause(
     assert loop.is_running
 
     driven.say(f"mute {vehicle.sample} on")
+    loop.says("reason: STATE_STALE")
     now = driven.stops(now)
     driven.say(f"mute {vehicle.sample} off")
-    loop.says("reason: STATE_STALE")
     now = driven.drives(now)
 
     if vehicle.protected:
