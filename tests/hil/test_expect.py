@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 from hil_bench import expect, routes
-from hil_bench.cases import CATALOGUE
+from hil_bench.cases import catalogue_of
 from hil_bench.expect import Expectation, Observation
+from hil_bench.peer.build import open_wire
 from hil_bench.result import Verdict
 from scenes import DRIVES, SILENT, STOPS, WIRE, at, observed, pair, released, steady, stop
 from vehicle_bus_contract.judge import Pair
@@ -24,6 +25,11 @@ def ended(at_s: float) -> Pair:
 
 def out_of_time(at_s: float) -> Pair:
     return pair(at_s, stop=1, reason="PAST_END_TIME")
+
+
+def lost(said: str) -> Observation:
+    """With this output of the device of a vehicle on two buses."""
+    return replace(observed(), said=said, wire=open_wire("agilex_hunter_ins"))
 
 
 EIGHTH_MISSING = [pair for number, pair in enumerate(DRIVES) if number % 8]
@@ -73,6 +79,8 @@ JUDGED: list[tuple[Expectation, Observation, Observation]] = [
     (expect.Refuses(2), observed(status=2), observed(status=0)),
     (expect.Refuses(2), observed(status=2), observed(released(2.0), status=2)),
     (expect.Refuses(2), observed(status=2), observed(status=None)),
+    (expect.NamesBus(1), lost("link DOWN: bus ins: vcan1: Network is down"), lost("link DOWN: inside vcan1")),
+    (expect.NamesBus(1), lost("ins is down"), lost("")),
     (expect.Ends((0,), 5.0), observed(), observed(status=4)),
     (expect.Ends((0,), 5.0), observed(), observed(status=None)),
     (expect.Ends((-9,), 5.0), observed(status=-9), replace(observed(status=-9), exit_ns=11 * S)),
@@ -137,4 +145,4 @@ def test_each_expectation_passes_on_the_right_observation_and_fails_on_the_wrong
 
 
 def test_every_expectation_of_the_catalogue_is_tested() -> None:
-    assert {type(e) for case in CATALOGUE for e in case.see} == {type(row[0]) for row in JUDGED}
+    assert {type(e) for case in catalogue_of(2) for e in case.see} == {type(row[0]) for row in JUDGED}

@@ -13,7 +13,17 @@ from vehicle_bus_contract.reference import AUTONOMOUS, FAULT, MANUAL, READY, Fra
 from virtual_drive import Change, VirtualDrive
 
 ROVER = str(Path(__file__).resolve().parents[2] / "docs" / "examples" / "06_own_vehicle" / "rover.toml")
-ALL = ("agilex_hunter", "fs_ai_ads_dv", "j1939_truck", "mqb_by_wire", "new_eagle_raptor", "pacmod3", "vbox_kart", ROVER)
+ALL = (
+    "agilex_hunter",
+    "agilex_hunter_ins",
+    "fs_ai_ads_dv",
+    "j1939_truck",
+    "mqb_by_wire",
+    "new_eagle_raptor",
+    "pacmod3",
+    "vbox_kart",
+    ROVER,
+)
 """Every shipped vehicle of another maker that can be driven, and the example's."""
 PEERS = ("agilex_hunter", "fs_ai_ads_dv", ROVER)
 """Commanded by a speed, by pedals, and by an acceleration with a signal that says stop."""

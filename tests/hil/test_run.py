@@ -51,11 +51,12 @@ def test_a_case_that_cannot_be_executed_names_what_is_missing() -> None:
 @pytest.mark.parametrize("name", ["BODY_COMMAND", "CONTROLLER_STATUS", "DRIVE_COMMAND", "POSE"])
 def test_a_running_device_may_send_reports_but_no_commands(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     rx = bus.RxFrame(WIRE.pack(name, 3), False, 0)
-    monkeypatch.setattr(bench, "Bus", lambda *_: SimpleNamespace(drain=lambda: [rx], close=lambda: None))
+    opened = SimpleNamespace(drain=lambda: [rx], close=lambda: None)
+    monkeypatch.setattr(bench, "open_bus", lambda *_, **__: opened)
     monkeypatch.setattr(bench, "LISTEN_S", 0.02)
-    assert bench.observe_traffic("vcan9", WIRE)
+    assert bench.observe_traffic(("vcan9",), WIRE)
     reports = name in ("BODY_COMMAND", "CONTROLLER_STATUS")
-    assert bool(bench.observe_traffic("vcan9", WIRE, is_device_running=True)) is not reports
+    assert bool(bench.observe_traffic(("vcan9",), WIRE, is_device_running=True)) is not reports
 
 
 def test_bench_stops_sending_when_another_vehicle_appears(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """The program's loop and the bench's vehicle of a profile, wired back to back in virtual time."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from hil_bench.applicable import scale_for
@@ -56,7 +57,7 @@ class BenchBus:
 
     def send(self, *frames: CanFrame) -> int:
         for sent in frames:
-            frame = Frame(0, sent.can_id, sent.data, is_extended=sent.is_extended, is_fd=sent.is_fd)
+            frame = Frame(0, sent.can_id, sent.data, is_extended=sent.is_extended, is_fd=sent.is_fd, bus=sent.bus)
             for changed in self._change(frame):
                 self.vehicle.receive(self._note(changed), self.now_ns)
         return len(frames)
@@ -73,15 +74,14 @@ class BenchBus:
     def _tick(self) -> None:
         self.vehicle.move(self.vehicle.period_ns / S, self.now_ns)
         for frame in map(self._note, self.vehicle.next_frames()):
-            self._inbox.append(
-                CanFrame(frame.can_id, frame.data, frame.stamp_ns, is_extended=frame.is_extended, is_fd=frame.is_fd)
-            )
+            kind = {"is_extended": frame.is_extended, "is_fd": frame.is_fd}
+            self._inbox.append(CanFrame(frame.can_id, frame.data, frame.stamp_ns, bus=frame.bus, **kind))
         self._due_ns += self.vehicle.period_ns
 
     def _note(self, frame: Frame) -> Frame:
         """Frames of one instant follow one another by 0.1 ms."""
         stamp_ns = max(self.now_ns, self.frames[-1].stamp_ns + 100_000) if self.frames else self.now_ns
-        self.frames.append(Frame(stamp_ns, frame.can_id, frame.data, is_extended=frame.is_extended, is_fd=frame.is_fd))
+        self.frames.append(replace(frame, stamp_ns=stamp_ns))
         return self.frames[-1]
 
 

@@ -5,6 +5,7 @@ import itertools
 import logging
 import os
 import platform
+import re
 import shutil
 import sys
 import time
@@ -19,7 +20,8 @@ import msgspec
 from hil_bench import result as results
 from hil_bench import run_case
 from hil_bench.applicable import adapt, find_inapplicable
-from hil_bench.bus import Bus, is_virtual
+from hil_bench.bus import is_virtual
+from hil_bench.buses import open_bus
 from hil_bench.case import Case, Need
 from hil_bench.cases import CATALOGUE
 from hil_bench.device import Commands
@@ -60,25 +62,27 @@ class Plan:
     """The route of a device that is already running."""
 
 
-def select_cases(names: Iterable[str], tags: Iterable[str], *, quick: bool) -> list[Case]:
+def select_cases(
+    names: Iterable[str], tags: Iterable[str], *, quick: bool, catalogue: Sequence[Case] = CATALOGUE
+) -> list[Case]:
     """Cases by name and by tag, in the catalogue's order; all, if none is named. Raises `BenchError`."""
     names, tags = set(names), set(tags) | ({"quick"} if quick else set())
-    unknown = names - {case.name for case in CATALOGUE} | tags - {tag for case in CATALOGUE for tag in case.tags}
+    unknown = names - {case.name for case in catalogue} | tags - {tag for case in catalogue for tag in case.tags}
     if unknown:
         raise BenchError(f"no such case or tag: {', '.join(sorted(unknown))}; --list names them all")
     if not names and not tags:
-        return list(CATALOGUE)
-    return [case for case in CATALOGUE if case.name in names or tags & set(case.tags)]
+        return list(catalogue)
+    return [case for case in catalogue if case.name in names or tags & set(case.tags)]
 
 
-def observe_traffic(channel: str, wire: Wire, *, is_device_running: bool = False) -> list[str]:
+def observe_traffic(channels: Sequence[str], wire: Wire, *, is_device_running: bool = False) -> list[str]:
     """What is on the bus before the bench sends: a moving vehicle, and identifiers with their rates.
 
     A device that is already running may send lights and reports, but no commands.
     Raises `OSError` when the interface cannot be used.
     """
-    bus = Bus(channel, None)
-    counts: dict[int, int] = {}
+    bus = open_bus(channels, wire, everything=True)
+    counts: dict[tuple[int, int], int] = {}
     moving = ""
     try:
         end = time.monotonic() + LISTEN_S
@@ -86,14 +90,19 @@ def observe_traffic(channel: str, wire: Wire, *, is_device_running: bool = False
             for rx in bus.drain():
                 if is_device_running and wire.name_of(rx.frame) in wire.reports:
                     continue
-                counts[rx.frame.can_id] = counts.get(rx.frame.can_id, 0) + 1
+                seen = rx.frame.bus, rx.frame.can_id
+                counts[seen] = counts.get(seen, 0) + 1
                 decoded = wire.intact(rx.frame)
                 if decoded is not None and abs(decoded.signals.get("SPEED", 0.0)) > 0.05:
                     moving = f"{decoded.name} reports {decoded['SPEED']:.2f} m/s"
             time.sleep(0.01)
     finally:
         bus.close()
-    found = [f"0x{can_id:03X} {count / LISTEN_S:.0f} times a second" for can_id, count in sorted(counts.items())]
+    on = [f" on {name}" if len(wire.buses) > 1 else "" for name in wire.buses]
+    found = [
+        f"0x{can_id:03X}{on[number]} {count / LISTEN_S:.0f} times a second"
+        for (number, can_id), count in sorted(counts.items())
+    ]
     return ([moving] if moving else []) + found
 
 
@@ -136,26 +145,26 @@ def run(plan: Plan, listener: ProgressListener) -> Run:
         began=began.isoformat(timespec="seconds"),
         duration_s=round(time.monotonic() - begin_s, 1),
         command=" ".join(sys.argv),
-        channel=config.channel,
+        channel=config.described_channels,
         profile=config.wire.name,
         profile_hash=config.wire.hash,
         device=config.commands.start or "already running, not started by the bench",
         seed=config.seed,
-        environment=environment(config.channel),
+        environment=environment(config.channels, config.described_channels),
         cases=done,
     )
     listener.on_run_end(report)
     return report
 
 
-def environment(channel: str) -> dict[str, str]:
-    """The computer, the interface and the versions of a run."""
+def environment(channels: Sequence[str], described: str) -> dict[str, str]:
+    """The computer, the interfaces and the versions of a run."""
     found = {
         "host": platform.node(),
         "kernel": platform.release(),
         "processors": str(os.cpu_count()),
-        "interface": channel,
-        "adapter": _adapter(channel),
+        "interface": described,
+        "adapter": ", ".join(dict.fromkeys(map(_adapter, channels))),
         "python": platform.python_version(),
         "revision": _revision(),
     }
@@ -172,7 +181,7 @@ def _execute(config: run_case.BenchConfig, case: Case, repetition: int, route: s
     why = find_inapplicable(case, config.wire)
     if why:
         return run_case.unjudged_result(config, case, repetition, why, Verdict.NOT_APPLICABLE)
-    why = missing_needs(case, config.commands, config.channel, route)
+    why = missing_needs(case, config.commands, config.channel, route, config.further_channels)
     if why:
         return run_case.unjudged_result(config, case, repetition, why)
     for attempt in range(ATTEMPTS):
@@ -190,13 +199,15 @@ def _execute(config: run_case.BenchConfig, case: Case, repetition: int, route: s
     return msgspec.structs.replace(found, counts=found.counts | {"attempts": attempt + 1})
 
 
-def missing_needs(case: Case, commands: Commands, channel: str, route: str = "") -> str:
+def missing_needs(
+    case: Case, commands: Commands, channel: str, route: str = "", further_channels: Sequence[str] = ()
+) -> str:
     """Why a case cannot be executed here; empty if it can."""
     have = {
         Need.OWN_PROCESS: commands.is_ours,
         Need.START: bool(commands.start),
         Need.REARM: bool(commands.rearm) or commands.is_ours,
-        Need.VIRTUAL: is_virtual(channel),
+        Need.VIRTUAL: all(map(is_virtual, (channel, *further_channels))),
         Need.ROOT: os.geteuid() == 0,
         Need.VXCAN: is_virtual(channel) and _has("tc") and _has("ip"),
     }
@@ -204,7 +215,7 @@ def missing_needs(case: Case, commands: Commands, channel: str, route: str = "")
     lacking += [
         f"a device that is started with {{{word}}}"
         for word, is_needed in (("profile", case.profile), ("trajectory", case.breaks), ("channel", case.channel))
-        if is_needed and commands.start and f"{{{word}}}" not in commands.start
+        if is_needed and commands.start and not {f"{{{word}}}", f"{{{word}s}}"} & _placeholders(commands.start)
     ]
     if commands.start and not case.armed and not commands.listen:
         lacking.append("a way to start the device without arming it (--listen-device)")
@@ -217,6 +228,10 @@ def missing_needs(case: Case, commands: Commands, channel: str, route: str = "")
     if not commands.start and not lacking and case.route().name != route:
         lacking.append(f"a device that drives the route {case.route().name} (--write-routes, --route)")
     return f"needs {'; '.join(lacking)}" if lacking else ""
+
+
+def _placeholders(template: str) -> set[str]:
+    return set(re.findall(r"\{\w+\}", template))
 
 
 def _with_paths(found: CaseResult, folder: str, at_s: float) -> CaseResult:

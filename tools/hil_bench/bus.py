@@ -48,9 +48,12 @@ class RxFrame:
 class Bus:
     """Raises `OSError` when the interface cannot be used; later it reopens when the interface returns."""
 
-    def __init__(self, channel: str, identifiers: Iterable[int] | None) -> None:
-        """Receive these identifiers and error frames; None: everything. Those of 29 bits have bit 31 set."""
-        self.channel = channel
+    def __init__(self, channel: str, identifiers: Iterable[int] | None, number: int = 0) -> None:
+        """Receive these identifiers and error frames; None: everything. Those of 29 bits have bit 31 set.
+
+        Received frames bear the bus' number.
+        """
+        self.channel, self._number = channel, number
         self._filters = None if identifiers is None else list(identifiers)
         self._raw: socket.socket | None = None
         self._aside: list[socket.socket] = []
@@ -94,7 +97,7 @@ class Bus:
                 return
             stamp_ns, hardware_ns = self._clocks.stamps(ancillary)
             yield RxFrame(
-                _decode(record, stamp_ns),
+                _decode(record, stamp_ns, self._number),
                 bool(flags & MSG_CONFIRM) or self._was_sent_before_reopen(record),
                 hardware_ns,
             )
@@ -174,9 +177,11 @@ def _content(record: bytes) -> bytes:
     return record[:5] + record[6:]
 
 
-def _decode(record: bytes, stamp_ns: int) -> Frame:
+def _decode(record: bytes, stamp_ns: int, number: int) -> Frame:
     """The frame of a record; a standard identifier has 11 bits even if damage has set more."""
     frame = decode(record, stamp_ns)
+    if number:
+        frame = replace(frame, bus=number)
     return frame if frame.is_extended or frame.is_error else replace(frame, can_id=frame.can_id & 0x7FF)
 
 

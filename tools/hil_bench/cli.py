@@ -14,7 +14,8 @@ import msgspec
 from hil_bench import bench, listen
 from hil_bench import result as results
 from hil_bench.applicable import find_inapplicable, scale_for
-from hil_bench.cases import CATALOGUE
+from hil_bench.buses import describe_channels, read_channels
+from hil_bench.cases import CATALOGUE, catalogue_of
 from hil_bench.device import OWN, OWN_RECORDING, OWN_VIEWER, Commands, find_template_error
 from hil_bench.parts import parts_of
 from hil_bench.peer.build import open_wire
@@ -53,7 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         return INTERRUPTED
     except OSError as error:
-        where = error.filename or f"{options.channel} (try: vehicle-iface doctor --channel {options.channel})"
+        tried = " ".join(f"--channel {text.rpartition('=')[2]}" for text in options.channel)
+        where = error.filename or f"{' '.join(options.channel)} (try: vehicle-iface doctor {tried})"
         print(f"hil-bench: {where}: {error.strerror or error}", file=sys.stderr)
         return NOTHING_DONE
 
@@ -72,7 +74,7 @@ def _turn_signals_into_interrupt() -> None:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    if not options.channel or not options.out:
+    if not any(options.channel) or not options.out:
         raise bench.BenchError("--channel and --out are required (or --list)")
     is_own = options.device == Commands().start
     for option, own in (("listen_device", OWN), ("recording_device", OWN_RECORDING), ("viewer", OWN_VIEWER)):
@@ -98,15 +100,17 @@ def _bench(options: argparse.Namespace) -> int:
         rearm=options.rearm,
         is_here=not options.elsewhere,
     )
-    cases = bench.select_cases(options.case, options.tag, quick=options.quick)
+    channels = read_channels(options.channel, wire)
+    cases = bench.select_cases(options.case, options.tag, quick=options.quick, catalogue=catalogue_of(len(wire.buses)))
     _turn_signals_into_interrupt()
-    found = bench.observe_traffic(options.channel, wire, is_device_running=not options.device)
-    if options.real_vehicle or (found and not _is_confirmed(options, wire, found)):
-        run = listen.run(wire, options.channel, folder, options.duration, found, real_vehicle=options.real_vehicle)
+    found = bench.observe_traffic(channels, wire, is_device_running=not options.device)
+    if options.real_vehicle or (found and not _is_confirmed(options, wire, channels, found)):
+        run = listen.run(wire, channels, folder, options.duration, found, real_vehicle=options.real_vehicle)
     else:
         config = BenchConfig(
             wire=wire,
-            channel=options.channel,
+            channel=channels[0],
+            further_channels=channels[1:],
             commands=commands,
             folder=folder / "cases",
             profile=options.profile,
@@ -134,9 +138,9 @@ def _write_reports(run: Run, folder: Path, old: Run | None, options: argparse.Na
     return FAILED if options.strict and not_executed else STATUS[run.verdict]
 
 
-def _is_confirmed(options: argparse.Namespace, wire: Wire, found: Sequence[str]) -> bool:
+def _is_confirmed(options: argparse.Namespace, wire: Wire, channels: Sequence[str], found: Sequence[str]) -> bool:
     """Whether the user confirms, by an option and by the profile's name, to play a vehicle on a bus with traffic."""
-    print(f"{options.channel} has traffic of other nodes: {'; '.join(found[:6])}", file=sys.stderr)
+    print(f"{describe_channels(channels, wire)} has traffic of other nodes: {'; '.join(found[:6])}", file=sys.stderr)
     if not options.despite_traffic:
         print("The bench only listens. To play a vehicle here anyway: --despite-traffic", file=sys.stderr)
         return False
@@ -169,7 +173,7 @@ def _list(wire: Wire, *, as_json: bool) -> int:
     rows = [
         {"name": case.name, "fault": case.fault, "tags": list(case.tags), "proves": case.proves}
         | ({"not_applicable": why} if (why := find_inapplicable(case, wire, parts)) else {})
-        for case in CATALOGUE
+        for case in catalogue_of(len(wire.buses))
     ]
     if as_json:
         print(json.dumps(rows, indent=1, ensure_ascii=False))
@@ -217,7 +221,12 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=_HelpFormatter,
     )
     add = parser.add_argument
-    add("--channel", default="", help="SocketCAN interface: can0, vcan0, …")
+    add(
+        "--channel",
+        action="append",
+        default=[],
+        help="SocketCAN interface: can0, vcan0, …; of a vehicle with several buses NAME=can0 for each",
+    )
     add(
         "--out",
         default="",
@@ -241,7 +250,7 @@ def _parser() -> argparse.ArgumentParser:
         "--device",
         default=commands.start,
         metavar="COMMAND",
-        help="starts the device, with {channel} {profile} {trajectory} {route}; '' if it is already running",
+        help="starts the device, with {channels} {channel} {profile} {trajectory} {route}; '' if it is already running",
     )
     add(
         "--listen-device",

@@ -1,7 +1,8 @@
 """The device under test: started and ended by commands, or already running.
 
-A command line is a template: {channel}, {profile}, {trajectory} and {route} are filled in. A device that was started on
-this computer can also be stopped, killed and observed by the operating system.
+A command line is a template: {channels}, {channel}, {profile}, {trajectory} and {route} are filled in. {channels} is
+`--channel can0` or, of several buses, `--channel NAME=can0` for each; {channel} is the first interface. A device that
+was started on this computer can also be stopped, killed and observed by the operating system.
 """
 
 import os
@@ -20,7 +21,8 @@ from pathlib import Path
 from hil_bench.places import CHECKOUT
 from hil_bench.process import Process
 
-PLACEHOLDERS = ("channel", "profile", "trajectory", "route", "record", "port")
+CHANNELS = "{channels}"
+PLACEHOLDERS = ("channels", "channel", "profile", "trajectory", "route", "record", "port")
 WITH_OPEN_FILES = """
 import os, resource, sys
 count, most = int(sys.argv[1]), resource.getrlimit(resource.RLIMIT_NOFILE)[1]
@@ -30,7 +32,7 @@ for _ in range(count):
 os.execvp(sys.argv[2], sys.argv[2:])
 """
 """Opens the lowest descriptors, then executes the program that its further arguments name."""
-OWN = f"{sys.executable} -m vehicle_iface run --channel {{channel}} --profile {{profile}} --trajectory {{trajectory}}"
+OWN = f"{sys.executable} -m vehicle_iface run {{channels}} --profile {{profile}} --trajectory {{trajectory}}"
 OWN_RECORDING = f"{OWN} --arm --record {{record}}"
 OWN_VIEWER = f"{sys.executable} -m vehicle_iface view --port {{port}}"
 
@@ -72,8 +74,12 @@ def find_template_error(template: str) -> str:
 
 
 def fill_template(template: str, values: Mapping[str, str]) -> list[str]:
-    """The command with its arguments."""
-    return [part.format_map(values) for part in shlex.split(template)]
+    """The command with its arguments; {channels} are several, if it is a word of its own."""
+    parts = (
+        shlex.split(values["channels"]) if part == CHANNELS else [part.format_map(values)]
+        for part in shlex.split(template)
+    )
+    return [word for words in parts for word in words]
 
 
 class Device:

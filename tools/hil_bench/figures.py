@@ -1,6 +1,7 @@
 """What the report draws and counts of a case: plots, distributions, counts and the time line."""
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from vehicle_bus_contract.judge import Record
@@ -96,8 +97,11 @@ def describe_distribution(name: str, values: Sequence[float], limit: float | Non
 
 def count(record: Record, rig: Rig, frames: Sequence[Frame]) -> dict[str, int]:
     """How many frames, samples, commands and losses there were."""
+    buses = rig.wire.buses if len(rig.wire.buses) > 1 else ()
+    on_each = Counter(rx.frame.bus for rx in rig.received)
     return {
         "frames on the bus": len(rig.received),
+        **{f"frames on the bus {name}": on_each[number] for number, name in enumerate(buses)},
         "frames of the device": len(frames),
         "complete samples": len(record.samples),
         "command pairs": len(record.pairs),

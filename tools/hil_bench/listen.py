@@ -9,7 +9,8 @@ from pathlib import Path
 from vehicle_bus_contract.candump import candump_line
 
 from hil_bench.bench import environment
-from hil_bench.bus import Bus, is_virtual
+from hil_bench.bus import is_virtual
+from hil_bench.buses import describe_channels, open_bus
 from hil_bench.expect import check
 from hil_bench.peer.build import examine
 from hil_bench.result import CaseResult, Check, Evidence, Run, Verdict, verdict_of
@@ -17,7 +18,7 @@ from hil_bench.wire import Wire
 
 
 def run(
-    wire: Wire, channel: str, folder: Path, duration_s: float, traffic: Sequence[str], *, real_vehicle: bool
+    wire: Wire, channels: Sequence[str], folder: Path, duration_s: float, traffic: Sequence[str], *, real_vehicle: bool
 ) -> Run:
     """Listen for `duration_s` and judge any commands by the bus contract. Raises `OSError`.
 
@@ -25,7 +26,7 @@ def run(
     """
     folder.mkdir(parents=True, exist_ok=True)
     began = datetime.datetime.now().astimezone()
-    bus = Bus(channel, wire.names)
+    bus, described = open_bus(channels, wire), describe_channels(channels, wire)
     frames, interrupted = [], ""
     try:
         begin_s = time.monotonic()
@@ -38,11 +39,11 @@ def run(
         bus.close()
     duration_s = round(time.monotonic() - begin_s, 1)
     offset_ns = time.time_ns() - time.monotonic_ns()
-    lines = [candump_line(frame, channel, offset_ns) for frame in frames]
+    lines = [candump_line(frame, channels[frame.bus], offset_ns) for frame in frames]
     (folder / "listened.candump").write_text("".join(f"{line}\n" for line in lines))
     record = examine(wire, (frame for frame in frames if not frame.is_error))
     on_wire = Evidence.REAL_VEHICLE if real_vehicle else Evidence.REAL_BUS
-    evidence = Evidence.VIRTUAL_BUS if is_virtual(channel) else on_wire
+    evidence = Evidence.VIRTUAL_BUS if any(map(is_virtual, channels)) else on_wire
     checks: list[Check] = []
     if record.pairs:
         checks.append(check("the commands on this bus keep the bus contract", record.faults()))
@@ -64,11 +65,11 @@ def run(
         began=began.isoformat(timespec="seconds"),
         duration_s=duration_s,
         command=" ".join(sys.argv),
-        channel=channel,
+        channel=described,
         profile=wire.name,
         profile_hash=wire.hash,
         device=f"unknown; on the bus: {'; '.join(traffic) or 'no traffic at first'}",
         seed=0,
-        environment=environment(channel),
+        environment=environment(channels, described),
         cases=[found],
     )

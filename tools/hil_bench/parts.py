@@ -42,6 +42,7 @@ class Part(StrEnum):
     REVERSE = "a command to drive backwards, and a measured speed with a sign"
     BACKWARDS = "a measured speed with a sign"
     SHORT_ID = "identifiers of 11 bits"
+    FURTHER_STATE = "a part of its state on the second bus"
     PATIENCE = "a limit for old state of more than two periods"
 
 
@@ -79,6 +80,7 @@ def parts_of(wire: Wire) -> frozenset[Part]:
         Part.REVERSE: wire.can_reverse,
         Part.BACKWARDS: wire.measures_backwards,
         Part.SHORT_ID: all(wire.ids[name] <= 0x7FF for name in wire.sample),
+        Part.FURTHER_STATE: any(wire.bus_of(name) == 1 for name in wire.sample),
         Part.PATIENCE: timing["state_stale_s"] >= PERIODS_UNTIL_STALE * wire.period_s,
     }
     return frozenset(part for part, is_there in found.items() if is_there)

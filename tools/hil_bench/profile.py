@@ -12,6 +12,7 @@ from cantools.database.can import Database
 from cantools.database.errors import Error as CantoolsError
 from vehicle_bus_contract.reference import Limits
 
+from hil_bench.messages import Messages
 from hil_bench.places import PROFILES
 
 JUDGED_BY = {
@@ -42,14 +43,25 @@ class ProfileError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProfileFiles:
-    """A profile and its DBC, as they were read."""
+    """A profile and its DBCs, as they were read."""
 
     path: Path
     profile: dict[str, Any]
-    dbc: Path
+    """With names of messages as `messages` has them. Of several buses, `bus` is the first."""
+    dbcs: tuple[Path, ...]
+    """Of each bus."""
+    buses: tuple[str, ...]
+    """Their names; of the only bus of a short form it is empty."""
     database: Database
+    """Of the first bus."""
+    messages: Messages
     hash: str
-    """SHA-256 of both files."""
+    """SHA-256 of all files."""
+
+    @property
+    def dbc(self) -> Path:
+        """Of the first bus."""
+        return self.dbcs[0]
 
 
 def read_files(profile: str, *, strict: bool = True) -> ProfileFiles:
@@ -62,15 +74,30 @@ def read_files(profile: str, *, strict: bool = True) -> ProfileFiles:
             if old in tables.get(table, {}):
                 tables[table].setdefault(new, tables[table][old])
         if "buses" in tables:
-            raise ProfileError(f"{path}: has [buses]: the bench plays the vehicle of one bus only")
-        dbc = path.parent / tables["dbc"]
-        database = cantools.database.load_file(dbc, strict=strict)
-    except (OSError, ValueError, KeyError, CantoolsError) as error:
+            tables["bus"] = next(iter(tables["buses"].values()), {})
+        buses: dict[str, dict[str, Any]] = tables.get("buses") or {"": tables}
+        dbcs = tuple(path.parent / bus["dbc"] for bus in buses.values())
+        databases = {name: _load(dbc, strict=strict) for name, dbc in zip(buses, dbcs, strict=True)}
+        messages = Messages(databases)
+        tables = messages.rename(tables)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, CantoolsError) as error:
         raise ProfileError(f"{path}: {error}") from error
+    return ProfileFiles(
+        path=path,
+        profile=tables,
+        dbcs=dbcs,
+        buses=tuple(buses),
+        database=next(iter(databases.values())),
+        messages=messages,
+        hash=hashlib.sha256(text + b"".join(dbc.read_bytes() for dbc in dbcs)).hexdigest(),
+    )
+
+
+def _load(dbc: Path, *, strict: bool) -> Database:
+    database = cantools.database.load_file(dbc, strict=strict)
     if not isinstance(database, Database):
         raise ProfileError(f"{dbc}: is no CAN database")
-    digest = hashlib.sha256(text + dbc.read_bytes()).hexdigest()
-    return ProfileFiles(path=path, profile=tables, dbc=dbc, database=database, hash=digest)
+    return database
 
 
 def read_limits(profile: Mapping[str, Any], path: Path) -> Limits:

@@ -11,7 +11,8 @@ from vehicle_bus_contract.cable import set_link
 from vehicle_bus_contract.candump import candump_line
 from vehicle_bus_contract.reference import MS, Frame, S
 
-from hil_bench.bus import Bus, RxFrame
+from hil_bench.bus import RxFrame
+from hil_bench.buses import open_bus
 from hil_bench.device import Commands, Device, fill_template
 from hil_bench.errors import RigError, UnexpectedNodeError
 from hil_bench.peer.build import build_vehicle
@@ -36,18 +37,19 @@ class Rig:
     def __init__(
         self,
         wire: Wire,
-        channel: str,
+        channels: Sequence[str],
+        device_channels: Sequence[str],
         commands: Commands,
         folder: Path,
         placeholders: Mapping[str, str],
         seed: int,
         name: str,
     ) -> None:
-        """`name` is the case's; with `seed` it fixes everything that is left to chance."""
+        """The channels are those of each bus. `name` is the case's; with `seed` it fixes all that is left to chance."""
         self.wire, self.folder, self.name = wire, folder, name
         self.random = random.Random(f"{seed} {name}")
-        self.device_channel = placeholders["channel"]
-        self.bus = Bus(channel, wire.names)
+        self.channels, self.device_channels = channels, device_channels
+        self.bus = open_bus(channels, wire)
         self.vehicle = build_vehicle(wire)
         self.vehicle_transmits = True
         self.placeholders, self._commands = placeholders, commands
@@ -63,6 +65,8 @@ class Rig:
         self.touched_ns = 0
         """The bench began to act; the fault may begin a little later."""
         self.exit_status: int | None = None
+        self._output_bytes: list[int] = []
+        """Of the device's output, at each mark."""
         self._next_ns = 0
         self._of_device = frozenset(wire.of_device)
 
@@ -169,9 +173,25 @@ class Rig:
         """The command that starts a viewer of the device."""
         return fill_template(self._commands.view, self.placeholders)
 
-    def set_link(self, *, up: bool) -> None:
-        """Take the device's interface up or down at once. Raises `OSError`."""
-        set_link(self.device_channel, is_up=up)
+    @property
+    def device_channel(self) -> str:
+        """The device's interface on the first bus."""
+        return self.device_channels[0]
+
+    def set_link(self, *, up: bool, bus: int = 0) -> None:
+        """Take the device's interface on a bus up or down at once. Raises `OSError`."""
+        set_link(self.device_channels[bus], is_up=up)
+
+    def mark_output(self) -> None:
+        """Mark where the device's output ends now: once when the bench begins to act, and when the operator acts."""
+        self._output_bytes.append(self.device.log.stat().st_size if self.device.log.exists() else 0)
+
+    def said(self) -> str:
+        """The device's output between the first mark and the last."""
+        if len(self._output_bytes) < 2:
+            return ""
+        begin, end = self._output_bytes[0], self._output_bytes[-1]
+        return self.device.log.read_bytes()[begin:end].decode(errors="replace") if self.device.log.exists() else ""
 
     def receive_commands(self) -> None:
         """Wait for the device's answer to the last sample, and receive it."""
@@ -195,7 +215,7 @@ class Rig:
         offset_ns = time.time_ns() - time.monotonic_ns()
         with open(path, "w", encoding="ascii") as log:
             for rx in self.received:
-                log.write(candump_line(rx.frame, self.bus.channel, offset_ns) + "\n")
+                log.write(candump_line(rx.frame, self.channels[rx.frame.bus], offset_ns) + "\n")
 
     def close(self) -> None:
         """Close bus and shell. May be called twice."""
@@ -230,4 +250,6 @@ class Rig:
         return self.wire.name_of(rx.frame) in self._of_device
 
     def _is_from_device(self, rx: RxFrame) -> bool:
-        return not rx.is_ours and not rx.frame.is_error and self._has_device_id(rx)
+        if rx.is_ours or rx.frame.is_error:
+            return False
+        return self._has_device_id(rx) or bool(self.wire.find_stray(rx.frame))

@@ -1,6 +1,7 @@
 """Runs one case, from its trajectory file to its verdict."""
 
 import gc
+import shutil
 import signal
 import socket
 import time
@@ -14,6 +15,7 @@ from vehicle_bus_contract.reference import S
 
 from hil_bench import figures, host, judge
 from hil_bench.bus import is_virtual
+from hil_bench.buses import channel_options, describe_channels
 from hil_bench.case import Case, Then
 from hil_bench.device import Commands
 from hil_bench.expect import Observation
@@ -41,16 +43,29 @@ class BenchConfig:
 
     wire: Wire
     channel: str
+    """The interface of the first bus."""
     commands: Commands
     folder: Path
     """Folder for the files of every case."""
     profile: str
     seed: int = 0
+    further_channels: tuple[str, ...] = ()
+    """Of the buses after the first."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The interface of each bus."""
+        return (self.channel, *self.further_channels)
+
+    @property
+    def described_channels(self) -> str:
+        """The interfaces, for a report."""
+        return describe_channels(self.channels, self.wire)
 
     @property
     def evidence(self) -> Evidence:
         """The class of evidence of its results."""
-        return Evidence.VIRTUAL_BUS if is_virtual(self.channel) else Evidence.REAL_BUS
+        return Evidence.VIRTUAL_BUS if any(map(is_virtual, self.channels)) else Evidence.REAL_BUS
 
 
 def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
@@ -61,8 +76,10 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
     if case.breaks is not None:
         trajectory.write_text(case.breaks(trajectory.read_text()))
     channel, device_channel = (host.BENCH_END, host.DEVICE_END) if case.on_vxcan else (config.channel, config.channel)
+    device_channels = (case.channel or device_channel, *config.further_channels)
     placeholders = {
-        "channel": case.channel or device_channel,
+        "channels": channel_options(device_channels, config.wire),
+        "channel": device_channels[0],
         "profile": _profile(config, case, name),
         "trajectory": str(trajectory.resolve()),
         "route": route.name,
@@ -78,7 +95,14 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
         if case.recorded_mib:
             host.make_disk(Path(placeholders["record"]).parent, case.recorded_mib)
         rig = Rig(
-            config.wire, channel, config.commands, config.folder, placeholders, config.seed + repetition - 1, case.name
+            config.wire,
+            (channel, *config.further_channels),
+            device_channels,
+            config.commands,
+            config.folder,
+            placeholders,
+            config.seed + repetition - 1,
+            case.name,
         )
         rig.vehicle.drives_to(route.x_m[-1], route.y_m[-1])
         rig.device.log = config.folder / f"{name}.log"
@@ -129,6 +153,8 @@ def _profile(config: BenchConfig, case: Case, name: str) -> str:
     copy = config.folder / f"{name}.toml"
     copy.write_text(toml)
     (config.folder / config.wire.dbc.name).write_text(dbc)
+    for further in config.wire.further_dbcs:
+        shutil.copy(further, config.folder / further.name)
     return str(copy.resolve())
 
 
@@ -177,6 +203,7 @@ def _inject(rig: Rig, case: Case) -> None:
         return
     rig.mark_injection()
     rig.touched_ns = rig.inject_ns
+    rig.mark_output()
     with (case.inject or inject_nothing)(rig):
         rig.run_for(case.for_s)
         if case.samples:
@@ -208,6 +235,7 @@ def _after_injection(rig: Rig, case: Case) -> None:
         rig.vehicle.make_ready()
         rig.run_for(UNARMED_S)
     rig.then_ns = time.monotonic_ns()
+    rig.mark_output()
     if case.then is Then.REARM:
         _rearm(rig)
     rig.healthy_ns = time.monotonic_ns()
@@ -264,6 +292,7 @@ def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list
         exit_ns=rig.exit_ns,
         route=route,
         wire=rig.wire,
+        said=rig.said(),
     )
     checks = judge.check_alive(case, observed, rig) + judge.check_preparation(case, observed, rig)
     events: list[Event] = []

@@ -4,8 +4,9 @@ Every signal has the name that the reference vehicle gives it (`ENABLE`, `POS_X`
 cases and judge use one vocabulary. Messages of a state sample keep their own names.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from cantools.database.can import Database, Message
 from vehicle_bus_contract.reference import (
@@ -87,6 +88,10 @@ class Wire:
     is_counted = True
     """The messages of a sample share a counter."""
     frame_id = "map"
+    buses: tuple[str, ...] = ("",)
+    """Their names; the only one needs none."""
+    further_dbcs: tuple[Path, ...] = ()
+    """Of the buses after the first."""
     loses_its_place = False
     """Its position is dead reckoning, which ends with a gap in its state."""
 
@@ -183,6 +188,18 @@ class Wire:
         layout = self._layouts[self.command[-1]]
         signal = layout.message.get_signal_by_name(layout.signal_of["FRONT_WHEEL_ANGLE_REQUEST"][0])
         return max(WHEEL_COUNT_RAD, float(signal.scale))
+
+    def bus_of(self, name: str) -> int:  # noqa: ARG002
+        """The number of a message's bus."""
+        return 0
+
+    def ids_on(self, number: int) -> Collection[int]:  # noqa: ARG002
+        """The identifiers to receive on a bus."""
+        return self.names
+
+    def find_stray(self, frame: Frame) -> str:  # noqa: ARG002
+        """The device's message that a frame on another bus than that message's has the identifier of; empty: none."""
+        return ""
 
     def free_block(self) -> int:
         """The first of 256 unused identifiers of low priority; above 0x6FF is diagnosis."""

@@ -50,6 +50,8 @@ class Frame:
     is_remote: bool = False
     is_fd: bool = False
     is_error: bool = False
+    bus: int = 0
+    """Of a vehicle on several buses, which of them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ Times are those of the bus contract.
 
 from hil_bench.case import Case
 from hil_bench.cases.bus import BUS
+from hil_bench.cases.buses import BUSES
 from hil_bench.cases.companions import COMPANIONS
 from hil_bench.cases.deviation import DEVIATION
 from hil_bench.cases.driver import DRIVER
@@ -32,3 +33,9 @@ CATALOGUE: tuple[Case, ...] = (
     *FILES,
     *TIMING,
 )
+"""Of every vehicle."""
+
+
+def catalogue_of(buses: int) -> tuple[Case, ...]:
+    """The cases of a vehicle with so many buses."""
+    return CATALOGUE if buses == 1 else (*CATALOGUE, *BUSES)

@@ -13,7 +13,7 @@ from hil_bench.expect.commands import (
     StaysOut,
     Stops,
 )
-from hil_bench.expect.process import Ends, EndsOrderly, Refuses
+from hil_bench.expect.process import Ends, EndsOrderly, NamesBus, Refuses
 from hil_bench.expect.vehicle import HazardLights, ReachesEnd, Standstill, WatchdogActs
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "HazardLights",
     "LetsGo",
     "MomentaryAtMost",
+    "NamesBus",
     "NeverEnables",
     "Observation",
     "ReachesEnd",

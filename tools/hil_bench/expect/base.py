@@ -38,6 +38,8 @@ class Observation:
     route: Route
     wire: Wire
     """The vehicle's bus."""
+    said: str = ""
+    """The device's output from the injection until the operator acts again."""
 
     def later_s(self, waits_for: Wait) -> float:
         """How much later than with the reference vehicle a reaction may come."""

@@ -1,5 +1,6 @@
-"""What must be observed of the device's process: how it ends."""
+"""What must be observed of the device's process: how it ends, and what it says."""
 
+import re
 from dataclasses import dataclass
 
 from vehicle_bus_contract.reference import S
@@ -63,3 +64,16 @@ class EndsOrderly:
         if moving and abs(moving[0].speed_mps) > 0.1:
             wrong.append(f"released at {moving[0].speed_mps:.2f} m/s")
         return check(text, wrong), []
+
+
+@dataclass(frozen=True)
+class NamesBus:
+    """The device's output names the bus as the profile does, before the operator acts again."""
+
+    bus: int
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        name = observed.wire.buses[self.bus]
+        is_named = re.search(rf"\b{re.escape(name)}\b", observed.said) is not None
+        last = (observed.said.strip() or "nothing").splitlines()[-1]
+        return check(f"its output names the bus {name}", [] if is_named else [f"it says: {last}"]), []

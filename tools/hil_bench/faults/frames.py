@@ -42,6 +42,19 @@ def change_frames(change: Change, *, of_status: bool = False, count: int = ALWAY
     return inject
 
 
+class _MutedBus(Fault):
+    def __init__(self, bus: int) -> None:
+        self._bus = bus
+
+    def frames(self, outgoing: list[TxFrame]) -> list[Frame]:
+        return [tx.frame for tx in outgoing if tx.frame.bus != self._bus]
+
+
+def mute_bus(bus: int) -> Injection:
+    """Lose every frame of the vehicle on this bus."""
+    return lambda rig: with_fault(rig, _MutedBus(bus))
+
+
 # Changes of one frame
 
 

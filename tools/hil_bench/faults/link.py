@@ -7,20 +7,20 @@ from hil_bench.faults.base import Injection
 from hil_bench.rig import Rig
 
 
-def take_link_down(down_s: float | None = None) -> Injection:
-    """Take the interface down, and up again at the end or after `down_s`."""
+def take_link_down(down_s: float | None = None, *, bus: int = 0) -> Injection:
+    """Take the interface of a bus down, and up again at the end or after `down_s`."""
 
     @contextmanager
     def inject(rig: Rig) -> Iterator[None]:
-        rig.set_link(up=False)
+        rig.set_link(up=False, bus=bus)
         rig.mark_injection()
         try:
             if down_s is not None:
                 rig.run_for(down_s)
-                rig.set_link(up=True)
+                rig.set_link(up=True, bus=bus)
             yield
         finally:
-            rig.set_link(up=True)
+            rig.set_link(up=True, bus=bus)
 
     return inject
 

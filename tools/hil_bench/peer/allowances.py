@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil_bench.peer.command import CommandReader
+from hil_bench.peer.layout import Layout
 from hil_bench.peer.roles import Roles
 from hil_bench.vocabulary import PERIOD_S, Wait
 
@@ -89,3 +90,15 @@ def speed_share(profile: Mapping[str, Any], length: float) -> float:
     across = limits["lateral_accel_mps2"] / ACROSS_MPS2
     usual = SPEED_SHARE * limits["speed_max_mps"] / USUAL_MPS
     return float(min(1.0, usual, math.sqrt(length * along_mps2(profile)), math.sqrt(length * across)))
+
+
+def find_unjudged(layout: Layout, roles: Roles, reader: CommandReader) -> dict[str, str]:
+    """What no frame of this vehicle's device can show."""
+    found = {}
+    if not any(layout.protections[name].counters for name in roles.of_device):
+        found["counter"] = "no message of the device has a counter"
+    if not reader.has_stop or reader.longitudinal == "speed":
+        found["brakes"] = "no signal says that a command is a stop; an expected stop is judged by how it brakes"
+    if not roles.reports:
+        found["periods"] = "the device sends neither lights nor reports"
+    return found

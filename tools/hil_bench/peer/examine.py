@@ -72,6 +72,12 @@ class _Examination:
         """Decode one frame and judge it."""
         record, name = self.record, self.wire.name_of(frame)
         if name is None:
+            stray = self.wire.find_stray(frame)
+            if stray:
+                there, here = self.wire.buses[self.wire.bus_of(stray)], self.wire.buses[frame.bus]
+                record.violations.append(
+                    f"{self._at(frame.stamp_ns)}: {stray} on the bus {here}; it belongs on {there}"
+                )
             record.frames[f"0x{frame.can_id:03X}"] += 1
             return
         record.frames[name] += 1

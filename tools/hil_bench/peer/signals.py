@@ -5,8 +5,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cantools.database.can import Database, Message, Signal
+from cantools.database.can import Message, Signal
 
+from hil_bench.messages import Messages
 from hil_bench.peer.conditions import signals_of
 from hil_bench.peer.units import size_of
 from hil_bench.profile import ProfileError
@@ -66,10 +67,10 @@ class PeerSignal:
         return abs(self.factor * float(self.signal.scale))
 
 
-def read_signal(database: Database, profile: Mapping[str, Any], dotted: str, *, own_unit: bool = False) -> PeerSignal:
+def read_signal(messages: Messages, profile: Mapping[str, Any], dotted: str, *, own_unit: bool = False) -> PeerSignal:
     """Raises `KeyError` for a signal that the DBC does not have. `own_unit`: its values are not converted."""
     message, _, name = dotted.partition(".")
-    signal = database.get_message_by_name(message).get_signal_by_name(name)
+    signal = messages.find(message).get_signal_by_name(name)
     notes = profile.get("signals", {}).get(dotted, {})
     names = {str(word): int(number) for number, word in (signal.choices or {}).items()}
     names = {str(word): int(number) for number, word in notes.get("names", {}).items()} or names

@@ -1,7 +1,7 @@
 """Any profile's bus: fields to the vehicle's frames, and the device's frames to commands."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -34,6 +34,7 @@ class PeerWire(Wire):
     def __init__(self, profile: str) -> None:
         files = read_files(profile, strict=False)
         self.path, self.dbc, self.profile, self.hash = files.path, files.dbc, files.profile, files.hash
+        self.buses, self.further_dbcs = files.buses, files.dbcs[1:]
         if not self.profile.get("command", {}).get("signals"):
             raise ProfileError(
                 f"{files.path}: has no [command]: the vehicle can only be watched, nothing can be judged"
@@ -72,7 +73,8 @@ class PeerWire(Wire):
         data = message.encode(signals, strict=False, padding=False)
         if protection.counters:
             data = write_bits(data, protection.counter_bits, counter % protection.counters)
-        return self.seal(Frame(0, message.frame_id, data, is_extended=message.is_extended_frame, is_fd=self.is_fd))
+        is_extended, is_fd, bus = message.is_extended_frame, self.layout.fd[name], self.layout.buses[name]
+        return self.seal(Frame(0, message.frame_id, data, is_extended=is_extended, is_fd=is_fd, bus=bus))
 
     def seal(self, frame: Frame, data_id: int | None = None) -> Frame:
         """The frame with the checksum of its content, by its own or another data id."""
@@ -98,8 +100,9 @@ class PeerWire(Wire):
 
     def is_well_formed(self, frame: Frame) -> bool:
         """True if a frame with a known identifier has the right kind and length."""
-        special = frame.is_remote or frame.is_error or frame.is_fd is not self.is_fd
-        return not special and len(frame.data) == self.lengths[self.name_of(frame) or ""]
+        name = self.name_of(frame) or ""
+        special = frame.is_remote or frame.is_error or frame.is_fd is not self.layout.fd[name]
+        return not special and len(frame.data) == self.lengths[name]
 
     def intact(self, frame: Frame) -> DecodedFrame | None:
         """The decoded frame, if it is a known message with a good checksum: MESSAGE.SIGNAL and fields → values."""
@@ -214,6 +217,22 @@ class PeerWire(Wire):
         own = stated.get(name) if isinstance(stated, Mapping) else stated
         return float(self.profile["timing"]["state_stale_s"] if own is None else own)
 
+    def bus_of(self, name: str) -> int:
+        """The number of a message's bus."""
+        return self.layout.buses[name]
+
+    def ids_on(self, number: int) -> Collection[int]:
+        """The identifiers to receive on a bus; also those of the device, which belong on another."""
+        own = (self.ids[name] for name, bus in self.layout.buses.items() if bus == number)
+        return sorted({*own, *(self.ids[name] for name in self.of_device)})
+
+    def find_stray(self, frame: Frame) -> str:
+        """The device's message that a frame on another bus than that message's has the identifier of; empty: none."""
+        if len(self.buses) == 1 or self.name_of(frame) is not None:
+            return ""
+        names = (self.name_of(replace(frame, bus=number)) for number in range(len(self.buses)))
+        return next((name for name in names if name in self.of_device), "")
+
     def free_block(self) -> int:
         """The first of 256 unused identifiers of low priority; above 0x6FF is diagnosis."""
         used = {can_id >> 8 for can_id in self.names if can_id < EXTENDED}
@@ -288,18 +307,7 @@ class PeerWire(Wire):
         self.along_mps2 = allowances.along_mps2(profile)
         self.length_share = allowances.length_share(profile)
         self.speed_share = allowances.speed_share(profile, self.length_share)
-        self.unjudged = self._find_unjudged()
-
-    def _find_unjudged(self) -> dict[str, str]:
-        """What no frame of this vehicle's device can show."""
-        found = {}
-        if not any(self.layout.protections[name].counters for name in self.of_device):
-            found["counter"] = "no message of the device has a counter"
-        if not self.has_stop_signal or not self.commands_acceleration:
-            found["brakes"] = "no signal says that a command is a stop; an expected stop is judged by how it brakes"
-        if not self.reports:
-            found["periods"] = "the device sends neither lights nor reports"
-        return found
+        self.unjudged = allowances.find_unjudged(self.layout, roles, self.reader)
 
     def _read_numbers(self) -> dict[str, dict[str, int]]:
         """Names of modes, gears and frames by the reference vehicle's words."""
