@@ -48,6 +48,8 @@ SLOWER_MPS = 0.3
 SLACK_AFTER_S = 0.35
 OWED = 10
 """Answers lost on a bad cable count as unanswered until too old: at most this many after the cable is good again."""
+CROWD_S = 0.05
+"""A burst of samples follows a gap that is shorter than this."""
 JUST_BEFORE_S = 0.05
 """An unanswered sample is dated by the last time at which none was pending."""
 
@@ -85,10 +87,19 @@ def check_protocol(case: Case, rig: Rig, record: Record, observed: Observation) 
         wrong = found[kind]
         if kind in case.allow:
             wrong = [text for text in wrong if not from_s <= _time_in(text) <= to_s]
+        if kind == "unanswered":
+            wrong = _without_crowded(wrong, pacing.find_crowded(rig.wire, record))
         if kind == "unanswered" and case.on_vxcan and len(wrong) <= OWED:
             wrong = [text for text in wrong if _time_in(text) < from_s]
         checks.append(check(must, wrong))
     return checks
+
+
+def _without_crowded(unanswered: Sequence[str], crowded_s: Sequence[float]) -> list[str]:
+    """Those beyond the number of samples in bursts, or before the first of these: answers are counted, not matched."""
+    early = [text for text in unanswered if not crowded_s or _time_in(text) < crowded_s[0] - JUST_BEFORE_S - CROWD_S]
+    late = [text for text in unanswered if text not in early]
+    return [*early, *late[len(crowded_s) :]]
 
 
 def select_unexcused(failed: Sequence[Check]) -> list[Check]:

@@ -9,6 +9,8 @@ from vehicle_bus_contract.reference import MS, S
 from hil_bench.wire import Wire
 
 WINDOW_NS = 250 * MS
+CROWDED = 0.8
+"""Of a period: a vehicle's frames arrive unevenly."""
 
 
 def find_bursts(wire: Wire, record: Record) -> Iterable[str]:
@@ -25,6 +27,13 @@ def find_bursts(wire: Wire, record: Record) -> Iterable[str]:
             owed = min(gap_ns, round(timing["max_command_age_s"] * S)) // period_ns
             if place - first + 1 > 1.2 * WINDOW_NS / period_ns + 1 + max(0, owed - 1):
                 yield f"{(stamp_ns - record.begin_ns) / S:.3f} s: {place - first + 1} {name} in 250 ms"
+
+
+def find_crowded(wire: Wire, record: Record) -> list[float]:
+    """When samples came as the third or a later one within a period, s: a device may take them for old ones (S10)."""
+    period_ns = CROWDED * wire.period_s * S
+    stamps = [sample.stamp_ns for sample in record.samples]
+    return [(c - record.begin_ns) / S for a, c in zip(stamps, stamps[2:], strict=False) if c - a < period_ns]
 
 
 def find_wrong_periods(wire: Wire, record: Record) -> Iterable[str]:
