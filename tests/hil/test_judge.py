@@ -18,7 +18,7 @@ from hil_bench.wire import Wire
 from hypothesis import given
 from hypothesis import strategies as st
 from scenes import DRIVES, WIRE, at, named, observed, other_wire, pair, steady, stop
-from vehicle_bus_contract.judge import Record, examine
+from vehicle_bus_contract.judge import Pair, Record, examine
 from vehicle_bus_contract.reference import AUTONOMOUS, READY, Frame, S
 from virtual_drive import VirtualDrive
 
@@ -287,3 +287,25 @@ def test_no_more_answers_are_missing_than_samples_came_in_bursts() -> None:
     assert judge._without_crowded(unanswered, []) == unanswered
     assert judge._without_crowded(unanswered, [2.03]) == ["a sample after 0.200 s", "a sample after 2.000 s"]
     assert judge._without_crowded(unanswered, [2.03, 5.0]) == ["a sample after 0.200 s"]
+
+
+STOPPED = [*steady(0, 5.06), *steady(5.06, 7, stop)]
+
+
+@pytest.mark.parametrize(
+    ("case", "commands", "speed_mps", "verdict"),
+    [
+        ("sensor-speed-low", STOPPED, 0.0, Verdict.PASS),
+        ("sensor-speed-low", STOPPED, 1.0, Verdict.FAIL),
+        ("sensor-speed-low", [*steady(0, 7)], 0.0, Verdict.FAIL),
+        ("sensor-speed-low", [], 0.0, Verdict.FAIL),
+        ("sensor-heading-off", STOPPED, 0.0, Verdict.FAIL),
+        ("sensor-heading-off", [*STOPPED, *steady(7, 8, stop)], 0.0, Verdict.PASS),
+    ],
+)
+def test_a_stop_may_end_in_silence_at_rest_in_the_case_for_it_only(
+    case: str, commands: Sequence[Pair], speed_mps: float, verdict: Verdict
+) -> None:
+    seen = observed(*commands, history=[at(tick / 100, speed_mps) for tick in range(1000)], status=4)
+    checks = judge.check_health(named(case), seen, SimpleNamespace(), [])  # type: ignore[arg-type]
+    assert next(c.verdict for c in checks if c.text == "the stop is held") is verdict

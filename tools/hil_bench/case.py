@@ -56,6 +56,8 @@ class Case:
     after_s: float = 0.0
     """Pause after the injection."""
     then: Then = Then.GOES_ON
+    may_fall_silent: bool = False
+    """At standstill after its stop the device may also fall silent, where it is to hold the vehicle."""
     allow: frozenset[str] = frozenset()
     """The kinds of findings (`judge.KINDS`) that are no failure during the injection."""
     needs: tuple[Need, ...] = ()

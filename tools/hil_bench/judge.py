@@ -199,7 +199,8 @@ def check_health(case: Case, observed: Observation, rig: Rig, killed: Sequence[s
     if case.then is Then.HOLDS:
         last = observed.between(observed.then_ns - round(HOLDS_S * S), observed.then_ns)
         wrong = sorted({f"{p.reason}, ENABLE {p.is_enabled:d}" for p in last if not p.is_stop or not p.is_enabled})
-        checks.append(check("the stop is held", wrong if last else ["no command at all"]))
+        is_left_at_rest = case.may_fall_silent and not last and _is_left_at_rest(observed)
+        checks.append(check("the stop is held", wrong if last or is_left_at_rest else ["no command at all"]))
     if observed.exit_status is not None or case.exit_status:
         wrong = list(killed)
         if observed.exit_status is not None and observed.exit_ns < observed.then_ns and case.then is not Then.ENDED:
@@ -208,6 +209,15 @@ def check_health(case: Case, observed: Observation, rig: Rig, killed: Sequence[s
             wrong.append(f"exit status {observed.exit_status}, not {' or '.join(map(str, case.exit_status))}")
         checks.append(check("it ends when requested, and leaves no process", wrong))
     return checks
+
+
+def _is_left_at_rest(observed: Observation) -> bool:
+    """True if the last command before the operator acts was a stop, and the vehicle stood from then on."""
+    before = observed.between(observed.inject_ns, observed.then_ns)
+    if not before or not (before[-1].is_stop and before[-1].is_enabled):
+        return False
+    after = [instant for instant in observed.history if before[-1].stamp_ns <= instant.at_ns < observed.then_ns]
+    return bool(after) and all(abs(instant.speed_mps) < MOVING_MPS for instant in after)
 
 
 def check_path(case: Case, route: Route, history: Sequence[Instant]) -> tuple[list[Check], Path2D]:

@@ -85,6 +85,7 @@ PLAUSIBILITY = (
             see=(Stops(INVALID, within_s=2.5, until_end=False),),
             after_s=0.5,
             then=Then.HOLDS,
+            may_fall_silent=name == "speed-low",  # at rest it is a position that is frozen, with no end (S4)
             exit_status=(4,),
             allow=frozenset({*ANY, "command", "dynamics", "brakes"}),
         )
