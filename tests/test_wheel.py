@@ -108,7 +108,7 @@ import made_up
 
 assert places.CHECKOUT is None
 assert wire.Wire("reference").name == "reference"
-print(bench.environment("vcan0")["revision"], html.write(made_up.run(), Path(".")))
+print(bench.environment(["vcan0"], "SocketCAN vcan0")["revision"], html.write(made_up.run(), Path(".")))
 """
     (tmp_path / "program.py").write_text(program)
     arguments = ("program.py", str(ROOT / "tests" / "hil"))
