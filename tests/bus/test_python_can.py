@@ -147,6 +147,15 @@ def test_a_copy_of_a_frame_is_another_nodes_when_the_echos_time_is_over(
     assert [frame.data for frame in wire.ours.drain()] == [b"\x02"]
 
 
+def test_an_adapter_without_echo_keeps_no_record_of_what_was_sent(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
+    begin_ns = clock.monotonic_ns()
+    for step in range(300):
+        at_ns = begin_ns + step * 10_000_000
+        monkeypatch.setattr(clock, "monotonic_ns", lambda at_ns=at_ns: at_ns)
+        wire.ours.send(CanFrame(0x110, bytes([step % 256])))
+    assert len(wire.ours._may_echo) <= 12
+
+
 def test_a_frame_that_the_adapter_refuses_is_counted_and_lost(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise can.CanOperationError("transmit buffer full")

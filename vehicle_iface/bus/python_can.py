@@ -120,17 +120,16 @@ class PythonCanBus:
             raise BusError(f"{self.description}: {error}") from error
         self._counters["sent"] += 1
         if self._is_wanted(frame.can_id):
-            content = (frame.can_id, frame.is_extended, frame.data)
-            self._may_echo.append(_Sent(content, clock.monotonic_ns() + ECHO_NS))
+            now_ns = clock.monotonic_ns()
+            self._forget_sent(now_ns)
+            self._may_echo.append(_Sent((frame.can_id, frame.is_extended, frame.data), now_ns + ECHO_NS))
         return True
 
     def _is_own_echo(self, message: can.Message) -> bool:
         """Whether the frame was sent through this adapter; each that was sent counts once."""
         if not message.is_rx:
             return True
-        now_ns = clock.monotonic_ns()
-        while self._may_echo and self._may_echo[0].until_ns < now_ns:
-            self._may_echo.popleft()
+        self._forget_sent(clock.monotonic_ns())
         content = (message.arbitration_id, message.is_extended_id, bytes(message.data))
         for place, sent in enumerate(self._may_echo):
             if sent.content == content:
@@ -138,6 +137,11 @@ class PythonCanBus:
                     self._may_echo.popleft()
                 return True
         return False
+
+    def _forget_sent(self, now_ns: int) -> None:
+        """Forget the frames whose echo is overdue: the record stays short where nothing comes back."""
+        while self._may_echo and self._may_echo[0].until_ns < now_ns:
+            self._may_echo.popleft()
 
     def _read(self) -> CanFrame | None:
         """Return the next queued data or remote frame; count and skip error frames."""

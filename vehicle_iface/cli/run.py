@@ -19,6 +19,7 @@ from vehicle_iface.arming import is_virtual, report_review, require_reviewed_pro
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.cli.channels import find_channels
 from vehicle_iface.cli.exit_status import BAD_USAGE, DONE, LATCHED_FAULT
+from vehicle_iface.cli.files import check_writable, write_text
 from vehicle_iface.cli.frames import check_frame
 from vehicle_iface.cli.parser import DEFAULT_TELEMETRY, EMBEDDED
 from vehicle_iface.cli.signals import Flag, on_end_signals
@@ -31,7 +32,7 @@ from vehicle_iface.profile import Profile, load_profile
 from vehicle_iface.runtime import realtime
 from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.open_wait import wait_until_open
-from vehicle_iface.runtime.summary import as_json, check_writable, save_summary, table
+from vehicle_iface.runtime.summary import as_json, table
 from vehicle_iface.runtime.watchdog import Watchdog
 from vehicle_iface.telemetry import SessionInfo, TelemetryWriter
 from vehicle_iface.telemetry.details import RunSummary
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     on_end_signals(end.set)
     signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # there is nothing to arm yet
     if options.summary:
-        check_writable(options.summary)
+        check_writable(options.summary, "--summary")
     profile = load_profile(options.profile)
     channels = find_channels(options.channels, profile, command="run", interface=options.interface)
     if options.interface != EMBEDDED:
@@ -153,7 +154,7 @@ def _report_early_end() -> int:
 def _try_to_save(path: str, summary: RunSummary) -> bool:
     """Save the summary; False, with the reason logged, when that fails."""
     try:
-        save_summary(path, summary)
+        write_text(path, as_json(summary).decode(), "--summary")
     except ConfigError as error:
         log.error("%s", error)
         return False

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from vehicle_iface.codec.binding import Binding
 from vehicle_iface.codec.database import EXACT_ID, VehicleDatabase
 from vehicle_iface.codec.decoder import Decoder
-from vehicle_iface.frame import CanFrame, FrameKey
+from vehicle_iface.frame import CanFrame, FrameKey, IdFilter
 from vehicle_iface.review.log_frames import LoggedFrame
 from vehicle_iface.review.series import POSITION, DriveReader
 from vehicle_iface.runtime.assembly import build_state_assembler
@@ -77,4 +77,5 @@ class Readings:
         if name is not None or not frame.is_extended:
             return name
         on_its_bus = (one for one in self._masked if one.bus == frame.bus)
-        return next((one.name for one in on_its_bus if (frame.can_id ^ one.can_id) & one.id_mask == 0), None)
+        matching = (one.name for one in on_its_bus if IdFilter(one.can_id, one.id_mask).matches(frame.can_id))
+        return next(matching, None)

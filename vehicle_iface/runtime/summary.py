@@ -1,12 +1,9 @@
 """Summary of a run: JSON for programs, a table for people."""
 
-from pathlib import Path
-
 import msgspec
 from msgspec import UNSET
 
 from vehicle_iface.bus.link_state import LinkState
-from vehicle_iface.errors import ConfigError
 from vehicle_iface.telemetry.details import ByCause, LatencySummary, LinkSummary, RunSummary, ShadowSummary
 
 SHOWN_COUNTS = (
@@ -23,23 +20,6 @@ SHOWN_COUNTS = (
 """Counters of the loop that the table shows where they are not zero."""
 
 _LOST = (LinkState.DOWN.name, LinkState.GONE.name)
-
-
-def check_writable(path: str) -> None:
-    """Make the file, empty where there is none, before anything drives; `ConfigError` when that fails."""
-    try:
-        with open(path, "a", encoding="utf-8"):
-            pass
-    except OSError as error:
-        raise ConfigError(f"--summary {path}: cannot be written: {error.strerror}") from error
-
-
-def save_summary(path: str, summary: RunSummary) -> None:
-    """Write the summary as JSON; `ConfigError` naming the file when that fails."""
-    try:
-        Path(path).write_bytes(as_json(summary))
-    except OSError as error:
-        raise ConfigError(f"--summary {path}: cannot be written: {error.strerror}") from error
 
 
 def as_json(summary: RunSummary) -> bytes:
