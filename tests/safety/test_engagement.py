@@ -189,6 +189,7 @@ def test_who_is_not_armed_sends_nothing_whatever_comes() -> None:
     assert run.mode() is Mode.SHADOW
     assert not run.engagement.mode.may_send
     assert not run.engagement.mode.enables
+    assert run.engagement.mode.computes, "a shadow compares its commands with another commander's"
 
 
 def test_a_rejected_arming_names_the_reason_and_the_vehicles_state() -> None:
