@@ -111,7 +111,7 @@ assert wire.Wire("reference").name == "reference"
 print(bench.environment(["vcan0"], "SocketCAN vcan0")["revision"], html.write(made_up.run(), Path(".")))
 """
     (tmp_path / "program.py").write_text(program)
-    arguments = ("program.py", str(ROOT / "tests" / "hil"))
+    arguments = ("program.py", str(ROOT / "tests" / "hil_bench"))
     version, page = run_installed(user_python, "python", *arguments, at=tmp_path).split()
     assert re.fullmatch(r"\d+\.\d+\.\d+\S*", version)
     assert "<title>" in (tmp_path / page).read_text()

@@ -17,7 +17,7 @@ def use_own_python(needs: tuple[str, ...]) -> None:
     if not missing:
         return
     if Path(sys.prefix) == PYTHON.parents[1]:
-        sys.exit(f"hil-bench: {PYTHON} lacks {', '.join(missing)}; run: tools/test tests/hil")
+        sys.exit(f"hil-bench: {PYTHON} lacks {', '.join(missing)}; run: tools/test tests/hil_bench")
     if subprocess.run(["bash", "-c", f"source '{TOOLS}/_setup.sh' && set_up", "hil_bench.py"], check=False).returncode:
         sys.exit("hil-bench: its Python could not be set up, see above")
     os.execv(PYTHON, [str(PYTHON), *sys.argv])

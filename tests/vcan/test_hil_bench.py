@@ -23,10 +23,10 @@ from vehicle_bus_contract.socketcan import open_socket, receive_frames, send
 from .observer import CHANNEL
 
 ROOT = Path(__file__).resolve().parents[2]
-MINIMAL = f"{sys.executable} {ROOT}/tests/hil/minimal_controller.py --channel {{channel}} --route {{trajectory}}"
+MINIMAL = f"{sys.executable} {ROOT}/tests/hil_bench/minimal_controller.py --channel {{channel}} --route {{trajectory}}"
 ARMED = f"{MINIMAL} --arm --show {{port}}"
 RECORDING = f"{MINIMAL} --arm --record {{record}}"
-VIEWER = f"{sys.executable} {ROOT}/tests/hil/minimal_view.py {{port}}"
+VIEWER = f"{sys.executable} {ROOT}/tests/hil_bench/minimal_view.py {{port}}"
 LONGEST_S = 480.0
 
 DEFECTS = {

@@ -14,7 +14,7 @@ from .driving import line_file, own_faults, wait_until_driven
 from .observer import Observer, decided, reasons
 from .peer import Vehicle
 
-CONTROLLER = str(ROOT / "tests" / "hil" / "minimal_controller.py")
+CONTROLLER = str(ROOT / "tests" / "hil_bench" / "minimal_controller.py")
 STEP_M = 0.25
 LEFT_PER_M, RIGHT_PER_M = 0.08, -0.08
 LATERAL_LIMIT_M = 1.0

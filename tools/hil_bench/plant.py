@@ -2,7 +2,7 @@
 
 Kinematic single-track model about the rear axle's centre (Rajamani, Vehicle Dynamics and Control, 2nd ed., 2.2),
 signs by ISO 8855: yaw rate r = v · tan δ / L. Wheels and acceleration follow their requests with a first-order lag,
-the wheels no faster than their rate. `tests/hil/test_plant.py` checks it against commonroad-vehicle-models.
+the wheels no faster than their rate. `tests/hil_bench/test_plant.py` checks it against commonroad-vehicle-models.
 """
 
 import math
