@@ -1,6 +1,6 @@
 """The `vehicle-iface` command.
 
-A command's module is imported when the command is called: the control process carries nothing that it does not use.
+A command's module is imported only when the command is called, so that the control process loads nothing else.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from vehicle_iface.process import module_command
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; its exit status is one of `exit_status`."""
+    """Run one command and return its exit status, which is one of `exit_status`."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given[:1] == ["view"]:  # the viewer is another process and knows its own options
         command_line, environment = module_command("vehicle_iface_viewer")

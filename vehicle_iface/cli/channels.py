@@ -1,4 +1,4 @@
-"""`--channel`: which interface each bus of a profile is on, or which channel of a log."""
+"""`--channel`: the interface of each bus of a profile, or its channel in a log."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,10 +11,10 @@ DEFAULT_CHANNEL = "vcan0"
 
 
 def find_channels(given: Sequence[str], profile: Profile, *, command: str, interface: str = "socketcan") -> Channels:
-    """The channel of each bus, in the profile's order.
+    """Return the channel of each bus, in the profile's order.
 
-    `given` are `CHANNEL` for a single bus and `NAME=CHANNEL` for those with names; `ConfigError` with the right command
-    where one is missing, unknown or given twice. Interfaces other than SocketCAN have channels of their own making.
+    `given` contains `CHANNEL` for a single bus, or `NAME=CHANNEL` for each named bus. Raises `ConfigError` with the
+    corrected command if a channel is missing, unknown or given twice. The embedded interface needs no channels.
     """
     names = list(profile.all_buses)
     if names == [""]:
@@ -30,9 +30,9 @@ def find_channels(given: Sequence[str], profile: Profile, *, command: str, inter
 
 
 def find_log_channels(given: Sequence[str], profile: Profile, *, command: str) -> LogChannels:
-    """The channel of a log for each bus, in the profile's order: where it is not given, the bus' own name.
+    """Return the channel in a log for each bus, in the profile's order; by default the bus' own name.
 
-    Of a single bus None: the channel on which its messages are.
+    For a single bus the default is None: the channel that contains its messages.
     """
     names = list(profile.all_buses)
     if names == [""]:
@@ -46,7 +46,7 @@ def find_log_channels(given: Sequence[str], profile: Profile, *, command: str) -
 
 
 def read_pairs(given: Sequence[str], profile: Profile, *, command: str) -> dict[str, str]:
-    """By name of a bus the channels that were given; the only bus need not be named."""
+    """Map the name of each bus to the channel that was given; a single bus need not be named."""
     names, channels = list(profile.all_buses), dict[str, str]()
     for text in given:
         name, equals, channel = text.rpartition("=")
@@ -68,7 +68,7 @@ def read_pairs(given: Sequence[str], profile: Profile, *, command: str) -> dict[
 
 
 def _find_single(given: Sequence[str], profile: Profile, *, is_socketcan: bool) -> str:
-    """Of a bus without a name."""
+    """Return the channel of a bus without a name."""
     if len(given) > 1:
         text = f"profile {profile.name} has one bus, and {len(given)} channels were given"
         raise ConfigError(f"--channel: {text}; write --channel {given[0].rpartition('=')[2]}")
@@ -89,7 +89,7 @@ def _require_distinct(channels: Channels) -> Channels:
 
 
 def _suggest(channels: Channels, names: Sequence[str], command: str) -> str:
-    """The command with a channel for each bus."""
+    """Return the command with a channel for each bus."""
     free = _free_channels(channels)
     options = " ".join(f"--channel {name}={channels.get(name) or next(free)}" for name in names)
     return f"write vehicle-iface {command} {options}"

@@ -12,7 +12,7 @@ from vehicle_iface.codec.dbc_findings import ERROR
 
 
 def check_dbc(options: argparse.Namespace) -> int:
-    """Print all faults of a DBC or profile; 2 when there is an error among them."""
+    """Print all faults of a DBC or profile; return 2 if there is an error among them."""
     findings = lint.check_file(Path(options.file))
     if options.json:
         print_safely(json.dumps([dataclasses.asdict(finding) for finding in findings], indent=2))

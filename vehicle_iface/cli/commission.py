@@ -1,4 +1,4 @@
-"""`vehicle-iface commission`: a guided walk with the person in the vehicle, before anybody arms it."""
+"""`vehicle-iface commission`: guided checks with a person in the vehicle, before it is first armed."""
 
 import argparse
 import logging
@@ -39,7 +39,7 @@ log = logging.getLogger("vehicle_iface")
 
 
 def commission(options: argparse.Namespace) -> int:
-    """Guide the walk, write the report, and where all is well the record of it into the profile."""
+    """Run the guided checks and write the report. If all checks pass, write the record of them into the profile."""
     profile = load_profile(options.profile)
     if options.interface == EMBEDDED:
         raise ConfigError("--interface embedded: nobody can move that vehicle; for a try use vehicle-iface sim")
@@ -96,7 +96,7 @@ def walk_and_review(
     step_timeout_s: float,
     now_ns: Callable[[], int] = clock.monotonic_ns,
 ) -> Commissioning:
-    """Go through all steps for the profile, and let its log be reviewed."""
+    """Run all steps for the profile, then review the recorded log."""
     readings = Readings(binding, build_database(binding))
     steps = build_steps(binding, readings.labels)
     with FrameLog(record, channels.values(), wall_offset_ns=clock.wall_ns() - clock.monotonic_ns()) as frame_log:
@@ -114,7 +114,7 @@ def walk_and_review(
 
 
 class _Hashes:
-    """What profile and DBC were when the walk began."""
+    """The hashes of profile and DBC when the checks began."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile_sha256 = hash_values(Path(profile.file).read_text(encoding="utf-8"))
@@ -132,7 +132,7 @@ class _Hashes:
 
 
 def _offer_to_write(profile: Profile, record: ReviewRecord, is_told_to: bool) -> bool:
-    """Write the record where `--write` or the person says so; whether it was written."""
+    """Write the record if `--write` was given or the person agrees; return whether it was written."""
     path = Path(profile.file)
     try:
         require_editable(path)
@@ -158,24 +158,24 @@ def _confirm(question: str) -> bool:
 
 
 class TerminalPresenter:
-    """Asks on standard output; on a terminal it shows what is seen in place, and Enter skips a step."""
+    """Shows the steps on standard output. On a terminal it updates one line in place, and Enter skips a step."""
 
     def __init__(self, *, is_ended: Callable[[], bool]) -> None:
         self._is_ended = is_ended
         self._in_place, self._has_keys = sys.stdout.isatty(), sys.stdin.isatty()
 
     def begin(self, step: Step, number: int, count: int) -> None:
-        """Ask for a step."""
+        """Show the instruction of a step."""
         print_safely(f"{number}/{count}  {_capitalized(step.ask)}.{' Enter skips.' if self._has_keys else ''}")
 
     def show(self, step: Step, moment: Moment) -> None:
-        """Show what is seen now, on one line."""
+        """Show the current observation on one line."""
         if self._in_place:
             text = "     " + " · ".join(dict.fromkeys(check.show(moment) for check in step.checks))
             print_safely(CLEAR_LINE + text[: shutil.get_terminal_size().columns - 1], end="")
 
     def end(self, result: StepResult) -> None:
-        """Show what was seen."""
+        """Show the result of a step."""
         clear = CLEAR_LINE if self._in_place else ""
         for one in result.results:
             print_safely(f"{clear}     {WORDS[one.judgement]}: {one.text}")
@@ -191,7 +191,7 @@ class TerminalPresenter:
         return True
 
     def wants_to_end(self) -> bool:
-        """Whether SIGINT or SIGTERM came."""
+        """Whether SIGINT or SIGTERM was received."""
         return self._is_ended()
 
 

@@ -1,4 +1,4 @@
-"""`vehicle-iface decode`: the log of a bus as arrays."""
+"""`vehicle-iface decode`: converts a bus log to arrays."""
 
 import argparse
 import sys
@@ -16,14 +16,14 @@ from vehicle_iface.logs.columns import DecodedLog, decode_buses, decode_log, sav
 from vehicle_iface.profile import Profile, load_profile
 
 MAX_REFUSED_SHOWN = 20
-"""Lines of a log that are named one by one."""
+"""Largest number of rejected lines of a log that are listed."""
 MAX_NAMES_SHOWN = 8
 MAX_FAULTS_SHOWN = 5
-"""Faults of the DBC that are named one by one."""
+"""Largest number of faults of the DBC that are listed."""
 
 
 def decode(options: argparse.Namespace) -> int:
-    """Write the arrays and print a summary; rejected lines of the log are named on standard error."""
+    """Write the arrays and print a summary; list rejected lines of the log on standard error."""
     profile = None if options.dbc else load_profile(options.profile)
     file = read_dbcs(profile) if profile is not None else read_dbc(Path(options.dbc))
     dbcs = options.dbc if profile is None else " and ".join(bus.dbc for bus in profile.all_buses.values())
@@ -45,7 +45,7 @@ def decode(options: argparse.Namespace) -> int:
 
 
 def _decode(options: argparse.Namespace, file: DbcFile, profile: Profile | None) -> DecodedLog:
-    """The messages on the channel that was chosen, or those of each bus on its own."""
+    """Decode the messages on the chosen channel, or on the channel of each bus."""
     path, selected = find_log(options.log), file.select_messages(options.message)
     _show_faults(file)
     if profile is None:
@@ -66,7 +66,7 @@ def _decode(options: argparse.Namespace, file: DbcFile, profile: Profile | None)
 
 
 def _explain_empty(log: DecodedLog, path: str, dbc: str) -> str:
-    """Why none of the frames became values."""
+    """Explain why no frame was decoded."""
     names = list(log.messages)
     wanted = ", ".join(names[:MAX_NAMES_SHOWN]) + (", …" if len(names) > MAX_NAMES_SHOWN else "")
     *_, counts = summarize(log)

@@ -1,4 +1,4 @@
-"""`vehicle-iface demo`: simulated vehicle, loop and viewer as processes of their own, started and ended together."""
+"""`vehicle-iface demo`: runs simulated vehicle, loop and viewer as separate processes, started and ended together."""
 
 import argparse
 import ctypes
@@ -25,22 +25,23 @@ from vehicle_iface.units import s_from_ns
 
 CHANNEL = "vcan0"
 ENDING_S = 20.0
-"""The vehicle has 10 s to stop, and the recorder 5 s to end; a process that takes longer is killed."""
+"""Time limit for the processes to end. The vehicle has 10 s to stop, and the recorder 5 s to end; a process that takes
+longer is killed."""
 PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusChoice:
-    """The bus that the demo drives on."""
+    """The bus on which the demo drives."""
 
     interface: str
     channel: str
     why: str
-    """Why this one; where it is embedded, how to get a real one."""
+    """Why this bus was chosen; for the embedded bus also how to create a real one."""
 
 
 def run_demo(options: argparse.Namespace) -> int:
-    """Run until the loop ends, one process fails, or SIGINT or SIGTERM comes; the loop's exit status."""
+    """Run until the loop ends, a process fails, or SIGINT or SIGTERM is received; return the loop's exit status."""
     has_page, port = not options.no_viewer, options.port
     if has_page:
         require_free_port(port)
@@ -77,7 +78,7 @@ def run_demo(options: argparse.Namespace) -> int:
 
 
 def require_free_port(port: int) -> None:
-    """Raises `ConfigError` when another program has the page's port: its page would be taken for this one's."""
+    """Raise `ConfigError` if another program uses the page's port: its page would be mistaken for the demo's."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -90,14 +91,14 @@ def require_free_port(port: int) -> None:
 
 
 def _remove_telemetry(address: str) -> None:
-    """Remove the demo's own file, unless another loop writes to that address."""
+    """Remove the demo's own telemetry file, unless another loop writes to that address."""
     with TelemetryReader(address) as reader:
         if reader.poll() in (WriterState.ENDED, WriterState.DEAD):
             reader.path.unlink(missing_ok=True)
 
 
 def choose_bus() -> BusChoice:
-    """vcan0 where SocketCAN exists (created where that is allowed), else the embedded bus."""
+    """Choose vcan0 where SocketCAN exists, creating it if allowed; otherwise the embedded bus."""
     embedded = "embedded bus, simulated vehicle inside the loop's process"
     if not _has_socketcan():
         return BusChoice(
@@ -134,7 +135,7 @@ def _is_up(channel: str) -> bool:
 
 
 def _create() -> bool:
-    """Create vcan0 if this process may; whether it is up now."""
+    """Create vcan0 if this process may; return whether it is up."""
     if os.geteuid() != 0:
         return False
     for line in (f"link add dev {CHANNEL} type vcan", f"link set {CHANNEL} up"):
@@ -144,7 +145,8 @@ def _create() -> bool:
 
 
 class _Processes:
-    """The demo's child processes, each in a session of its own, so that Ctrl-C ends them in order."""
+    """The demo's child processes, each in its own session, so that the demo decides the order in which Ctrl-C ends
+    them."""
 
     def __init__(self) -> None:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
@@ -161,7 +163,7 @@ class _Processes:
         )
 
     def all_run(self) -> bool:
-        """Whether every process still runs; remembers the one that ended first."""
+        """Whether every process still runs; remember the first one that ended."""
         for name, process in self._running.items():
             if process.poll() is not None:
                 self.failed = name if name != "loop" else None
@@ -169,7 +171,7 @@ class _Processes:
         return True
 
     def end(self) -> None:
-        """End the loop first, which stops the vehicle; then the others."""
+        """End the loop first, which stops the vehicle, then the others."""
         for name in ("loop", "sim", "viewer"):
             process = self._running.get(name)
             if process is None:
@@ -183,13 +185,13 @@ class _Processes:
                 process.wait()
 
     def end_at_once(self) -> None:
-        """Ask each process a second time to end: the loop releases the vehicle without stopping it first."""
+        """Send each process a second end signal: the loop releases the vehicle without stopping it first."""
         for process in self._running.values():
             if process.poll() is None:
                 process.terminate()
 
     def status(self) -> int:
-        """The exit status of the process that ended by itself, else of the loop."""
+        """Return the exit status of the process that ended first without being asked, otherwise the loop's."""
         status = self._running[self.failed or "loop"].returncode if self._running else 0
         if self.failed is not None:
             print(f"demo: {self.failed} exited unexpectedly with status {status}", file=sys.stderr)
@@ -198,7 +200,7 @@ class _Processes:
 
 
 def _die_with_parent() -> None:
-    """Ask the kernel to end this process when the demo is killed."""
+    """Make the kernel signal this process when the demo is killed."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 

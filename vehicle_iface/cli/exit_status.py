@@ -2,6 +2,6 @@
 
 DONE, BAD_USAGE, NO_BUS, LATCHED_FAULT = 0, 2, 3, 4
 CONTRADICTED = 1
-"""Of `review` and `commission`: the vehicle contradicts its profile."""
+"""`review` and `commission`: the vehicle contradicts its profile."""
 NOT_SEEN = 5
-"""Of `commission`: nothing contradicts the profile, but not everything was seen."""
+"""`commission`: nothing contradicts the profile, but not everything was observed."""

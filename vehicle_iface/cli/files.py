@@ -1,4 +1,4 @@
-"""Files that an option or an argument names."""
+"""Handles files that an option or an argument names."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from vehicle_iface.recorder.files import FRAMES
 
 
 def find_log(path: str) -> Path:
-    """The log at a path: the file itself, or the frames in the folder of a recorded drive."""
+    """Return the log at a path: the file itself, or the frames in the folder of a recorded drive."""
     log = Path(path)
     if not log.is_dir():
         return log
@@ -17,7 +17,10 @@ def find_log(path: str) -> Path:
 
 
 def check_writable(path: str, option: str) -> None:
-    """Make the file, empty where there is none, before anything else is done; `ConfigError` when that fails."""
+    """Create the file, or open an existing one for writing, before any other work.
+
+    Raises `ConfigError` if that fails.
+    """
     try:
         with open(path, "a", encoding="utf-8"):
             pass
@@ -26,7 +29,7 @@ def check_writable(path: str, option: str) -> None:
 
 
 def write_text(path: str, text: str, option: str) -> None:
-    """Write the file; `ConfigError` when that fails."""
+    """Write the file; raises `ConfigError` if that fails."""
     try:
         Path(path).write_text(text, encoding="utf-8")
     except OSError as error:

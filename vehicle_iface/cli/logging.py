@@ -1,4 +1,4 @@
-"""The log on the terminal, written by a thread of its own."""
+"""Logs to the terminal from a separate thread."""
 
 import copy
 import logging
@@ -9,12 +9,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 LAST_WORDS_S = 1.0
-"""How long the end of the program waits for the terminal."""
+"""Longest time in s that the program waits at its end for the terminal."""
 CLEAR_LINE = "\r\x1b[2K"
 
 
 class _Listener(logging.handlers.QueueListener):
-    """Writes the log from a thread, and waits for it at the end, but not for ever."""
+    """Writes the log from a thread. At the end it waits for the thread for a limited time."""
 
     def stop(self) -> None:
         if self._thread is not None:
@@ -24,7 +24,8 @@ class _Listener(logging.handlers.QueueListener):
 
 
 class _Handler(logging.handlers.QueueHandler):
-    """Leaves tracebacks to the listener's thread: reading the source of their lines takes longer than a pass."""
+    """Leaves the formatting of tracebacks to the listener's thread, because reading their source lines takes longer
+    than a pass."""
 
     def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
         prepared = copy.copy(record)
@@ -34,7 +35,7 @@ class _Handler(logging.handlers.QueueHandler):
 
 @contextmanager
 def log_to_terminal(verbose: bool) -> Iterator[None]:
-    """Log to standard error. A thread writes it: a terminal that hangs must not hold up the loop."""
+    """Log to standard error from a thread, so that a blocked terminal does not block the loop."""
     log = logging.getLogger("vehicle_iface")
     terminal = logging.StreamHandler()
     form = "%(asctime)s.%(msecs)03d %(levelname)-7s %(message)s"

@@ -1,4 +1,4 @@
-"""`vehicle-iface new-profile`: a first draft of a profile from a DBC."""
+"""`vehicle-iface new-profile`: drafts a profile from a DBC."""
 
 import argparse
 from pathlib import Path
@@ -10,7 +10,7 @@ from vehicle_iface.errors import ConfigError
 
 
 def new_profile(options: argparse.Namespace) -> int:
-    """Print the draft, or write it to a file that is not there yet."""
+    """Print the draft, or write it to a new file."""
     out = Path(options.out) if options.out is not None else None
     if out is not None and out.exists() and not options.force:
         raise ConfigError(f"--out {out}: exists already; --force overwrites it")

@@ -1,4 +1,4 @@
-"""The options of every command. Nothing is imported here that only one command needs: `--help` must be quick."""
+"""The options of every command. This module imports nothing that only one command needs, so that `--help` is fast."""
 
 import argparse
 import math
@@ -9,7 +9,7 @@ from vehicle_iface.command_line import ArgumentParser, HelpFormatter
 from vehicle_iface.trajectories.shapes import ROUTES
 
 MAX_NUMBER = 1e9
-"""Of any option: 1e9 s, some 30 years, still fit into the nanoseconds of the telemetry."""
+"""Largest number of any option: 1e9 s, about 30 years, still fit into the nanoseconds of the telemetry."""
 MAX_PORT = 0xFFFF
 DEFAULT_TELEMETRY = "default"
 EMBEDDED = "embedded"
@@ -17,7 +17,7 @@ EMBEDDED = "embedded"
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """The parser of all commands; `command` is the name of the one that was given."""
+    """Build the parser of all commands; `command` is the name of the chosen one."""
     parser = ArgumentParser(
         prog="vehicle-iface",
         description="A CAN-bus vehicle interface: state frames in, checked commands out, watched in the browser.",
@@ -44,7 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 class _ShowVersion(argparse.Action):
-    """Reads the version only when it is asked for: importing `importlib.metadata` takes a while."""
+    """Reads the version only on request, because importing `importlib.metadata` is slow."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, help: str | None = None) -> None:  # noqa: A002
         super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=help)
@@ -57,7 +57,7 @@ class _ShowVersion(argparse.Action):
 
 
 def command_names() -> set[str]:
-    """Every command that there is."""
+    """Return the names of all commands."""
     actions = build_parser()._subparsers
     assert actions is not None
     return {name for action in actions._group_actions for name in action.choices or ()}
@@ -282,7 +282,7 @@ def _add_bus(parser: argparse.ArgumentParser) -> None:
 
 
 def _above_0(unit: str) -> Callable[[str], float]:
-    """The type of an option that takes a positive number of that unit."""
+    """Build the type of an option that takes a positive number of that unit."""
 
     def number(text: str) -> float:
         try:

@@ -1,4 +1,4 @@
-"""Options and commands of version 0.1 that have other names now: accepted in this version with a warning."""
+"""Options and commands that had other names in version 0.1. This version accepts the old names with a warning."""
 
 import sys
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ _OPTIONS = {("run", "--trajectory-post"): "--trajectory-mailbox", ("sim", "--ped
 
 
 def replace_renamed(arguments: Sequence[str]) -> list[str]:
-    """The arguments with the new names; each old one is reported on standard error."""
+    """Replace old names by the new ones, and report each on standard error."""
     command, *rest = arguments or [""]
     words = [_replace(command, _COMMANDS.get(command))] if arguments else []
     for word in rest:

@@ -15,7 +15,7 @@ from vehicle_iface.review.series import read_drive
 
 
 def review(options: argparse.Namespace) -> int:
-    """Print what was found and write the page; 1 when something contradicts the profile."""
+    """Print the findings and write the page; return 1 if something contradicts the profile."""
     log = find_log(options.log)
     profile = load_profile(options.profile)
     channels = find_log_channels(options.channels, profile, command=f"review {options.log}")

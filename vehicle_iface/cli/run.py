@@ -1,4 +1,4 @@
-"""`vehicle-iface run`: the loop with its bus, trajectory source, telemetry and recorder."""
+"""`vehicle-iface run`: runs the loop with its bus, trajectory source, telemetry and recorder."""
 
 import argparse
 import logging
@@ -113,7 +113,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _log_review(options: argparse.Namespace, channels: Channels, profile: Profile) -> str | UnsetType:
-    """The record of the profile's review, for an armed run on a real bus; a profile that has changed is warned of."""
+    """Log and return the record of the profile's review, for an armed run on a real bus. Warn if the profile has
+    changed since."""
     if not options.arm or all(is_virtual(options.interface, channel) for channel in channels.values()):
         return UNSET
     review = report_review(profile)
@@ -128,7 +129,8 @@ def _log_review(options: argparse.Namespace, channels: Channels, profile: Profil
 
 
 class _EarlyEnd(Flag):
-    """A request to end before the loop exists; a second one ends the program at once, even if user code hangs."""
+    """A request to end that comes before the loop exists. A second one ends the program at once, even if user code
+    hangs."""
 
     def set(self) -> None:
         super().set()
@@ -136,7 +138,7 @@ class _EarlyEnd(Flag):
 
 
 def _wait_for_bus(open_bus: Callable[[], Bus], limit_s: float, end: _EarlyEnd) -> bool:
-    """Wait until the bus can be opened; False when `end` was set first."""
+    """Wait until the bus can be opened; return False if `end` was set first."""
     return wait_until_open(
         open_bus,
         limit_s=limit_s,
@@ -152,7 +154,7 @@ def _report_early_end() -> int:
 
 
 def _try_to_save(path: str, summary: RunSummary) -> bool:
-    """Save the summary; False, with the reason logged, when that fails."""
+    """Save the summary; if that fails, log the reason and return False."""
     try:
         write_text(path, as_json(summary).decode(), "--summary")
     except ConfigError as error:
@@ -162,7 +164,7 @@ def _try_to_save(path: str, summary: RunSummary) -> bool:
 
 
 def run_for(loop: Loop, duration_s: float | None) -> None:
-    """Run the loop to its end, which is planned where there is a duration."""
+    """Run the loop to its end. With a duration, the end is scheduled."""
     loop.begin()
     if duration_s is None:
         loop.run()
@@ -228,7 +230,7 @@ def _telemetry(options: argparse.Namespace, channels: Channels, database: Vehicl
 def _recording(
     options: argparse.Namespace, channels: Channels, database: VehicleDatabase
 ) -> "Iterator[RecorderProcess | None]":
-    """The running recorder, or None without `--record`. Started last, when all else has been checked."""
+    """Start the recorder, or yield None without `--record`. It is started last, after all checks."""
     if not options.record:
         yield None
         return

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM as requests to end."""
+"""Handles SIGINT and SIGTERM as requests to end."""
 
 import signal
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from types import FrameType
 
 
 class Flag:
-    """Set by a signal handler."""
+    """A flag that a signal handler sets."""
 
     def __init__(self) -> None:
         self.is_set = False
@@ -16,7 +16,7 @@ class Flag:
 
 
 def on_end_signals(end: Callable[[], None] | None) -> None:
-    """Have SIGINT and SIGTERM call `end`; with None they end the program as usual."""
+    """Make SIGINT and SIGTERM call `end`; None restores the default, which ends the program."""
 
     def handle(_number: int, _frame: FrameType | None) -> None:
         if end is not None:

@@ -1,4 +1,4 @@
-"""`vehicle-iface sim` and `vehicle-iface driver`: the simulated vehicle, and the controls of its driver."""
+"""`vehicle-iface sim` and `vehicle-iface driver`: run the simulated vehicle, and act as its driver."""
 
 import argparse
 import logging

@@ -1,11 +1,11 @@
-"""Output that no terminal can hold up or turn into a failure."""
+"""Prints without failing if the terminal is blocked or closed."""
 
 import os
 import sys
 
 
 def print_safely(text: str, *, end: str = "\n") -> None:
-    """Print, unless nobody reads: that changes neither summary nor exit status."""
+    """Print; if nobody reads the output, discard it without an error, so that the exit status does not change."""
     try:
         print(text, end=end, flush=True)
     except OSError:

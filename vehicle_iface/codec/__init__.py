@@ -1,4 +1,4 @@
-"""Bytes to numbers with units and back: the one package that knows the layout of a message."""
+"""The codec: converts CAN payloads to values in SI units and back. No other package knows the layout of a message."""
 
 from vehicle_iface.codec import cantools_parser  # before whatever imports cantools
 

@@ -1,4 +1,4 @@
-"""The signals and messages that a profile binds in its DBC: each signal's field, each message's role.
+"""Looks up the signals and messages of a profile in its DBC: each signal's field, and each message's role.
 
 A name that the DBC does not have is left out here; `consistency` reports it.
 """
@@ -26,26 +26,26 @@ from vehicle_iface.profile.state_pose import StatePose
 
 _NO_NOTES, _NO_MESSAGE_NOTES = SignalNotes(), MessageNotes()
 CONDITIONS = frozenset(("valid", "negative_if", *ModeConditions.__struct_fields__, *DriverConditions.__struct_fields__))
-"""Names of conditions, which may look at a signal of a field as well."""
+"""The names of conditions. A condition may read a signal that is also bound to a field."""
 
 
 class Role(Enum):
     """What the program uses a message for."""
 
     SAMPLE = "sample"
-    """Received: a part of one sample of the state."""
+    """Received: the message is a part of one sample of the state."""
     STATUS = "status"
-    """Received: mode, gear, driver."""
+    """Received: the message carries the vehicle's mode."""
     AUXILIARY = "auxiliary"
-    """Received: further fields of state or status."""
+    """Received: the message carries further fields of state or status."""
     COMMAND = "command"
-    """Sent, one frame for each computed command."""
+    """Sent: the message carries a command; one frame for each computed command."""
     BODY = "body"
-    """Sent: lights and horn."""
+    """Sent: the message carries lights and horn."""
     REPORT = "report"
-    """Sent: the controller's state."""
+    """Sent: the message carries the controller's state."""
     SEND = "send"
-    """Sent by the profile's `[[send]]`."""
+    """Sent: the message is listed in the profile's `[[send]]`."""
 
 
 SENT_ROLES = (Role.COMMAND, Role.BODY, Role.REPORT, Role.SEND)
@@ -56,18 +56,18 @@ PERIODS = {
     Role.BODY: "body_period_s",
     Role.REPORT: "report_period_s",
 }
-"""The key of the profile's timing that states the period of a role's messages."""
+"""The key below `timing` in the profile that states the period of a role's messages."""
 
 
 class StatedValue(NamedTuple):
-    """A value in the profile for a signal of a sent message."""
+    """The value that the profile states for a signal of a sent message, and the place where it is stated."""
 
     place: str
     source: SentValue
 
 
 class Binding:
-    """One profile's names, looked up in one DBC."""
+    """The names of one profile, looked up in one DBC."""
 
     def __init__(self, profile: Profile, file: DbcFile) -> None:
         names = resolve_names(profile, file.parts) if file.parts else ResolvedNames(profile, [])
@@ -97,17 +97,17 @@ class Binding:
 
     @property
     def constants(self) -> dict[str, float]:
-        """MESSAGE.SIGNAL → the one value that is always sent."""
+        """Map MESSAGE.SIGNAL to the one value that is always sent, in the DBC's unit."""
         return {dotted: one.source for dotted, one in self.values.items() if isinstance(one.source, float)}
 
     @property
     def echoes(self) -> dict[str, str]:
-        """MESSAGE.SIGNAL of a sent message → the received signal that it sends back."""
+        """Map MESSAGE.SIGNAL of a sent message to the received signal that it sends back."""
         tables = {dotted: one.source for dotted, one in self.values.items() if isinstance(one.source, ValueTable)}
         return {dotted: table.echo for dotted, table in tables.items() if table.echo is not None}
 
     def value_place(self, dotted: str) -> str:
-        """Where the profile states the value of a signal, or would."""
+        """Return the place in the profile where the value of a signal is stated or could be stated."""
         if dotted in self.values:
             return self.values[dotted].place
         message, _, signal = dotted.partition(".")
@@ -118,18 +118,18 @@ class Binding:
 
     @property
     def status_messages(self) -> frozenset[str]:
-        """The messages that the vehicle's mode is read from."""
+        """The messages from which the vehicle's mode is read."""
         status = self.profile.status
         modes = (status.signals.mode, status.when and tuple(msgspec.structs.astuple(status.when)))
         return frozenset(dotted.partition(".")[0] for dotted in signals_of(modes))
 
     def find_bus(self, message_name: str) -> int:
-        """The number of the bus that a message is on."""
+        """Return the number of the bus that a message is on, from 0 in the order of the profile."""
         parts = self.file.parts.values()
         return next((number for number, part in enumerate(parts) if message_name in part.lines), 0)
 
     def find_signal(self, dotted: str) -> Signal | None:
-        """The signal of a MESSAGE.SIGNAL."""
+        """Return the signal of a MESSAGE.SIGNAL; None if the DBC does not have it."""
         message_name, _, name = dotted.partition(".")
         message = self.messages.get(message_name)
         if message is None:
@@ -137,12 +137,12 @@ class Binding:
         return next((signal for signal in message.signals if signal.name == name), None)
 
     def get_signals(self, section: str, field: str) -> dict[str, Signal]:
-        """MESSAGE.SIGNAL → signal, of those of a field that the DBC has."""
+        """Map MESSAGE.SIGNAL to the signal, for each signal of a field that the DBC has."""
         found = {dotted: self.find_signal(dotted) for dotted in self.sections[section].get(field, ())}
         return {dotted: signal for dotted, signal in found.items() if signal is not None}
 
     def view(self, dotted: str) -> SignalView:
-        """A signal that the DBC has, with what the profile says about it."""
+        """Return a signal that the DBC has, as the profile converts and limits it."""
         signal = self.find_signal(dotted)
         assert signal is not None, dotted
         pedals = (*self.sections["command"].get("throttle", ()), *self.sections["command"].get("brake", ()))
@@ -150,32 +150,32 @@ class Binding:
         return SignalView.of(signal, notes, field, in_own_unit=dotted in pedals)
 
     def notes_of(self, dotted: str) -> SignalNotes:
-        """The profile's notes on a signal."""
+        """Return the profile's notes on a signal."""
         return self.profile.signals.get(dotted, _NO_NOTES)
 
     def cycle_ms(self, message_name: str) -> float | None:
-        """The message's period by the profile's notes or else the DBC; None where neither says it."""
+        """Return the message's period in ms, from the profile's notes or else the DBC; None if neither states it."""
         return self.message_notes(message_name).cycle_ms or self.messages[message_name].cycle_time or None
 
     def message_notes(self, message_name: str) -> MessageNotes:
-        """The profile's notes on a message."""
+        """Return the profile's notes on a message."""
         return self.profile.messages.get(message_name, _NO_MESSAGE_NOTES)
 
     @property
     def is_counted(self) -> bool:
-        """Whether the messages of a sample belong together by their counter."""
+        """Whether messages with the same counter value form a sample; otherwise their arrival times decide."""
         state = self.profile.state
         if state.assemble is not None:
             return state.assemble == "counter"
         return self.profile.e2e is not None and set(state.sample) <= self.profile.e2e.data_ids.keys()
 
     def signals_used(self, message_name: str) -> list[str]:
-        """The signals of a message that are read or written one by one, in its order, without the message's name."""
+        """Return the names of a message's signals that are read or written one by one, in the order of the DBC."""
         names = (signal.name for signal in self.messages[message_name].signals)
         return [name for name in names if self._is_used(f"{message_name}.{name}")]
 
     def _is_used(self, dotted: str) -> bool:
-        """Whether the signal is bound, or has a value that changes by itself; a complement changes with another one."""
+        """Whether the signal is bound or its value changes by itself. A complement changes with another signal."""
         source = self.values[dotted].source if dotted in self.values else 0.0
         changes = not isinstance(source, float) and not (isinstance(source, ValueTable) and source.complement)
         return dotted in self.fields or changes
@@ -197,17 +197,17 @@ class Binding:
         return frozenset(f"{name}.{one}" for name, rule in rules.items() if rule for one in rule.signals)
 
     def fault(self, place: str, text: str) -> ConfigError:
-        """An error about a place in the profile."""
+        """Build an error about a place in the profile."""
         return ConfigError(f"{self.profile_name}: {place}: {text}")
 
     def missing_message(self, name: str, place: str) -> ConfigError:
-        """An error about a message that the DBC does not have, or why it was left out."""
+        """Build the error about a message that is not in the DBC or was left out as unusable."""
         file = self.file.parts.get(name.partition(":")[0], self.file)
         text = f"no message {name!r} in {file.name}{suggest(name, self.messages)}"
         return self.file.find_error(name) or self.fault(place, text)
 
     def missing_signal(self, dotted: str, place: str) -> ConfigError:
-        """An error about a signal that the DBC does not have, or why it was left out."""
+        """Build the error about a signal that is not in the DBC or was left out as unusable."""
         message_name, _, name = dotted.partition(".")
         message = self.messages.get(message_name)
         if message is None:
@@ -216,7 +216,7 @@ class Binding:
         return self.file.find_error(dotted) or self.fault(place, text)
 
     def role_claims(self) -> Iterator[tuple[str, Role]]:
-        """Each message with each role that the profile gives it; within a role in the order of the DBC."""
+        """Yield each message with each role that the profile gives it; within a role in the order of the DBC."""
         yield from ((name, Role.SAMPLE) for name in self.profile.state.sample if name in self.messages)
         yield from ((name, Role.STATUS) for name in self.messages if name in self.status_messages)
         sent = {message.message for message in self.profile.send}
@@ -234,7 +234,7 @@ class Binding:
         yield from ((name, Role.SEND) for name in self.messages if name in sent)
 
     def _messages_of(self, *sections: str) -> set[str]:
-        """The messages that signals of these sections are in."""
+        """Return the messages that contain the signals of these sections."""
         bindings = (signals for section in sections for signals in self.sections[section].values())
         return {dotted.partition(".")[0] for signals in bindings for dotted in signals}
 
@@ -268,7 +268,7 @@ def _stated_values(profile: Profile) -> dict[str, StatedValue]:
 
 
 def _named_signals(*tables: msgspec.Struct | None) -> dict[str, tuple[str, ...]]:
-    """Field or condition → its signals, without those that are not bound."""
+    """Map each field or condition to its signals; unbound ones are left out."""
     places = {field: getattr(table, field) for table in tables if table for field in _source_fields(table)}
     found = {field: tuple(signals_of(value_of(form))) for field, form in places.items() if form is not None}
     signs = [form.negative_if for form in places.values() if isinstance(form, FieldForm)]
@@ -280,6 +280,6 @@ def _source_fields(table: msgspec.Struct) -> tuple[str, ...]:
 
 
 def suggest(name: str, names: Iterable[str]) -> str:
-    """The names that are most like `name`, for the end of an error message."""
+    """Return the names closest to `name` as "; nearest: …", for the end of an error message; "" if none is close."""
     found = difflib.get_close_matches(name, list(names), n=3, cutoff=0.4)
     return f"; nearest: {', '.join(found)}" if found else ""

@@ -5,11 +5,14 @@ from collections.abc import Iterable, Mapping
 from cantools.database import Signal
 
 Branch = Mapping[str, int]
-"""Multiplexer → its number."""
+"""Maps the name of a multiplexer to the value that selects the branch."""
 
 
 def find_branches(signals: Iterable[Signal]) -> tuple[Branch, ...]:
-    """Branches that together show all signals, multiplexers among them; an empty one where nothing is multiplexed."""
+    """Return branches that together show all signals, multiplexers included.
+
+    A message without multiplexers has one empty branch.
+    """
     by_name = {signal.name: signal for signal in signals}
     chains = [_chain(signal, by_name) for signal in by_name.values()]
     longest = [one for one in chains if not any(one != other and one.items() <= other.items() for other in chains)]
@@ -18,7 +21,7 @@ def find_branches(signals: Iterable[Signal]) -> tuple[Branch, ...]:
 
 
 def is_shown(signal: Signal, branch: Branch, by_name: Mapping[str, Signal]) -> bool:
-    """Whether the branch has the signal."""
+    """Whether a frame of this branch contains the signal."""
     parent = signal.multiplexer_signal
     if parent is None:
         return True
@@ -26,7 +29,7 @@ def is_shown(signal: Signal, branch: Branch, by_name: Mapping[str, Signal]) -> b
 
 
 def _chain(signal: Signal, by_name: Mapping[str, Signal]) -> dict[str, int]:
-    """The multiplexers above a signal, with the first numbers that show it."""
+    """Map each multiplexer above the signal to the first value that shows the signal."""
     parent = signal.multiplexer_signal
     if parent is None:
         return {}
@@ -34,7 +37,7 @@ def _chain(signal: Signal, by_name: Mapping[str, Signal]) -> dict[str, int]:
 
 
 def _complete(branch: dict[str, int], chains: list[dict[str, int]], by_name: Mapping[str, Signal]) -> Branch:
-    """The branch with a number for each further multiplexer that it shows."""
+    """Add a value for each further multiplexer that the branch shows."""
     numbers = {name: number for chain in reversed(chains) for name, number in chain.items()}
     while more := [n for n in numbers if n not in branch and is_shown(by_name[n], branch, by_name)]:
         branch = branch | {name: numbers[name] for name in more}

@@ -1,4 +1,4 @@
-"""The DBCs of a profile's buses as one: a message that several of them have is called `BUS:MESSAGE`."""
+"""Joins the DBCs of a profile's buses. A message name that several DBCs have becomes `BUS:MESSAGE`."""
 
 import dataclasses
 from collections import Counter
@@ -15,15 +15,18 @@ from vehicle_iface.profile.bus_names import rename_messages
 
 
 class ResolvedNames(NamedTuple):
-    """A profile in the names of its joined DBCs."""
+    """A profile whose message names are those of the joined DBCs."""
 
     profile: Profile
     faults: list[str]
-    """Each `place: text`."""
+    """Names whose bus is missing or wrong, each as `place: text`."""
 
 
 def read_dbcs(profile: Profile) -> DbcFile:
-    """All DBCs of a profile. `ConfigError` with the faults of each that cannot be used."""
+    """Load and join all DBCs of a profile.
+
+    Raises `ConfigError` with the faults of every file that cannot be used.
+    """
     if profile.bus is not None:
         return read_dbc(Path(profile.dbc))
     files: dict[str, DbcFile] = {}
@@ -39,7 +42,10 @@ def read_dbcs(profile: Profile) -> DbcFile:
 
 
 def resolve_names(profile: Profile, parts: Mapping[str, DbcFile]) -> ResolvedNames:
-    """The profile in the names of the joined files; a name that several buses have needs that of one before it."""
+    """Return the profile with the message names of the joined files.
+
+    A name that several buses have must be written as `BUS:MESSAGE`; otherwise it is reported in `faults`.
+    """
     owners: dict[str, list[str]] = {}
     for bus, part in parts.items():
         for name in _message_names(part):
@@ -78,12 +84,12 @@ def _join(files: Mapping[str, DbcFile]) -> DbcFile:
 
 
 def _message_names(file: DbcFile) -> list[str]:
-    """Those that cannot be used, too."""
+    """The names of all messages, unusable ones included."""
     return [dotted for dotted in file.lines if "." not in dotted]
 
 
 def _qualify(file: DbcFile, bus: str, counts: Mapping[str, int]) -> DbcFile:
-    """The file in which messages that others have as well bear the name of the bus."""
+    """Prefix the messages whose names occur on several buses with the name of this bus."""
 
     def rename(dotted: str) -> str:
         return f"{bus}:{dotted}" if counts[dotted.partition(".")[0]] > 1 else dotted

@@ -1,8 +1,8 @@
-"""Loads cantools' parser, and not the bench tools that its package brings along.
+"""Loads cantools' DBC parser without the bench tools of the same package.
 
-`import cantools` also imports its tester, and with that python-can: 10 MB and a third of a second in the control
-process for nothing. The parser imports neither, so it is loaded under a package that is only a place to look for
-modules. A later `import cantools` loads all of it, with this same parser.
+`import cantools` also imports its tester and python-can, which costs the control process 10 MB and a third of a second.
+The parser needs neither. It is therefore loaded below a placeholder package that only tells Python where the modules
+are. A later `import cantools` loads the rest and keeps this parser.
 """
 
 import importlib
@@ -12,7 +12,7 @@ import sys
 
 
 def load() -> None:
-    """Import `cantools.database`; where cantools is there already, it is what there is."""
+    """Import `cantools.database`. Does nothing if cantools has already been imported."""
     if "cantools" in sys.modules or "cantools.database" in sys.modules:
         return
     found = importlib.machinery.PathFinder.find_spec("cantools")

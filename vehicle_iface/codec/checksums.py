@@ -1,15 +1,15 @@
-"""Checksums by parts: the bytes that are covered, and sums, exclusive ors and CRCs of them.
+"""Builds checksums from parts: selects the covered bytes, then computes a sum, exclusive or, or CRC of them.
 
-`over` of a profile names the covered parts in their order:
+The key `over` of a profile names the covered parts in their order:
 
-* `id`: the identifier, low byte first; 2 bytes, 4 of an extended one.
+* `id`: the identifier, low byte first; 2 bytes, or 4 for an extended one.
 * `length`: the payload's length in bytes, 1 byte.
-* `bytes`: the payload without the checksum's own bits. A byte that is all checksum is omitted; in a byte that the
-  checksum shares, its bits are 0.
-* `data_id`: a number as 2 bytes, low byte first; of a list the byte whose place is the counter.
+* `bytes`: the payload without the checksum's own bits. A byte that contains only checksum bits is omitted; in a byte
+  that the checksum shares, its bits are 0.
+* `data_id`: a number as 2 bytes, low byte first; for a list, the byte at the index given by the counter.
 * `counter`: the counter in as few bytes as hold it, low byte first.
 
-A checksum of at most 4 bits is the sum or exclusive or of nibbles, a wider one of bytes. A sum is taken modulo 2^width.
+A checksum of at most 4 bits is computed over nibbles, a wider one over bytes. A sum is taken modulo 2^width.
 """
 
 import operator
@@ -41,14 +41,14 @@ class BitPlace:
 
     @property
     def mask(self) -> int:
-        """The greatest number that the bits can hold."""
+        """The largest number that the bits can hold."""
         return (1 << self.width) - 1
 
     def read(self, data: Payload) -> int:
         return int.from_bytes(data, self.order) >> self.shift & self.mask
 
     def clear(self, data: Payload) -> bytes:
-        """The payload with these bits 0."""
+        """Return the payload with these bits set to 0."""
         return (int.from_bytes(data, self.order) & ~(self.mask << self.shift)).to_bytes(len(data), self.order)
 
     def write(self, data: bytearray, number: int) -> None:
@@ -58,20 +58,20 @@ class BitPlace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoveredMessage:
-    """What a checksum may cover."""
+    """The parts of a message that a checksum may cover."""
 
     can_id: int
     is_extended: bool
     length: int
-    """Payload, bytes."""
+    """Length of the payload in bytes."""
     checksum: BitPlace
     counter: BitPlace | None
     data_id: int | tuple[int, ...] | None
-    """A list has one byte, or one for each value of the counter."""
+    """A number of 2 bytes, or a list with one byte, or one byte for each value of the counter."""
 
 
 def build_cover(over: Sequence[str], message: CoveredMessage) -> Callable[[Payload], Payload]:
-    """A function that gives the covered bytes of a payload whose counter is in place."""
+    """Build the function that extracts the covered bytes from a payload whose counter is already written."""
     parts = [_PARTS[name](message) for name in over]
     return parts[0] if len(parts) == 1 else lambda data: b"".join([part(data) for part in parts])
 
@@ -133,7 +133,7 @@ _PARTS: dict[str, Callable[[CoveredMessage], _Part]] = {
 
 
 def sum_function(width: int, init: int = 0, xor_out: int = 0) -> Callable[[Payload], int]:
-    """The sum of the bytes or nibbles, modulo 2^width."""
+    """Build a function that sums bytes, or nibbles for widths up to 4 bits, modulo 2^width."""
     mask = (1 << width) - 1
     if width <= _NIBBLE:
         return lambda covered: (init + sum(covered.translate(_NIBBLE_SUMS)) & mask) ^ xor_out
@@ -141,7 +141,7 @@ def sum_function(width: int, init: int = 0, xor_out: int = 0) -> Callable[[Paylo
 
 
 def xor_function(width: int, init: int = 0, xor_out: int = 0) -> Callable[[Payload], int]:
-    """The exclusive or of the bytes or nibbles."""
+    """Build a function that computes the exclusive or of bytes, or of nibbles for widths up to 4 bits."""
     mask, last = (1 << width) - 1, init ^ xor_out
     if width <= _NIBBLE:
         return lambda covered: reduce(operator.xor, covered.translate(_NIBBLE_XORS), last) & mask
@@ -151,7 +151,10 @@ def xor_function(width: int, init: int = 0, xor_out: int = 0) -> Callable[[Paylo
 def crc_function(
     bits: int, poly: int, init: int = 0, xor_out: int = 0, *, reflect: bool = False
 ) -> Callable[[Payload], int]:
-    """The CRC of the bytes; poly, init and xor_out are written most significant bit first, as in catalogues of CRCs."""
+    """Build a function that computes the CRC of bytes.
+
+    `poly`, `init` and `xor_out` are written most significant bit first, as in catalogues of CRCs.
+    """
     if reflect:
         return _reflected_crc(bits, poly, init, xor_out)
     mask, shift, top = (1 << bits) - 1, bits - 8, 1 << bits - 1

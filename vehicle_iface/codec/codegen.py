@@ -1,8 +1,7 @@
-"""A message's layout written out as two straight-line Python functions, `decode(data)` and
-`encode(values)`.
+"""Generates two straight-line Python functions for the layout of a message: `decode(data)` and `encode(values)`.
 
-In the source nk and bk are the words from byte k on, of either byte order; of the signal at position i ri is the raw
-number, vi the value, wi the raw bits where they need work before they are placed; mi is a multiplexer's number.
+Names in the generated source: nk and bk are the little- and big-endian words from byte k on. For the signal at position
+i, ri is the raw number, vi the value, and wi the raw bits before they are placed. mi is the value of a multiplexer.
 """
 
 import math
@@ -16,7 +15,7 @@ from vehicle_iface.codec.packing import PackedWord, extract_expression, find_wor
 
 _INDENT = "    "
 _GREATEST_FLOAT = {16: 65504.0, 32: float.fromhex("0x1.fffffep+127"), 64: sys.float_info.max}
-"""By width in bits (IEEE 754)."""
+"""Largest finite float (IEEE 754) for each width in bits."""
 
 
 def generate_decode_source(layout: Layout, checked: bool) -> str:
@@ -30,7 +29,8 @@ def generate_decode_source(layout: Layout, checked: bool) -> str:
 
 
 def _decode_level(layout: Layout, fields: Sequence[Field], checked: bool, formats: list[str]) -> list[str]:
-    """The fields that are there together, and what depends on them; the structs' formats are added to `formats`."""
+    """Generate the lines that decode the fields of one level and the branches below it; append the formats that
+    `struct` needs to `formats`."""
     lines = []
     for is_big in sorted({field.is_big for field in fields}) or [False]:
         ordered = [field for field in fields if field.is_big is is_big]
@@ -68,7 +68,7 @@ def _decode_field(field: Field, found: Sequence[PackedWord], checked: bool) -> l
 
 
 def _has_own_value(field: Field) -> bool:
-    """Whether the value stands in a variable of its own, since it can be missing or is checked."""
+    """Whether the value gets a variable of its own, because it can be missing or is checked."""
     return field.parent is not None or field.is_float or bool(field.missing)
 
 
@@ -111,7 +111,7 @@ def _number(value: float) -> str:
 
 
 def _chain(layout: Layout, multiplexer: Field, number: str, level: Callable[[Branch], list[str]]) -> list[str]:
-    """if … elif … over the branches of a multiplexer."""
+    """Generate if … elif … over the branches of a multiplexer."""
     index = multiplexer.index
     lines = [f"m{index} = {number}"]
     word = "if"
@@ -125,7 +125,7 @@ def _chain(layout: Layout, multiplexer: Field, number: str, level: Callable[[Bra
 
 
 def generate_encode_source(layout: Layout, checked: bool, base: bytes = b"") -> str:
-    """`base` holds the bits of the signals that are not in the layout."""
+    """Generate the source of `encode`. `base` contains the bits of all signals that are not in the layout."""
     count = len(layout.fields)
     lines = [f"if len(values) != {count}:", _INDENT + "wrong_count(values)"]
     lines += [f"{''.join(f'v{i}, ' for i in range(count))}= values"] if count else []
@@ -151,7 +151,7 @@ def _encode_level(layout: Layout, fields: Sequence[Field], checked: bool) -> lis
 
 
 def _absent(layout: Layout, multiplexer: Field, branch: Branch) -> list[str]:
-    """Reject values of signals that this branch does not carry."""
+    """Generate the lines that reject values for signals that this branch does not carry."""
     hidden = [child for child in layout.fields if child.parent == multiplexer.name]
     hidden = [child for child in hidden if child not in branch.fields]
     lines = []
@@ -189,7 +189,7 @@ def _unscaling(field: Field, value: str) -> str:
 
 
 def _value_check(field: Field, value: str) -> list[str]:
-    """Reject what is outside the DBC's range; NaN fails every comparison and is rejected by them."""
+    """Generate the check against the DBC's range. NaN fails both comparisons and is therefore rejected."""
     low, high = field.lowest, field.highest
     if field.is_float:
         return _float_check(field, value)
@@ -200,7 +200,7 @@ def _value_check(field: Field, value: str) -> list[str]:
 
 
 def _fit_check(field: Field, checked: bool) -> list[str]:
-    """Reject raw values that the bits cannot hold or the VAL_ table does not name."""
+    """Generate the check that rejects raw values that exceed the bits or are not named in the VAL_ table."""
     index = field.index
     low, high, named = field.raw_minimum, field.raw_maximum, None
     enumerated = checked and field.enumeration()
@@ -218,7 +218,7 @@ def _fit_check(field: Field, checked: bool) -> list[str]:
 
 
 def _range_implies(field: Field, low: int, high: int) -> bool:
-    """Whether every value that passed the range check rounds into low … high."""
+    """Whether every value that passed the range check rounds to a raw number from `low` to `high`."""
     if field.scale == 0 or not (math.isfinite(field.lowest) and math.isfinite(field.highest)):
         return False
     ends = [(end - field.offset) / field.scale for end in (field.lowest, field.highest)]

@@ -1,4 +1,4 @@
-"""Checks that the command signals can carry the limits, in the form in which the vehicle is commanded."""
+"""Checks that the command signals can carry the profile's limits, in the form in which the vehicle is commanded."""
 
 import math
 from collections.abc import Iterator
@@ -11,18 +11,18 @@ from vehicle_iface.interpolation import interpolate
 from vehicle_iface.profile import Profile
 
 _SPEEDS = 500
-"""Speeds at which the greatest yaw rate is looked for."""
+"""Number of speeds at which the largest yaw rate is searched for."""
 
 
 def command_range(binding: Binding, field: str) -> WireRange:
-    """What all signals of a command field can carry."""
+    """Return the smallest and largest value that all signals of a command field can carry."""
     views = [binding.view(dotted) for dotted in binding.sections["command"][field]]
     lows, highs = zip(*(view.field_range for view in views), strict=True)
     return WireRange(max(lows), min(highs), max(view.resolution for view in views))
 
 
 def command_faults(binding: Binding) -> Iterator[ConfigError]:
-    """What may be commanded is in the range of its signal, and no less than one of its counts."""
+    """Yield errors for limits outside their signal's range, and for rates below one count of their signal."""
     yield from _limit_faults(binding)
     yield from _rate_faults(binding)
     yield from _speed_faults(binding)
@@ -45,7 +45,7 @@ def command_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def greatest_yaw_rate_radps(profile: Profile) -> float:
-    """The greatest yaw rate that the limits allow, of the front wheels alone."""
+    """Return the largest yaw rate in rad/s that the limits allow with front steering alone."""
     limits, wheelbase_m = profile.limits, profile.geometry.wheelbase_m
     most_radps = 0.0
     for index in range(1, _SPEEDS + 1):
@@ -58,7 +58,7 @@ def greatest_yaw_rate_radps(profile: Profile) -> float:
 
 
 def _speed_faults(binding: Binding) -> Iterator[ConfigError]:
-    """A speed that is obeyed may be without sign; one for information is not."""
+    """A commanded speed may be unsigned if the vehicle obeys it; a speed for information must be signed."""
     limits, command = binding.profile.limits, binding.profile.command
     is_obeyed = command.longitudinal == "speed"
     for dotted in binding.get_signals("command", "speed_mps"):
@@ -100,7 +100,7 @@ def _pedal_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _limit_faults(binding: Binding) -> Iterator[ConfigError]:
-    """What may be commanded lies in the range of the signal that carries it."""
+    """Each limit must be within the range of the signal that carries the command."""
     limits = binding.profile.limits
     limited: tuple[tuple[str, str, tuple[float, ...]], ...] = (
         ("front_wheel_angle_rad", "front_wheel_angle_rad", _both_signs(limits.front_wheel_angle_rad)),
@@ -123,7 +123,7 @@ def _both_signs(limit: float) -> tuple[float, float]:
 
 
 def _rate_faults(binding: Binding) -> Iterator[ConfigError]:
-    """What is slower than one count of its signal from sample to sample would never move."""
+    """A rate below one count of its signal per sample would never move the command."""
     limits, period_s = binding.profile.limits, binding.profile.timing.sample_period_s
     rates = [
         *(("accel_rate_mps3", field, limits.accel_rate_mps3) for field in ("accel_mps2", "drive_mps2", "brake_mps2")),

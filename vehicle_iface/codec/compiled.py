@@ -1,10 +1,9 @@
-"""One CAN message compiled to two straight-line functions, so that no dictionary is built on the
-loop's path.
+"""Compiles a CAN message to two straight-line functions, so that the loop builds no dictionaries.
 
-One `struct.unpack` takes the payload apart into words (one for each byte order, and for each branch of a multiplexer);
-a signal is such a word, or a shift and a mask of it, and a scaling. Encoding puts the raw numbers together as one
-integer. `MessageCodec` writes that out as Python source once, when it is built, and compiles it. The rules of scaling
-and rounding are those of cantools' conversions, so that both give the same bits.
+One `struct.unpack` splits the payload into words, one set for each byte order and multiplexer branch. A signal is a
+word, or a shift and a mask of a word, followed by scaling. Encoding combines the raw numbers into one integer.
+`MessageCodec` generates this as Python source once, when it is built, and compiles it. Scaling and rounding follow
+cantools' conversions, so that both produce the same bits.
 """
 
 import math
@@ -20,7 +19,7 @@ from vehicle_iface.codec.layout import Field, Layout, SignalRules
 from vehicle_iface.errors import InvalidValueError, SignalError
 
 Value = float | int | None
-"""A signal's value: an int where scale and offset are whole, None in another multiplexer branch."""
+"""A signal's value: an int if scale and offset are whole, None for a signal of another multiplexer branch."""
 
 _FOREIGN = (TypeError, ValueError, ArithmeticError, AttributeError, struct.error)
 
@@ -28,20 +27,20 @@ _FOREIGN = (TypeError, ValueError, ArithmeticError, AttributeError, struct.error
 class MessageCodec:
     """The codec of one message.
 
-    `decode(data)` takes the payload and gives the values in the order of `names`: ints and floats
-    in the DBC's units, enumerated signals as numbers, None for signals of another multiplexer
-    branch. `encode(values)` takes the same order and gives the payload; unused bits are 0.
+    `decode(data)` takes a payload and returns the values in the order of `names`: ints and floats in the DBC's units,
+    enumerated signals as numbers, None for signals of another multiplexer branch. `encode(values)` takes values in the
+    same order and returns the payload; unused bits are 0.
 
-    With `checked` both reject, as `SignalError`: a wrong length, a value outside the DBC's range or
-    not finite, a number that the signal's VAL_ table does not name, an unknown multiplexer. A VAL_
-    table counts as an enumeration when the signal is among `enumerated`, or when it is unscaled,
-    without unit, and the table counts up from the bottom of the range and stays in it; otherwise
-    its entries outside the range are markers ("not available") and rejected as the missing values
-    that they are. Without `checked` the values are those of cantools
-    with `decode_choices=False`, longer payloads are cut like there, and `SignalError` says what
-    cannot be represented at all.
+    With `checked`, both raise `SignalError` for a wrong length, a value that is not finite or outside the DBC's range,
+    a number that the signal's VAL_ table does not name, and an unknown multiplexer value. A VAL_ table counts as an
+    enumeration if the signal is among `enumerated`, or if the signal is unscaled and without unit, and the table counts
+    up from the bottom of the range and stays in it. In any other table, entries outside the range mark missing values
+    ("not available") and are rejected as such.
 
-    Raises `ConfigError` when the message cannot be compiled: name and reason.
+    Without `checked`, the values are those of cantools with `decode_choices=False`, and longer payloads are cut as
+    cantools does. `SignalError` is then raised only for values that cannot be represented at all.
+
+    Raises `ConfigError` with name and reason if the message cannot be compiled.
     """
 
     __slots__ = ("checked", "decode", "encode", "length", "message_name", "names", "source")
@@ -55,9 +54,10 @@ class MessageCodec:
         rules: Mapping[str, SignalRules] | None = None,
         base: bytes | None = None,
     ) -> None:
-        """With `only`, the codec knows these signals and the multiplexers above them; `rules` go before the DBC's.
+        """With `only`, the codec contains these signals and the multiplexers above them.
 
-        `base` is a payload with the bits of all other signals, multiplexers among them.
+        `rules` take precedence over the DBC. `base` is a payload with the bits of all other signals, multiplexers
+        included.
         """
         layout = Layout.of(message, only, rules, is_flat=base is not None)
         self.message_name: str = message.name
@@ -94,7 +94,7 @@ def _runtime_names(layout: Layout) -> dict[str, object]:
 
 
 def _float_functions(width: int) -> tuple[Callable[[int], float], Callable[[float], int]]:
-    """IEEE 754 bits to number and back, of 16, 32 or 64 bits."""
+    """Return the functions from IEEE 754 bits to a number and back, for a width of 16, 32 or 64 bits."""
     number = struct.Struct({16: "<e", 32: "<f", 64: "<d"}[width])
     size = width // 8
 
@@ -114,7 +114,7 @@ def _float_functions(width: int) -> tuple[Callable[[int], float], Callable[[floa
 
 
 class _Failures:
-    """The ends of the straight line: each raises a `SignalError` with message, signal, value and
+    """The error functions that the generated source calls. Each raises a `SignalError` with message, signal, value and
     what is allowed."""
 
     def __init__(self, layout: Layout, checked: bool) -> None:
@@ -122,7 +122,7 @@ class _Failures:
         self._checked = checked
 
     def names(self) -> dict[str, object]:
-        """What the generated source calls them."""
+        """Return the names under which the generated source finds these functions."""
         return {
             "refuse": self.refuse,
             "unknown": self.unknown,
@@ -156,7 +156,7 @@ class _Failures:
         raise SignalError(f"{name}: {data!r} cannot be decoded: {error}") from error
 
     def explain_encode(self, values: object, error: Exception) -> NoReturn:
-        """Find the value that the arithmetic stumbled over."""
+        """Raise a `SignalError` for the value that made the arithmetic fail."""
         name = self._layout.message_name
         if not isinstance(values, Sequence):
             raise SignalError(f"{name} = {values!r}: must be a sequence of values") from error

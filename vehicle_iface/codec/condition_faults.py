@@ -1,4 +1,4 @@
-"""What is wrong with the conditions of a profile: names that a signal does not have, numbers that it never reaches."""
+"""Checks the conditions of a profile: names that a signal's table does not have, and numbers that it never reaches."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from vehicle_iface.profile.forms import Condition, ConditionTable, FieldForm
 
 
 def condition_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Each name is in its signal's table, and each comparison can hold."""
+    """Yield an error for each unknown name, and for each comparison that can never be true."""
 
     def find(dotted: str) -> Place:
         return Place(0, binding.view(dotted).names if binding.find_signal(dotted) else {})
@@ -29,7 +29,7 @@ def condition_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _conditions(binding: Binding) -> dict[str, Condition]:
-    """Place in the profile → condition."""
+    """Map each place in the profile to its condition."""
     state, status = binding.profile.state, binding.profile.status
     found = {
         f"$.status.{key}.{field}": getattr(table, field)
@@ -45,7 +45,7 @@ def _conditions(binding: Binding) -> dict[str, Condition]:
 
 
 def _comparisons(condition: Condition) -> Iterator[ConditionTable]:
-    """The tables in a condition that compare a signal."""
+    """Yield the tables inside a condition that compare a signal."""
     if isinstance(condition, str):
         return
     if condition.signal is not None:
@@ -55,7 +55,7 @@ def _comparisons(condition: Condition) -> Iterator[ConditionTable]:
 
 
 def _reach_faults(table: ConditionTable, view: SignalView, field: str) -> Iterator[str]:
-    """Comparisons that no value of the signal fulfils."""
+    """Describe comparisons that no value of the signal fulfils."""
     low, high = view.range_in_conditions
     if table.magnitude:
         low, high = max(low, -high, 0.0), max(-low, high)

@@ -1,4 +1,4 @@
-"""Contradictions between a profile and its DBC: each check yields errors with file, place and remedy."""
+"""Finds contradictions between a profile and its DBC. Each check yields errors with file, place and remedy."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -22,13 +22,13 @@ from vehicle_iface.profile.forms import signals_of, value_of
 from vehicle_iface.profile.signals import ModeConditions, StatusSignals
 
 _COUNTS = ("ref_spatial_index", "ref_temporal_index", "deadline_misses")
-"""Fields of the report in which every number means itself."""
+"""Fields of the report that are plain numbers and need no VAL_ table."""
 _ONE_SAMPLE = ("x_m", "y_m", "heading_rad", "latitude_deg", "longitude_deg", "speed_mps", "pose_frame")
-"""Fields of the state that must come in messages of its sample: where the vehicle is, in which frame, how fast."""
+"""Fields of the state that must be in the messages of the sample: position, frame of reference and speed."""
 
 
 def find_faults(binding: Binding) -> list[ConfigError]:
-    """Everything that does not fit, each once."""
+    """Return all contradictions, each once."""
     faults = (fault for check in _CHECKS for fault in check(binding))
     return list({str(fault): fault for fault in faults}.values())
 
@@ -37,7 +37,7 @@ def find_faults(binding: Binding) -> list[ConfigError]:
 
 
 def _bus_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Each name says on which bus; in the names of the buses the profile still is sound by itself."""
+    """Each name states its bus, and the profile is still valid with the names of the joined DBCs."""
     faults = binding.name_faults or (check_profile(binding.profile) if binding.file.parts else ())
     yield from (binding.fault(*fault.split(": ", 1)) for fault in faults)
 
@@ -65,7 +65,7 @@ def _signal_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _usage_faults(binding: Binding, place: str, field: str, dotted: str, signal: Signal) -> Iterator[ConfigError]:
-    """A bound signal can be taken for its field; in a received message it may be in a branch of a multiplexer."""
+    """A bound signal fits its field. In a received message it may be in a branch of a multiplexer."""
     for text in unit_faults(signal, binding.notes_of(dotted), field):
         yield binding.file.fault(dotted, text)
     if signal.is_multiplexer and binding.roles.get(dotted.partition(".")[0]) in SENT_ROLES:
@@ -73,7 +73,7 @@ def _usage_faults(binding: Binding, place: str, field: str, dotted: str, signal:
 
 
 def _name_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Names that are not a field's signals exist: sample, ignored, constants."""
+    """Names that are not bound to a field exist: sample, ignored messages, constants."""
     profile = binding.profile
     for index, name in enumerate(profile.state.sample):
         if name not in binding.messages:
@@ -102,7 +102,7 @@ def _name_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _sample_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Values that mean nothing without one another are of one sample; frames of reference have usable names."""
+    """Values that have a meaning only together are in one sample, and the frames of reference have usable names."""
     state = binding.profile.state
     for field in _ONE_SAMPLE:
         for dotted in signals_of(value_of(getattr(state.signals, field))):
@@ -161,7 +161,8 @@ def _role_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _sender_faults(binding: Binding) -> Iterator[ConfigError]:
-    """No node sends both what the program receives and what it sends, unless one name stands for all of them."""
+    """No node sends both messages that the program receives and messages that the program sends, unless the DBC names
+    one node as the sender of everything."""
     for name, notes in binding.profile.messages.items():
         if name in binding.roles and notes.sender is not None:
             sender = "controller" if binding.roles[name] in SENT_ROLES else "vehicle"
@@ -173,7 +174,7 @@ def _sender_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def _sender_faults_of(names: Sequence[str], binding: Binding) -> Iterator[ConfigError]:
-    """The same of the messages of one bus."""
+    """Check the senders of the messages of one bus."""
     unstated = [name for name in names if binding.message_notes(name).sender is None]
     if len({tuple(binding.messages[name].senders) for name in names}) == 1:
         return
@@ -190,7 +191,7 @@ def _sender_faults_of(names: Sequence[str], binding: Binding) -> Iterator[Config
 
 
 def _period_faults(binding: Binding) -> Iterator[ConfigError]:
-    """The periods of the profile are those of the messages; a part of a sample by time may have another one."""
+    """The profile's periods are those of the messages. Parts of a sample that is assembled by time may have others."""
     timing, state = binding.profile.timing, binding.profile.state
     trigger = state.trigger or state.sample[0]
     for name, role in binding.roles.items():

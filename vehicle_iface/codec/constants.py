@@ -1,4 +1,4 @@
-"""Bits of a sent message that no field fills: the profile's constants, and the DBC's initial values."""
+"""Fills the bits of a sent message that no field fills: the profile's constants, and the DBC's initial values."""
 
 from collections.abc import Iterator, Mapping
 
@@ -10,7 +10,7 @@ from vehicle_iface.errors import ConfigError, SignalError
 
 
 def constant_payload(binding: Binding, name: str) -> bytes:
-    """The payload of a message with all its constants, and 0 where a field, checksum or counter is written."""
+    """Return a message's payload with all its constants, and 0 where a field, checksum or counter is written later."""
     message, payload = binding.messages[name], 0
     for signal, value in _constants(binding, message):
         codec = MessageCodec(message, only=[signal.name], base=b"")
@@ -19,7 +19,8 @@ def constant_payload(binding: Binding, name: str) -> bytes:
 
 
 def constant_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Constants that their signals cannot carry, and bound signals that the chosen multiplexer branch does not have."""
+    """Yield errors for constants that their signals cannot carry, and for bound signals that are not in the chosen
+    multiplexer branch."""
     for name, role in binding.roles.items():
         if role not in SENT_ROLES:
             continue
@@ -31,7 +32,7 @@ def constant_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def encode_faults(binding: Binding, dotted: str, value: float) -> Iterator[ConfigError]:
-    """Why a signal of a sent message cannot carry a value in the DBC's unit; nothing where it can."""
+    """Yield the reasons why a signal of a sent message cannot carry `value`, which is in the DBC's unit."""
     name, _, signal = dotted.partition(".")
     rules = {signal: binding.view(dotted).rules}
     try:
@@ -60,7 +61,8 @@ def _list(ids: list[int]) -> str:
 
 
 def _constants(binding: Binding, message: Message) -> Iterator[tuple[Signal, float]]:
-    """The signals that are neither bound nor of the protection nor in another multiplexer branch, with their values."""
+    """Yield the constant signals of the message with their values. Bound signals, checksums, counters and signals of
+    other multiplexer branches are left out."""
     stated = binding.constants
     for signal in message.signals:
         dotted = f"{message.name}.{signal.name}"
@@ -75,7 +77,7 @@ def _constants(binding: Binding, message: Message) -> Iterator[tuple[Signal, flo
 
 
 def is_shown(message: Message, signal: Signal, stated: Mapping[str, float]) -> bool:
-    """Whether all multiplexers above the signal have the values that show it."""
+    """Whether all multiplexers above the signal have values that show it."""
     if signal.multiplexer_signal is None:
         return True
     value = stated.get(f"{message.name}.{signal.multiplexer_signal}", 0)

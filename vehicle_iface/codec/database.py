@@ -1,7 +1,7 @@
-"""A DBC and the profile that gives it a meaning, as one: the messages that decoder and encoder work with.
+"""Combines a DBC with a profile into the messages that decoder and encoder work with.
 
-For each signal of a message there is the field's name, so that decoder and encoder never look one up. Everything
-that does not fit is reported before the first frame.
+Each signal of a message has its field's name beside it, so that decoder and encoder look up no names. All
+contradictions are reported before the first frame.
 """
 
 from collections.abc import Mapping
@@ -28,11 +28,12 @@ from vehicle_iface.row import RowReader
 
 EXACT_ID = 0x1FFF_FFFF
 J1939_PGN, J1939_SOURCE = 0x03FF_FF00, 0xFF
-"""Bits of an extended identifier (SAE J1939-21): page, format and group, without the priority above; the sender."""
+"""Masks of an extended identifier (SAE J1939-21). The first selects page, format and group without the priority above
+them; the second selects the sender's address."""
 
 
 class Conversion(NamedTuple):
-    """Field = scale · (value in the DBC's unit) + offset."""
+    """Converts between a signal and its field: field = scale · (value in the DBC's unit) + offset."""
 
     scale: float
     offset: float
@@ -40,90 +41,93 @@ class Conversion(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundMessage:
-    """A message of the DBC with the fields of its signals."""
+    """A message of the DBC together with the fields of its signals."""
 
     name: str
     role: Role
     can_id: int
     is_extended: bool
     bus: int
-    """The number of its bus, in the order of the profile."""
+    """The number of the message's bus, from 0 in the order of the profile."""
     id_mask: int
-    """The bits of a received frame's identifier that must be those of `can_id`."""
+    """The bits in which the identifier of a received frame must equal `can_id`."""
     is_fd: bool
     length: int
-    """Payload, bytes."""
+    """Length of the payload in bytes."""
     cycle_s: float | None
-    """By the profile's notes or else the DBC; None where neither says it."""
+    """The message's period in s, from the profile's notes or else the DBC; None if neither states it."""
     codec: MessageCodec
     signals: tuple[SignalView, ...]
     """The signal of each value, in the order of `codec.names`."""
     fields: tuple[str, ...]
-    """The field's name of each value, in the order of `codec.names`; "" for a multiplexer above bound signals, and for
-    one of `values`."""
+    """The field's name of each value, in the order of `codec.names`. It is "" for a multiplexer above bound signals,
+    and for a signal of `values`."""
     values: SentValues
-    """Of a sent message, what no field fills and changes."""
+    """For a sent message, the changing values that no field fills."""
     conversions: tuple[Conversion | None, ...]
-    """Between the DBC's unit and the field's, of each value; None where they are the same."""
+    """For each value, the conversion between the DBC's unit and the field's; None where they are the same."""
     from_wire: tuple[Mapping[int, int] | None, ...]
-    """Number on the wire → the program's number of each value; None where they are the same."""
+    """For each value, a map from numbers on the wire to the field's numbers; None where they are the same."""
     to_wire: tuple[Mapping[int, int] | None, ...]
-    """The program's number → number on the wire of each value; None where they are the same."""
+    """For each value, a map from the field's numbers to numbers on the wire; None where they are the same."""
     protection: Protection | None
 
     @property
     def key(self) -> FrameKey:
-        """What its frames are recognised by."""
+        """The key by which the decoder recognises frames of this message."""
         return FrameKey(self.can_id, self.is_extended, self.bus)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleDatabase:
-    """All that the program knows about one vehicle's messages."""
+    """Everything that the program knows about the messages of one vehicle."""
 
     profile: Profile
     sample: tuple[BoundMessage, ...]
-    """One sample: these, with the same counter; in the order of the profile."""
+    """The messages that form one sample, in the order of the profile."""
     status: tuple[BoundMessage, ...]
-    """The messages with the vehicle's mode that are no part of the sample."""
+    """The messages that carry the vehicle's mode and are not part of the sample."""
     auxiliary: tuple[BoundMessage, ...]
-    """Further received messages with fields of state or status."""
+    """Further received messages that carry fields of state or status."""
     commands: tuple[BoundMessage, ...]
     sends: tuple[BoundMessage, ...]
-    """Messages of `[[send]]`, in the order of the profile."""
+    """The messages of `[[send]]`, in the order of the profile."""
     body: BoundMessage | None
     report: BoundMessage | None
     is_counted: bool
-    """Whether the messages of a sample belong together by their counter, and not by time."""
+    """Whether messages with the same counter value form a sample; otherwise their arrival times decide."""
     row: RowReader
-    """How the values of the received messages become state and status."""
+    """Reads state and status from the values of the received messages."""
     frames: Mapping[int, str]
-    """Number of `pose_frame` on the bus = frame of reference."""
+    """Maps numbers of `pose_frame` on the bus to frames of reference."""
     resolutions: Mapping[str, float]
-    """The step of each bound command field on the wire, in its unit; 0 for a float."""
+    """The step of one count of each bound command field, in the field's unit; 0 for a float."""
     command_ranges: Mapping[str, WireRange]
-    """What the signals of each bound command field can carry."""
+    """The values that the signals of each bound command field can carry."""
     report_ranges: Mapping[str, tuple[float, float]]
-    """Smallest and greatest value of each bound report field."""
+    """The smallest and largest value of each bound report field."""
 
     @property
     def received(self) -> tuple[BoundMessage, ...]:
-        """What the vehicle sends."""
+        """All messages that the vehicle sends."""
         return (*self.sample, *self.status, *self.auxiliary)
 
     @property
     def sent(self) -> tuple[BoundMessage, ...]:
-        """What the program sends."""
+        """All messages that the program sends."""
         return (*self.commands, *self.sends, *(message for message in (self.body, self.report) if message is not None))
 
 
 def load_database(profile: Profile) -> VehicleDatabase:
-    """The database of a profile; raises what `load_binding` raises."""
+    """Load the database of a profile; raises what `load_binding` raises."""
     return build_database(load_binding(profile))
 
 
 def load_binding(profile: Profile) -> Binding:
-    """The profile and its DBC, checked; `ConfigError` with a line for each thing that does not fit."""
+    """Load a profile's DBCs and check them against the profile.
+
+    Raises `ConfigError` with one line for each contradiction.
+    """
     binding = Binding(profile, read_dbcs(profile))
     faults = find_faults(binding)
     if faults:
@@ -132,7 +136,7 @@ def load_binding(profile: Profile) -> Binding:
 
 
 def build_database(binding: Binding) -> VehicleDatabase:
-    """The database of a profile and a DBC in which `consistency` has found no fault."""
+    """Build the database from a binding in which `consistency` has found no fault."""
     profile = binding.profile
     received = {name: _bind_message(binding, name) for name, role in binding.roles.items() if role not in SENT_ROLES}
     frames = frames_of_reference(binding)
@@ -173,7 +177,7 @@ def build_database(binding: Binding) -> VehicleDatabase:
 
 
 def _bind_message(binding: Binding, name: str, find_column: FindColumn | None = None) -> BoundMessage:
-    """A message; `find_column` for one that is sent."""
+    """Build the bound message. `find_column` is given for a sent message."""
     message, used = binding.messages[name], binding.signals_used(name)
     views = {signal: binding.view(f"{name}.{signal}") for signal in used}
     codec = MessageCodec(
@@ -210,7 +214,7 @@ def _bind_message(binding: Binding, name: str, find_column: FindColumn | None = 
 
 
 def _can_id(binding: Binding, name: str) -> int:
-    """The DBC's identifier, with the source address of the profile's notes."""
+    """Return the DBC's identifier with the source address from the profile's notes."""
     can_id, j1939 = binding.messages[name].frame_id, binding.message_notes(name).j1939
     if j1939 is None or j1939.source_address is None:
         return can_id
@@ -225,6 +229,6 @@ def _id_mask(binding: Binding, name: str) -> int:
 
 
 def _common_range(ranges: list[tuple[float, float]]) -> tuple[float, float]:
-    """What all of them can express."""
+    """Return the range that all of them can express."""
     lows, highs = zip(*ranges, strict=True)
     return max(lows), min(highs)

@@ -1,4 +1,4 @@
-"""Writes sound messages as a DBC that every parser reads alike."""
+"""Writes repaired messages as a DBC that every parser reads alike."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -15,8 +15,8 @@ _NOBODY = "Vector__XXX"
 
 
 class CanonicalWriter:
-    """Writes messages one by one. Names that a parser may take for something else get another one, and get theirs back
-    in the database."""
+    """Writes messages one by one. A name that a parser could misread is replaced by an alias in the text;
+    `restore_names` puts it back in the database."""
 
     def __init__(self, notes: DbcNotes) -> None:
         self._notes = notes
@@ -25,7 +25,7 @@ class CanonicalWriter:
         """The other way round."""
 
     def write_head(self) -> str:
-        """The attributes that the messages have."""
+        """Write the definitions of the attributes that the messages use."""
         lines = ['VERSION ""']
         for name in NUMERIC_ATTRIBUTES:
             kind = "SG_" if name == "GenSigStartValue" else "BO_"
@@ -41,7 +41,7 @@ class CanonicalWriter:
         return "".join("\n".join(self._lines(message)) + "\n" for message in messages)
 
     def restore_names(self, database: Database) -> None:
-        """Give everything that was renamed its name back."""
+        """Replace all aliases in the database by the original names."""
         if not self._aliases:
             return
         for message in database.messages:
@@ -81,7 +81,7 @@ class CanonicalWriter:
         return f" SG_ {self._name(signal.name)}{marker} : {layout} {values}"
 
     def _note_lines(self, message: SoundMessage, signal: SignalText, names: Mapping[str, str]) -> Iterator[str]:
-        """What other statements say about a signal."""
+        """Write the further statements about a signal."""
         notes, written, name = self._notes, signal.written, names[signal.written]
         source, number = message.text.number, message.number
         if condition := message.conditions.get(written):
@@ -110,23 +110,23 @@ class CanonicalWriter:
 
 
 def _node(name: str) -> str:
-    """A node's name as a word; nobody where it has none."""
+    """Return a node's name as one word; a placeholder if it has no name."""
     return re.sub(r"[^A-Za-z0-9_]", "_", f"_{name}" if name[:1].isdigit() else name) or _NOBODY
 
 
 def _number(written: str) -> str:
-    """With a digit before the point."""
+    """Add the digit before the decimal point if it is missing."""
     return re.sub(r"^([-+]?)\.", r"\g<1>0.", written) if "." in written[:2] else written
 
 
 def _quote(text: str) -> str:
-    """A string literal; a backslash at its end would hide the quotation mark."""
+    """Return a string literal. A backslash at its end would escape the quotation mark, so a blank follows it."""
     escaped = text.replace('"', '\\"')
     return f'"{escaped} "' if escaped.endswith("\\") else f'"{escaped}"'
 
 
 def _group(values: Iterable[int]) -> Iterator[tuple[int, int]]:
-    """Runs of successive numbers, each as first and last."""
+    """Group successive numbers, each group as first and last."""
     first = last = None
     for value in values:
         if last is not None and first is not None and value != last + 1:

@@ -1,4 +1,4 @@
-"""One DBC file, read message by message: a fault in one hides no other, and each fault has its line."""
+"""Loads a DBC file message by message, so that a fault in one message does not hide the others; each has its line."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -31,38 +31,38 @@ _FOREIGN = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DbcFile:
-    """A DBC that was loaded, with the lines of what is in it and all that is odd or wrong."""
+    """A loaded DBC, with the lines of its messages and signals and all findings."""
 
     name: str
     database: Database
-    """What can be used. Messages and signals that cannot are not in it."""
+    """The usable messages and signals; the others have been left out."""
     lines: Mapping[str, int]
-    """Of each MESSAGE and MESSAGE.SIGNAL."""
+    """The line of each MESSAGE and MESSAGE.SIGNAL, from 1."""
     findings: Sequence[DbcFinding] = ()
-    """In the order of lines. Their errors only matter for what is used."""
+    """All findings in the order of their lines. An error matters only if the program uses what it concerns."""
     parts: Mapping[str, "DbcFile"] = field(default_factory=dict)
-    """By the name of the bus, the files that this one is made of; none where it is one file."""
+    """Maps the name of each bus to its file, if several were joined into this one; empty otherwise."""
 
     def part_of(self, dotted: str) -> "DbcFile":
-        """The file that a message or signal is in."""
+        """Return the file that contains a message or signal."""
         return next((part for part in self.parts.values() if dotted in part.lines), self)
 
     def fault(self, dotted: str, text: str) -> ConfigError:
-        """An error about a message or signal, with its line."""
+        """Build an error about a message or signal, with its line."""
         return _fault(self.part_of(dotted).name, self.lines.get(dotted, 0), f"{dotted}: {text}")
 
     def error_of(self, finding: DbcFinding) -> ConfigError:
-        """The error that a finding is where the program uses what it is about."""
+        """Convert a finding to an error."""
         file = next((part for part in self.parts.values() if finding in part.findings), self)
         return _fault(file.name, finding.line, finding.text)
 
     @property
     def errors(self) -> list[ConfigError]:
-        """What makes messages or signals unusable."""
+        """Return the errors about all unusable messages and signals."""
         return [self.error_of(finding) for finding in self.findings if finding.severity == ERROR]
 
     def select_messages(self, names: Sequence[str]) -> list[Message]:
-        """The messages of these names, each once; without names all but those that are unsound as a whole."""
+        """Return the messages with these names, each once; without names, all messages except wholly unusable ones."""
         messages = {message.name: message for message in self.database.messages}
         for name in names:
             if name not in messages:
@@ -72,13 +72,16 @@ class DbcFile:
         return [messages[name] for name in dict.fromkeys(names) or messages if name in names or name not in unsound]
 
     def find_error(self, dotted: str) -> ConfigError | None:
-        """Why a message or signal is not in the database, although the file has it."""
+        """Return why a message or signal of the file is not in the database; None if no finding concerns it."""
         about = (one for one in self.findings if one.severity == ERROR and dotted in one.about)
         return next((self.error_of(finding) for finding in about), None)
 
 
 def read_dbc(path: Path) -> DbcFile:
-    """Load a DBC. `ConfigError` for a file that is none, is cut short, or has no message that can be used."""
+    """Load a DBC.
+
+    Raises `ConfigError` for a file that is not a DBC, is cut short, or has no usable message.
+    """
     name, text = path.name, read_text(path)
     if not text.strip():
         raise _fault(name, 1, "the file is empty")
@@ -101,7 +104,7 @@ def read_dbc(path: Path) -> DbcFile:
 
 
 def _parse(messages: Sequence[SoundMessage], notes: DbcNotes, findings: DbcFindings) -> Database:
-    """Parse all of them at once; where cantools rejects that, one by one."""
+    """Parse all messages at once; if cantools rejects them, parse them one by one."""
     writer = CanonicalWriter(notes)
     text, head = writer.write_messages(messages), writer.write_head()
     logging.getLogger(Database.__module__).setLevel(logging.ERROR)  # what it warns of is among the findings
@@ -127,7 +130,7 @@ def _load(text: str) -> Database:
 
 
 def _lines(messages: Sequence[MessageText]) -> dict[str, int]:
-    """Lines of all messages and signals, the first ones of duplicates."""
+    """Return the lines of all messages and signals; of duplicates, the first one's."""
     lines: dict[str, int] = {}
     for message in messages:
         if message.name not in lines:

@@ -8,26 +8,26 @@ ERROR, WARNING = "error", "warning"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DbcFinding:
-    """One thing that is wrong with a DBC."""
+    """One fault or oddity in a DBC."""
 
     line: int
-    """From 1; 0 where it has no line of its own."""
+    """The line, from 1; 0 if the finding has no line of its own."""
     severity: str
     """`error`: the message or signal cannot be used. `warning`: it can be used, but should be checked."""
     about: tuple[str, ...]
-    """Each MESSAGE or MESSAGE.SIGNAL that it concerns; empty where none can be named."""
+    """The MESSAGE or MESSAGE.SIGNAL names that it concerns; empty if none can be named."""
     text: str
     kind: str
-    """What findings of the same kind have in common, for a summary of many."""
+    """A text that all findings of the same kind share, so that many can be summarised."""
 
     @property
     def message(self) -> str:
-        """The first message that it is about, or ""."""
+        """The first message that the finding concerns; "" if none can be named."""
         return self.about[0].partition(".")[0] if self.about else ""
 
 
 class DbcFindings:
-    """The findings of one file, as they are made."""
+    """Collects the findings of one file."""
 
     def __init__(self) -> None:
         self._found: list[DbcFinding] = []
@@ -42,7 +42,7 @@ class DbcFindings:
         self._add(WARNING, line, about, text, kind)
 
     def _add(self, severity: str, line: int, about: str | tuple[str, ...], text: str, kind: str) -> None:
-        """A finding; its text begins with the first that it is about."""
+        """Add a finding; its text begins with the first name in `about`."""
         places = tuple(filter(None, (about,) if isinstance(about, str) else about))
         text = f"{places[0]}: {text}" if places else text
         self._found.append(DbcFinding(line=line, severity=severity, about=places, text=text, kind=kind or text))

@@ -12,7 +12,7 @@ from vehicle_iface.errors import ConfigError
 
 
 def find_range_doubts(file: DbcFile) -> Iterator[DbcFinding]:
-    """Ranges whose ends the bits cannot express."""
+    """Yield warnings about ranges whose ends the bits cannot express."""
     for message in file.database.messages:
         for signal in message.signals:
             text = _range_beyond_bits(signal)
@@ -21,7 +21,7 @@ def find_range_doubts(file: DbcFile) -> Iterator[DbcFinding]:
 
 
 def find_doubts(file: DbcFile) -> Iterator[DbcFinding]:
-    """What matters if the signal is used, which only a profile can tell."""
+    """Yield warnings that matter only for signals that a profile uses."""
     for message in file.database.messages:
         yield from find_cycle_doubts(file, message)
         yield from _impossible_ranges(file, message)
@@ -46,7 +46,7 @@ def signal_finding(file: DbcFile, message: Message, signal: Signal, severity: st
 
 
 def _range_beyond_bits(signal: Signal) -> str:
-    """What is wrong with the range; empty where the bits can express both ends."""
+    """Describe what is wrong with the range; empty if the bits can express both ends."""
     if signal.is_float or signal.minimum is None or signal.maximum is None:
         return ""
     least = -(1 << signal.length - 1) if signal.is_signed else 0
@@ -59,7 +59,7 @@ def _range_beyond_bits(signal: Signal) -> str:
 
 
 def _impossible_ranges(file: DbcFile, message: Message) -> Iterator[DbcFinding]:
-    """Ranges without a value, and messages that cannot be compiled."""
+    """Yield warnings about ranges without a value, and messages that cannot be compiled."""
     try:
         fields = Layout.of(message).fields
     except ConfigError as error:
@@ -78,7 +78,7 @@ def _impossible_ranges(file: DbcFile, message: Message) -> Iterator[DbcFinding]:
 
 
 def _unit_doubts(file: DbcFile, message: Message, signal: Signal) -> Iterator[DbcFinding]:
-    """Units that are not known, and scaled numbers without one."""
+    """Yield warnings about unknown units, and about scaled numbers without a unit."""
     if signal.unit and find_unit(signal.unit) is None:
         yield signal_finding(
             file, message, signal, WARNING, f"unit {signal.unit!r} is not known", "unit that is not known"

@@ -1,7 +1,7 @@
-"""Further statements of a DBC about its messages and signals: names of values, attributes, multiplexing.
+"""Reads a DBC's further statements about messages and signals: names of values, attributes, multiplexing.
 
-Each is found by the number of its message and the written name of its signal. What says nothing to the program
-(nodes, environment variables, groups, other attributes) is not looked at, so it cannot be wrong.
+Each statement is found by the number of its message and the written name of its signal. Statements that do not matter
+here (nodes, environment variables, groups, other attributes) are not parsed, so faults in them are not reported.
 """
 
 import math
@@ -16,18 +16,18 @@ from vehicle_iface.codec.dbc_text import STRING, Statement, cut_short
 
 T = TypeVar("T")
 Place = tuple[int, str]
-"""The number of a message, and the written name of its signal or ""."""
+"""The number of a message, and the written name of its signal; "" for the message itself."""
 FRAME_FORMAT = "VFrameFormat"
 NUMERIC_ATTRIBUTES = ("GenMsgCycleTime", "GenSigStartValue", "E2EDataId", "E2EProfile")
 _ATTRIBUTES = frozenset({*NUMERIC_ATTRIBUTES, FRAME_FORMAT})
-"""Those that the program reads."""
+"""The attributes that the program reads."""
 _WHOLE = frozenset({"E2EDataId", "E2EProfile"})
 FRAME_FORMATS = (
     *("StandardCAN", "ExtendedCAN", "reserved", "J1939PG"),
     *["reserved"] * 10,
     *("StandardCAN_FD", "ExtendedCAN_FD"),
 )
-"""The names of a VFrameFormat that is written as a number, by the format's own editor."""
+"""The names of VFrameFormat in the order of their numbers, as the format's own editor defines them."""
 _PAIR = re.compile(rf"({NUMBER})\s*({STRING})\s*")
 _NAMES_OF_VALUES = re.compile(rf"(?:(\d{{1,10}})\s+)?(\w+)\s*((?:{NUMBER}\s*{STRING}\s*)*)(\w*)")
 _RANGES = re.compile(r"(\d{1,10})\s+(\w+)\s+(\w+)\s+(\d+\s*-\s*\d+(?:[\s,]+\d+\s*-\s*\d+)*)")
@@ -44,7 +44,7 @@ _GUESS = re.compile(r"\D*(\d{1,10})\s+(\w*)")
 
 @dataclass(frozen=True, slots=True)
 class MultiplexerRanges:
-    """For which values of which multiplexer a signal is there."""
+    """The values of a multiplexer for which a signal is present."""
 
     multiplexer: str
     ranges: tuple[tuple[int, int], ...]
@@ -57,7 +57,7 @@ class _Note(Generic[T]):
 
 
 class NoteTable(Generic[T]):
-    """One kind of note for each place; a second one that says something else is an error."""
+    """Notes of one kind, at most one for each place. A second, different note is reported as an error."""
 
     def __init__(self, what: str, notes: "DbcNotes") -> None:
         self._what = what
@@ -81,7 +81,7 @@ class NoteTable(Generic[T]):
 
 @dataclass(slots=True)
 class _Definitions:
-    """Of attributes: those defined, the names of enumerated values, and defaults."""
+    """The definitions of attributes: their lines, the names of enumerated values, and the defaults."""
 
     lines: dict[str, int] = field(default_factory=dict)
     choices: dict[str, list[str]] = field(default_factory=dict)
@@ -94,7 +94,7 @@ class DbcNotes:
     def __init__(
         self, file_name: str, messages: Iterable[MessageText], statements: Iterable[Statement], findings: DbcFindings
     ) -> None:
-        """`ConfigError` where the last statement is cut short."""
+        """Raises `ConfigError` if the last statement is cut short."""
         self.findings = findings
         self._places: dict[Place, str] = {}
         for message in messages:
@@ -123,7 +123,7 @@ class DbcNotes:
                     findings.add_warning(statement.line, "", f"{statement.keyword} without a semicolon", "no semicolon")
 
     def name_place(self, line: int, place: Place, what: str) -> str:
-        """MESSAGE or MESSAGE.SIGNAL of a place; "" where it is not there, which is reported."""
+        """Return MESSAGE or MESSAGE.SIGNAL of a place; "" and a finding if it does not exist."""
         name = self._places.get(place, "")
         if not name:
             message = self._places.get((place[0], ""), "")
@@ -133,7 +133,7 @@ class DbcNotes:
         return name
 
     def frame_format(self, number: int) -> str:
-        """The name of a message's frame format; "" where the file says nothing."""
+        """Return the name of a message's frame format; "" if the file does not state it."""
         value = self.attributes[FRAME_FORMAT].get(number)
         return self._definitions.defaults.get(FRAME_FORMAT, "") if value is None else value
 
@@ -175,7 +175,7 @@ class DbcNotes:
         return True
 
     def _convert(self, name: str, written: str) -> str | None:
-        """An attribute's value as cantools wants it: a number, or the name of a frame format; None where it is none."""
+        """Convert an attribute's value for cantools: a number or the name of a frame format; None if it is neither."""
         text = unquote(written) if written.startswith('"') else written
         if name == FRAME_FORMAT:
             names = self._definitions.choices.get(name) or FRAME_FORMATS
@@ -238,7 +238,7 @@ class DbcNotes:
         return True
 
     def _report_damage(self, statement: Statement) -> None:
-        """A damaged statement, with the message or signal that it seems to name."""
+        """Report a damaged statement, with the message or signal that it seems to name."""
         guess = _GUESS.match(re.sub(r'^"\w*"', "", statement.body))
         number = int(guess[1][:12]) if guess else -1
         about = (guess and self._places.get((number, guess[2]))) or self._places.get((number, ""), "")

@@ -1,4 +1,4 @@
-"""Signals of a message that share bits."""
+"""Finds signals of a message that share bits."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from vehicle_iface.codec.layout import bits_of
 
 @dataclass(frozen=True, slots=True)
 class Overlap:
-    """A signal, and earlier ones whose bits it shares while both are there."""
+    """A signal, and the earlier signals whose bits it shares in the same frame."""
 
     signal: str
     others: tuple[str, ...]
 
 
 def find_overlaps(message: Message) -> Iterator[Overlap]:
-    """The overlaps of all signals that have one."""
+    """Yield the overlap of each signal that has one."""
     by_name = {signal.name: signal for signal in message.signals}
     shown = {name: dict(_multiplexers(by_name, signal)) for name, signal in by_name.items()}
     taken: dict[str, int] = {}
@@ -39,12 +39,12 @@ def _mask(signal: Signal) -> int:
 
 
 def _is_apart(one: Mapping[str, frozenset[int]], other: Mapping[str, frozenset[int]]) -> bool:
-    """Whether some multiplexer never shows both, given the ids that show each."""
+    """Whether some multiplexer never shows both signals, given the values that show each of them."""
     return any(name in other and not other[name] & ids for name, ids in one.items())
 
 
 def _multiplexers(by_name: Mapping[str, Signal], signal: Signal) -> Iterator[tuple[str, frozenset[int]]]:
-    """Each multiplexer that the signal depends on, with the ids that show it."""
+    """Yield each multiplexer that the signal depends on, with the values that show the signal."""
     seen: set[str] = set()
     while (parent := signal.multiplexer_signal) is not None and parent in by_name and parent not in seen:
         seen.add(parent)

@@ -1,4 +1,5 @@
-"""Messages of a DBC made sound: oddities are read as they are meant, what cannot be used is taken out and reported."""
+"""Repairs the messages of a DBC: reads oddities as they were meant, removes unusable signals and messages, reports
+both."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -8,40 +9,40 @@ from vehicle_iface.codec.dbc_notes import DbcNotes
 from vehicle_iface.codec.dbc_source import MessageText, SignalText
 
 EXTENDED = 1 << 31
-"""The flag of extended identifiers."""
+"""The bit that marks extended identifiers in a DBC."""
 _GREATEST_STANDARD, _GREATEST_EXTENDED = 0x7FF, 0x1FFFFFFF
 _FD_LENGTHS = (12, 16, 20, 24, 32, 48, 64)
-"""Of frames with more than 8 bytes."""
+"""Valid lengths of frames with more than 8 bytes."""
 _MOST_MULTIPLEXER_VALUES = 4096
-"""For which a signal may be there, unless it is there for all."""
+"""Largest number of multiplexer values for one signal, unless it is present for all of them."""
 _FLOAT_WIDTHS = (16, 32, 64)
 _TWICE = "names that are there twice"
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A signal is only there for some values of a multiplexer."""
+    """The values of a multiplexer for which a signal is present."""
 
     multiplexer: str
-    """As it is written in the file."""
+    """The multiplexer's name as written in the file."""
     values: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SoundMessage:
-    """A message that can be used, with its sound signals."""
+    """A usable message with its usable signals."""
 
     text: MessageText
     number: int
-    """Its identifier; with the flag where it is an extended one."""
+    """The identifier, with the `EXTENDED` bit for an extended one."""
     frame_format: str
-    """For VFrameFormat; empty for a classical frame."""
+    """The name for VFrameFormat; empty for a classical frame."""
     conditions: Mapping[str, Condition] = field(default_factory=dict)
-    """Of each multiplexed signal, by its written name."""
+    """Maps the written name of each multiplexed signal to its condition."""
 
 
 def repair_messages(messages: Iterable[MessageText], notes: DbcNotes, findings: DbcFindings) -> Iterator[SoundMessage]:
-    """The messages that can be used."""
+    """Yield the usable messages; report repairs and removals in `findings`."""
     by_name: dict[str, MessageText] = {}
     by_number: dict[int, MessageText] = {}
     for message in messages:
@@ -64,7 +65,7 @@ def repair_messages(messages: Iterable[MessageText], notes: DbcNotes, findings: 
 
 
 def _repair_number(message: MessageText, findings: DbcFindings) -> int | None:
-    """The identifier with its flag; None where there is no such one."""
+    """Return the identifier with its flag; None if it is not a valid identifier."""
     can_id, is_flagged = message.number & ~EXTENDED, bool(message.number & EXTENDED)
     if message.number >> 32 or can_id > _GREATEST_EXTENDED:
         text = f"id {message.number}: must be at most {_GREATEST_EXTENDED:#x}, plus 2^31 for an extended one"
@@ -78,7 +79,7 @@ def _repair_number(message: MessageText, findings: DbcFindings) -> int | None:
 
 
 def _choose_frame_format(message: MessageText, notes: DbcNotes, findings: DbcFindings) -> str:
-    """What the file says; of a message that is too long for a classical frame, FD."""
+    """Return the frame format that the file states; FD for a message that is too long for a classical frame."""
     stated, length = notes.frame_format(message.number), message.length
     if length <= 8:
         return "StandardCAN_FD" if stated.endswith("_FD") else stated if stated == "J1939PG" else ""
@@ -121,13 +122,14 @@ def _remove_unsound_signals(message: MessageText, notes: DbcNotes, findings: Dbc
 
 
 def _remove(message: MessageText, signal: SignalText, text: str, kind: str, findings: DbcFindings) -> None:
-    """Take a signal out of its message, with an error."""
+    """Remove a signal from its message and report an error."""
     findings.add_error(signal.line, f"{message.name}.{signal.name}", text, kind)
     message.remove(signal)
 
 
 def _resolve_multiplexing(message: MessageText, notes: DbcNotes, findings: DbcFindings) -> dict[str, Condition]:
-    """When each multiplexed signal is there. Those that depend on nothing or on themselves are taken out."""
+    """Return the condition of each multiplexed signal. Signals whose multiplexer is missing, or that depend on
+    themselves, are removed."""
     conditions: dict[str, Condition] = {}
     while True:
         multiplexers = {signal.written: signal for signal in message.signals if signal.is_multiplexer}
@@ -151,7 +153,7 @@ def _resolve_multiplexing(message: MessageText, notes: DbcNotes, findings: DbcFi
 def _find_condition(
     message: MessageText, signal: SignalText, multiplexers: Mapping[str, SignalText], notes: DbcNotes
 ) -> Condition | str | None:
-    """The condition of a multiplexed signal, None where it is always there, or what is wrong with it."""
+    """Return the condition of a multiplexed signal, None if it is always present, or a text about what is wrong."""
     others = [one for one in multiplexers.values() if one is not signal]
     stated = notes.multiplexing.get(message.number, signal.written)
     if stated is not None and stated.multiplexer in multiplexers:

@@ -10,7 +10,7 @@ from vehicle_iface.codec.dbc_text import STRING, Statement, cut_short
 
 NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d{1,4})?"
 _UNASSIGNED = "VECTOR__INDEPENDENT_SIG_MSG"
-"""The message in which editors keep signals that are in no message."""
+"""The pseudo-message in which editors keep signals that belong to no message."""
 _MESSAGE = re.compile(r"(?P<number>\d{1,10})\s+(?P<name>\w+)\s*:\s*(?P<length>\d{1,5})\s*(?P<sender>\w*)")
 _SIGNAL = re.compile(
     r"(?P<name>\w+)(?:\s++(?P<marker>M|m\d{1,10}M?))?\s*+:\s*(?P<start>\d{1,5})\s*\|\s*"
@@ -24,15 +24,15 @@ _LONG_NAME = re.compile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalText:
-    """One signal as it is written."""
+    """One signal as written in the file."""
 
     name: str
-    """Its long name, where it has one."""
+    """The long name if the file has one, otherwise the written name."""
     written: str
-    """Its name in the line, by which other statements call it."""
+    """The name in the signal's line; other statements refer to the signal by it."""
     line: int
     marker: str
-    """`M`, `m5`, `m5M`, or empty where it has nothing to do with multiplexing."""
+    """`M`, `m5`, `m5M`, or empty for a signal without multiplexing."""
     start: int
     length: int
     is_big: bool
@@ -42,7 +42,7 @@ class SignalText:
     minimum: float
     maximum: float
     numbers: tuple[str, str, str, str]
-    """Scale, offset, minimum and maximum as they are written."""
+    """Scale, offset, minimum and maximum as written."""
     unit: str
     receivers: tuple[str, ...]
 
@@ -56,30 +56,33 @@ class SignalText:
 
     @property
     def first_bit(self) -> int:
-        """Counted in the direction of its byte order."""
+        """The number of the first bit, counted in the direction of the byte order."""
         return 8 * (self.start // 8) + 7 - self.start % 8 if self.is_big else self.start
 
 
 @dataclass(slots=True, kw_only=True)
 class MessageText:
-    """One message as it is written; repairs take signals out of it."""
+    """One message as written in the file. Repairs remove signals from it."""
 
     name: str
     number: int
-    """Its identifier as in the file, with the flag of extended ones; other statements call it by this."""
+    """The identifier as in the file, extended ones with their flag; other statements refer to the message by it."""
     line: int
     length: int
     sender: str
     signals: list[SignalText] = field(default_factory=list)
     places: dict[str, str] = field(default_factory=dict)
-    """Written name → MESSAGE.SIGNAL of all signals, those that could not be kept included."""
+    """Maps the written name to MESSAGE.SIGNAL for all signals, removed ones included."""
 
     def remove(self, signal: SignalText) -> None:
         self.signals = [one for one in self.signals if one is not signal]
 
 
 def collect_messages(file_name: str, statements: Iterable[Statement], findings: DbcFindings) -> list[MessageText]:
-    """All messages of which the line was understood, with such signals. `ConfigError` where the file is cut short."""
+    """Return all messages whose line can be read, each with its readable signals.
+
+    Raises `ConfigError` if the file is cut short.
+    """
     statements = list(statements)
     long_names = _collect_long_names(statements)
     messages: list[MessageText] = []
@@ -111,7 +114,7 @@ def collect_messages(file_name: str, statements: Iterable[Statement], findings: 
 
 
 def _collect_long_names(statements: Iterable[Statement]) -> dict[tuple[int, str], str]:
-    """(Number, written name of the signal or "") → long name."""
+    """Map (number, written name of the signal or "") to the long name."""
     found = (_LONG_NAME.match(one.body) for one in statements if one.keyword == "BA_" and "LongSymbol" in one.body)
     return {(int(match[1] or match[2]), match[3] or ""): match[4] for match in found if match}
 
@@ -175,12 +178,12 @@ def _add_signal(
 
 
 def unquote(literal: str) -> str:
-    """The text of a string literal."""
+    """Return the text of a string literal."""
     return literal[1:-1].replace('\\"', '"')
 
 
 def shorten(body: str) -> str:
-    """The beginning of a statement, for a finding."""
+    """Return the beginning of a statement, for the text of a finding."""
     words = " ".join(body.split())
     return repr(words if len(words) <= 60 else f"{words[:60]}…")
 

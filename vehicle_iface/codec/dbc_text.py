@@ -1,4 +1,4 @@
-"""The text of a DBC, taken apart into statements: one that is damaged ends where the next one begins."""
+"""Splits the text of a DBC into statements. A damaged statement ends where the next one begins."""
 
 import re
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ KEYWORDS = (
     "VAL_", "SIG_VALTYPE_", "SIG_TYPE_REF_", "SIG_GROUP_", "SIGTYPE_VALTYPE_", "SGTYPE_VAL_", "SGTYPE_",
 )  # fmt: skip
 _LINE_KEYWORDS = frozenset({"VERSION", "NS_", "BS_", "BU_", "BO_", "SG_"})
-"""Keywords of statements that end with their line; the others end with a semicolon."""
+"""Keywords of statements that end with their line; all others end with a semicolon."""
 _KEYWORD = rf"(?:{'|'.join(KEYWORDS)})(?!\w)"
 _BEGIN = re.compile(rf"({_KEYWORD})")
 _NEXT = re.compile(rf"^[ \t]*(?={_KEYWORD})", re.MULTILINE)
@@ -30,26 +30,27 @@ _BODY = re.compile(
 )
 _COMMENT_BODY = re.compile(rf'([^;"\n]*{STRING})\s*?(?:(;)|(?=\n[ \t]*{_KEYWORD})|\Z)', re.DOTALL)
 _QUOTING_COMMENT = re.compile(r'(CM_[^"\n]*)"(.*)"\s*;[ \t]*$', re.MULTILINE)
-"""A comment in one line with quotation marks inside that nothing escapes."""
+"""A comment in one line that contains unescaped quotation marks."""
 
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One statement, or a piece of text that is none."""
+    """One statement, or a piece of text that is not a statement."""
 
     keyword: str
-    """Empty where the text begins with none."""
+    """The keyword at the beginning; empty if there is none."""
     body: str
-    """What follows the keyword, without the semicolon."""
+    """The text after the keyword, without the semicolon."""
     line: int
     is_whole: bool
-    """False for text that is no statement, and where the semicolon is missing."""
+    """False for text that is not a statement, and for a statement without its semicolon."""
     may_be_cut: bool
-    """Whether the file ends with it, without the end that it should have: if it makes no sense, it is cut short."""
+    """Whether the file ends with this statement before its proper end. If it cannot be parsed, the file is cut short.
+    """
 
 
 def read_text(path: Path) -> str:
-    """UTF-8 or, as DBC tools write it, Windows code page 1252."""
+    """Read a file as UTF-8 or, as DBC tools write it, Windows code page 1252."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -71,8 +72,10 @@ def read_text(path: Path) -> str:
 
 
 def split_statements(name: str, text: str) -> Iterator[Statement]:
-    """All statements in their order, without the list of keywords below NS_. `ConfigError` where the last one has no
-    end: the file is cut short, and what else is missing cannot be known."""
+    """Yield all statements in order, without the list of keywords below NS_.
+
+    Raises `ConfigError` if the last one has no end: the file is cut short, and more may be missing.
+    """
     last, has_line_end = len(text.rstrip()), text.endswith("\n")
     position, line, counted, in_keyword_list = 0, 1, 0, False
     while True:
@@ -93,7 +96,7 @@ def split_statements(name: str, text: str) -> Iterator[Statement]:
 
 
 def cut_short(name: str, line: int) -> ConfigError:
-    """The fault of a file that ends in the middle of a statement."""
+    """Build the error about a file that ends in the middle of a statement."""
     return ConfigError(f"{name}:{line}: the file ends in the middle of this statement; it is cut short")
 
 
@@ -105,7 +108,7 @@ class _Match(NamedTuple):
 
 
 def _match_statement(text: str, position: int) -> _Match:
-    """The statement at a position; where it is damaged, everything up to the next line that begins with a keyword."""
+    """Match the statement at a position. A damaged one extends to the next line that begins with a keyword."""
     begin = _BEGIN.match(text, position)
     keyword = begin[1] if begin else ""
     start = begin.end() if begin else position

@@ -16,28 +16,28 @@ from vehicle_iface.frame import CanFrame, FrameKey
 
 
 class DropCause(Enum):
-    """Why a frame was dropped, in the order in which it is looked at."""
+    """Why a frame was dropped, in the order of the checks."""
 
     UNKNOWN_ID = "unknown id"
-    """Not one of our messages; counted without a name."""
+    """The identifier belongs to none of our messages; counted without a name."""
     WRONG_TYPE = "wrong type"
-    """A remote, error, extended or FD frame where the message is none."""
+    """The frame is a remote, error, extended or FD frame, and the message is not."""
     WRONG_LENGTH = "wrong length"
     BAD_CRC = "bad CRC"
     BAD_COUNTER = "bad counter"
-    """A counter that does not exist."""
+    """The counter's value is not a valid one."""
     REPEATED = "repeated"
     WRONG_SEQUENCE = "wrong sequence"
     TOO_MANY_DAMAGED = "too many damaged"
-    """Intact, but most of the last frames of this message were not."""
+    """The frame is intact, but most of the last frames of this message were damaged."""
     OUT_OF_RANGE = "out of range"
-    """A value that the DBC does not allow. The frame was its sender's next one: the sequence advances."""
+    """The DBC does not allow one of the values. The frame still counts as the next one: the sequence advances."""
 
 
 _EXTENDED = 1 << 31
-"""Set in the keys of extended identifiers, which may have the same numbers as standard ones."""
+"""The bit set in the keys of extended identifiers, which may have the same numbers as standard ones."""
 _BUS = 32
-"""From this bit on a key has the number of its bus: the identifiers of another bus mean other messages."""
+"""Keys hold the number of the bus from this bit on, because an identifier has another meaning on another bus."""
 _SEQUENCE_DROPS = {
     Sequence.REPEATED: DropCause.REPEATED,
     Sequence.WRONG: DropCause.WRONG_SEQUENCE,
@@ -80,10 +80,7 @@ class _Input:
 
 
 class Decoder:
-    """Decodes the given messages; keeps the sequence of each.
-
-    `decode(frame)` gives the message, or None when the frame is not ours or was dropped.
-    """
+    """Decodes the given messages and tracks the sequence of each."""
 
     __slots__ = ("_by_mask", "_inputs", "accepted", "drops")
 
@@ -98,7 +95,7 @@ class Decoder:
 
     @property
     def seen(self) -> dict[FrameKey, int]:
-        """Frames that came with each identifier of ours, good or not."""
+        """The number of received frames for each of our identifiers, dropped ones included."""
         return {
             FrameKey(key & EXACT_ID, bool(key & _EXTENDED), key >> _BUS): entry.seen
             for key, entry in self._inputs.items()
@@ -106,12 +103,12 @@ class Decoder:
 
     @property
     def lost(self) -> dict[str, int]:
-        """Frames of each message that were sent but never arrived, counted by gaps in the counters."""
+        """The number of lost frames of each message, counted by gaps in its counter."""
         checks = ((entry.name, entry.counters) for entry in self._inputs.values())
         return {name: check.lost for name, check in checks if isinstance(check, CounterCheck)}
 
     def decode(self, frame: CanFrame) -> DecodedMessage | None:
-        """The message in `frame`, or None when the frame is not ours or was dropped."""
+        """Return the message in `frame`, or None if the frame is not ours or was dropped."""
         can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error, bus = frame
         key = can_id | _EXTENDED if is_extended else can_id
         if bus:
@@ -152,20 +149,20 @@ class Decoder:
         return DecodedMessage(entry.name, stamp_ns, counter, values)
 
     def reset(self) -> None:
-        """Reset all sequences, as after the bus was reopened; the counts stay."""
+        """Reset all sequences, for example after the bus was reopened. The counts are kept."""
         for entry in self._inputs.values():
             if entry.counters is not None:
                 entry.counters.reset()
 
     def _find_by_mask(self, can_id: int, bus: int) -> _Input | None:
-        """The message that is recognised by a part of its identifier."""
+        """Find the message that matches the masked bits of the identifier."""
         for message in self._by_mask:
             if message.bus == bus and (can_id ^ message.can_id) & message.id_mask == 0:
                 return self._inputs[_key(message)]
         return None
 
     def _drop_unknown(self, frame: CanFrame) -> None:
-        """A frame whose identifier is none of ours, or ours in the other format."""
+        """Count a frame whose identifier is not ours, or is ours in the other format."""
         other = self._inputs.get((frame.can_id if frame.is_extended else frame.can_id | _EXTENDED) | frame.bus << _BUS)
         if frame.is_error:
             self._drop(DropCause.WRONG_TYPE, "")
@@ -184,7 +181,7 @@ def _key(message: BoundMessage) -> int:
 
 
 def _compile_conversion(message: BoundMessage) -> Callable[[tuple[Value, ...]], tuple[Value, ...]] | None:
-    """From the DBC's units and numbers to the fields', compiled once; None where they are the same."""
+    """Compile the function from the DBC's units and numbers to the fields'; None if they are the same."""
     if not any(message.conversions) and not any(message.from_wire):
         return None
     terms = []

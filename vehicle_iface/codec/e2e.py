@@ -34,14 +34,14 @@ _MODES = {
 
 @dataclass(frozen=True, slots=True)
 class HeaderBits:
-    """Where an E2E profile puts its header: start and length, little-endian numbering."""
+    """The places of an E2E profile's header: start bits in little-endian numbering, and lengths in bits."""
 
     checksum: tuple[int, int]
     counter: tuple[int, int]
 
 
 def header_bits(profile: int) -> HeaderBits:
-    """The places of checksum and counter in `profile`."""
+    """Return the places of checksum and counter in `profile`."""
     return HeaderBits((0, _CRC_BITS[profile]), (8 * _COUNTER_BYTE[profile], _COUNTER_MASK[profile].bit_length()))
 
 
@@ -52,10 +52,9 @@ def autosar_protection(
     data_id_mode: str = "BOTH",
     max_step: int = 3,
 ) -> Protection:
-    """The protection of one message by an E2E profile.
+    """Build the protection of one message for an E2E profile.
 
-    Raises `ConfigError` for a profile, data id or mode that does not exist, or a payload shorter
-    than the header.
+    Raises `ConfigError` for an unknown profile, data id or mode, or a payload shorter than the header.
     """
     if profile not in _HEADER_BYTES:
         raise ConfigError(f"E2E profile {profile}: must be one of 1, 2, 5, 11")
@@ -80,10 +79,11 @@ def autosar_protection(
 def _functions(
     profile: int, data_id: int | tuple[int, ...], mode: str
 ) -> tuple[Callable[[bytearray], None], Callable[[bytes], bool]]:
-    """The two functions of a profile with its data id and mode bound.
+    """Return the functions of a profile that protect and check a payload, with data id and mode bound.
 
-    The package's own check of profiles 1 and 11 also rejects an invalid counter; here it is only the checksum
-    that is checked, so that the two faults can be counted apart."""
+    The package's own check of profiles 1 and 11 also rejects an invalid counter. Only the checksum is checked here, so
+    that the two faults are counted separately.
+    """
     if profile == 2:
         return _functions_p02(data_id)
     if not isinstance(data_id, int) or not 0 <= data_id <= 0xFFFF:
@@ -130,9 +130,9 @@ def _functions_p02(
 
 
 WINDOW = 16
-"""Frames of a message that are looked back at; less than half of them good is not good enough."""
+"""Number of recent frames of a message that are considered; fewer than half of them intact is too few."""
 MOST_WIDENED = 4
-"""Damaged frames that widen the next step: more of them are not the sender's."""
+"""Largest number of damaged frames that widen the next step; more of them are not the sender's."""
 _ALL_GOOD = (1 << WINDOW) - 1
 
 
@@ -140,22 +140,22 @@ class Sequence(Enum):
     """The verdict on a frame by its counter."""
 
     INITIAL = "initial"
-    """The first one: nothing to compare with; accepted."""
+    """The first frame has nothing to compare with; accepted."""
     OK = "ok"
-    """The next one, or a few lost between; accepted."""
+    """The next counter, or one after a few lost frames; accepted."""
     REPEATED = "repeated"
-    """The same again; dropped."""
+    """The same counter again; dropped."""
     WRONG = "wrong sequence"
-    """Too great a step; dropped, but the next one is counted from it."""
+    """The step is too large; dropped, but the next frame is compared with this one."""
     INVALID = "invalid counter"
-    """A counter that does not exist; dropped, and as if it had not been."""
+    """The counter's value is not a valid one; dropped, and otherwise ignored."""
     UNTRUSTED = "too many damaged"
-    """Good by itself, but most frames of late were not; dropped."""
+    """The frame is intact, but most recent frames were not; dropped."""
 
 
 class DamageCheck:
-    """The rule of a message without a counter: while most of its last frames were damaged, none is trusted
-    (AUTOSAR's E2E state machine, with a window of `WINDOW` checks). Among enough noise some of it has a right checksum.
+    """The rule for a message without a counter: while most of its last frames were damaged, none is accepted (AUTOSAR's
+    E2E state machine, with a window of `WINDOW` checks). With enough noise, some damaged frames have a valid checksum.
     """
 
     __slots__ = ("_history",)
@@ -164,12 +164,12 @@ class DamageCheck:
         self._history = _ALL_GOOD
 
     def step(self, _counter: int) -> Sequence:
-        """Judge the next frame, which is intact."""
+        """Judge the next intact frame."""
         self._history = (self._history << 1 | 1) & _ALL_GOOD
         return Sequence.OK if self._is_trusted() else Sequence.UNTRUSTED
 
     def note_damaged(self) -> None:
-        """A frame came whose checksum was wrong."""
+        """Count a frame whose checksum was wrong."""
         self._history = self._history << 1 & _ALL_GOOD
 
     def reset(self) -> None:
@@ -181,11 +181,11 @@ class DamageCheck:
 
 
 class CounterCheck(DamageCheck):
-    """The sequence rule of one message: steps of 1 … `max_step` are good, and one more for each damaged frame that
-    came in between, for it was sent (AUTOSAR E2E profile 1 widens its MaxDeltaCounter likewise).
+    """The sequence rule of one message.
 
-    A wrong step is dropped but remembered, so that one jump costs one frame, or two, and not the
-    connection.
+    Steps of 1 … `max_step` are accepted. Each damaged frame in between widens the limit by one, because its counter was
+    used (AUTOSAR E2E profile 1 widens its MaxDeltaCounter likewise). A frame with a larger step is dropped, but its
+    counter is remembered: one jump costs one or two frames, not all that follow.
     """
 
     __slots__ = ("_damaged", "_last", "_max_step", "_states", "lost")
@@ -202,7 +202,7 @@ class CounterCheck(DamageCheck):
         """Frames that must have been sent between accepted ones."""
 
     def step(self, counter: int) -> Sequence:
-        """Judge the next frame by its counter, and remember it."""
+        """Judge the next frame by its counter, and remember the counter."""
         last = self._last
         if self._history == _ALL_GOOD and counter == last + 1 < self._states and last >= 0:  # the usual case
             self._last, self._damaged = counter, 0
@@ -225,12 +225,12 @@ class CounterCheck(DamageCheck):
         return Sequence.OK if is_trusted else Sequence.UNTRUSTED
 
     def note_damaged(self) -> None:
-        """A frame came whose checksum was wrong, so that its counter cannot be known."""
+        """Count a frame whose checksum was wrong, so that its counter is unknown."""
         super().note_damaged()
         self._damaged = min(self._damaged + 1, MOST_WIDENED)
 
     def reset(self) -> None:
-        """Forget the last frame: the next one is the first."""
+        """Forget the last frame: the next one is accepted as the first."""
         super().reset()
         self._last = -1
         self._damaged = 0

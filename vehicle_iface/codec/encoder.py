@@ -48,7 +48,7 @@ class _Output:
         self.sent = 0
 
     def frame(self, source: object, context: SendContext) -> CanFrame:
-        """The next frame of this message with the signals of `source`; SignalError when a value cannot be sent."""
+        """Return the next frame with the signals of `source`; raises `SignalError` if a value cannot be sent."""
         try:
             values = self.values_of(source, context, self.sent)
         except KeyError as error:
@@ -56,7 +56,7 @@ class _Output:
         return self.pack(values)
 
     def pack(self, values: Sequence[Value]) -> CanFrame:
-        """The next frame of this message with these values; SignalError when one cannot be sent."""
+        """Return the next frame with these values; raises `SignalError` if one cannot be sent."""
         payload = self.encode(values)
         if self.protection is not None or self.complements:
             data = bytearray(payload)
@@ -69,7 +69,7 @@ class _Output:
 
 
 class Encoder:
-    """Encodes the given messages; keeps the counter of each."""
+    """Encodes the given messages and tracks the counter of each."""
 
     __slots__ = ("_by_id", "_commands", "_outputs", "context", "depends_on_context")
 
@@ -84,34 +84,40 @@ class Encoder:
 
     @property
     def sent(self) -> dict[FrameKey, int]:
-        """Frames of each identifier that were committed."""
+        """The number of committed frames for each identifier."""
         return {FrameKey(*key): output.sent for key, output in self._by_id.items()}
 
     def encode(self, message_name: str, source: object) -> CanFrame:
-        """The next frame of a message, its values taken from the attributes of `source` that bear
-        its fields' names.
+        """Return the next frame of a message.
 
-        Raises `SignalError` when a value is not finite or out of range, `ConfigError` for a message that this encoder
-        does not have."""
+        Its values are read from the attributes of `source` that have the names of the message's fields.
+
+        Raises `SignalError` when a value is not finite or out of range, and `ConfigError` for a message that this
+        encoder does not have.
+        """
         return self._find(message_name).frame(source, self.context)
 
     def encode_values(self, message_name: str, values: Sequence[Value]) -> CanFrame:
-        """The next frame of a message with these values, in the order and the units of its codec.
+        """Return the next frame of a message with these values, in the order and units of its codec.
 
-        Raises `SignalError` and `ConfigError` as `encode` does."""
+        Raises `SignalError` and `ConfigError` as `encode` does.
+        """
         return self._find(message_name).pack(values)
 
     def encode_command(
         self, command: SafeCommand | WireCommand, names: Collection[str] | None = None
     ) -> tuple[CanFrame, ...]:
-        """The next frame of each command message, or of those in `names`; all of them, or `SignalError`."""
+        """Return the next frame of each command message, or of those in `names`.
+
+        Raises `SignalError` if any of them cannot be encoded.
+        """
         outputs = self._commands
         if names is not None:
             outputs = tuple([output for output in outputs if output.name in names])
         return tuple([output.frame(command, self.context) for output in outputs])
 
     def has_echoes(self, names: Iterable[str]) -> bool:
-        """Whether all received values that these messages send back have come."""
+        """Whether all received values that these messages send back have been received."""
         row = self.context.row
         return all(row[column] is not None for name in names for column in self._outputs[name].echoes)
 
@@ -122,7 +128,7 @@ class Encoder:
         return output
 
     def commit(self, frames: Iterable[CanFrame]) -> None:
-        """These frames were sent, at most one of each message: the next ones have the counters after theirs."""
+        """Count these frames as sent, at most one of each message. The next frames have the counters after theirs."""
         outputs = self._by_id
         for frame in frames:
             can_id, _, _, is_extended, _, _, _, bus = frame
@@ -132,14 +138,13 @@ class Encoder:
                 output.counter = output.protection.next_counter(output.counter)
 
     def fields_of(self, frames: Iterable[CanFrame]) -> set[str]:
-        """The fields whose values these frames carry."""
+        """Return the fields whose values these frames carry."""
         outputs = [self._by_id[frame.can_id, frame.is_extended, frame.bus] for frame in frames]
         return {field for output in outputs for field in output.fields if field}
 
 
 def _collector(message: BoundMessage) -> Callable[[object, SendContext, int], tuple[Value, ...]]:
-    """A function that reads a message's values off an object, compiled once: no name is looked up
-    on the way."""
+    """Compile a function that reads a message's values from an object's attributes, without looking up names."""
     terms = []
     for place, field in enumerate(message.fields):
         conversion = message.conversions[place]

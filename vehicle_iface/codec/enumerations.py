@@ -1,4 +1,4 @@
-"""Enumerated fields: the names that the program knows, and their numbers in the DBC's VAL_ tables."""
+"""Maps enumerated fields to the DBC: the names that the program knows, and their numbers in the VAL_ tables."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from enum import IntEnum
@@ -25,7 +25,7 @@ _VOCABULARIES: dict[str, tuple[dict[str, int], tuple[str, ...]]] = {
     "headlights": (_LIGHTS, ("OFF", "LOW")),
     "turn_indicator": (_TURNS, tuple(_TURNS)),
 }
-"""Field → the program's names and numbers, and the names that a DBC must have."""
+"""Maps each field to the program's names with their numbers, and to the names that a DBC must have."""
 
 
 _REMEDIES = {
@@ -34,13 +34,13 @@ _REMEDIES = {
     "gear_request": "; [status.gears] may give other names that meaning. A vehicle that cannot be asked for no gear "
     "has no gear_request: [command.values] sends it one gear",
 }
-"""The way on where a name is missing, by field."""
+"""The hint at the end of the error about a missing name, for each field."""
 _OPEN = {"mode": int(VehicleMode.FAULT), "gear": UNKNOWN_GEAR, "gear_request": UNKNOWN_GEAR}
-"""Fields whose signals may have names that the program does not know, and what those names mean."""
+"""Fields whose signals may have unknown names, and the number that stands for them."""
 
 
 def translate_from_wire(binding: Binding, dotted: str) -> dict[int, int] | None:
-    """The DBC's number → the program's number of a signal; None where they are the same, or it is no enumeration."""
+    """Map the DBC's numbers of a signal to the program's; None if they are the same or the signal is not enumerated."""
     field = binding.fields.get(dotted, "")
     if field not in _VOCABULARIES:
         return None
@@ -50,20 +50,20 @@ def translate_from_wire(binding: Binding, dotted: str) -> dict[int, int] | None:
 
 
 def translate_to_wire(binding: Binding, dotted: str) -> dict[int, int] | None:
-    """The program's number → the DBC's, the first of several; None where `translate_from_wire` gives none."""
+    """Map the program's numbers to the DBC's, to the first of several; None where `translate_from_wire` is None."""
     table = translate_from_wire(binding, dotted)
     return None if table is None else {ours: wire for wire, ours in reversed(table.items())}
 
 
 def frames_of_reference(binding: Binding) -> dict[int, str]:
-    """Number of `pose_frame` on the wire → frame of reference."""
+    """Map numbers of `pose_frame` on the wire to frames of reference."""
     dotted, frames = binding.profile.state.signals.pose_frame, binding.profile.state.frames
     table = {} if dotted is None else _names(binding, dotted)
     return {number: frames[name] for number, name in table.items()}
 
 
 def enumeration_faults(binding: Binding, dotted: str) -> Iterator[ConfigError]:
-    """What is wrong with the VAL_ table of a bound signal; nothing where its field is no enumeration."""
+    """Yield what is wrong with the VAL_ table of a bound signal; nothing if its field is not enumerated."""
     field = binding.fields.get(dotted, "")
     if field not in _VOCABULARIES:
         return
@@ -88,7 +88,7 @@ def enumeration_faults(binding: Binding, dotted: str) -> Iterator[ConfigError]:
 
 
 def _range_faults(binding: Binding, dotted: str, needed: Iterable[str]) -> Iterator[ConfigError]:
-    """Numbers of a sent signal's names that its range does not allow: the frame could not be encoded."""
+    """Yield errors for names of a sent signal whose numbers are outside its range and cannot be encoded."""
     view = binding.view(dotted)
     numbers = {name: number for number, name in reversed(list(_program_names(binding, dotted).items()))}
     for name in needed:
@@ -99,7 +99,7 @@ def _range_faults(binding: Binding, dotted: str, needed: Iterable[str]) -> Itera
 
 
 def name_map_faults(binding: Binding) -> Iterator[ConfigError]:
-    """What is wrong with the names of modes and gears in the profile."""
+    """Yield what is wrong with the profile's names of modes and gears."""
     status, command = binding.profile.status, binding.profile.command
     for key, field, table, kind in (
         ("modes", status.signals.mode, status.modes, VehicleMode),
@@ -117,7 +117,7 @@ def name_map_faults(binding: Binding) -> Iterator[ConfigError]:
 
 
 def describe_unknown_names(binding: Binding) -> Iterator[tuple[str, str]]:
-    """MESSAGE.SIGNAL and a warning, for names of modes and gears that the program does not know."""
+    """Yield MESSAGE.SIGNAL and a warning for each name of a mode or gear that the program does not know."""
     for dotted, field in binding.fields.items():
         if field not in _OPEN:
             continue
@@ -129,7 +129,7 @@ def describe_unknown_names(binding: Binding) -> Iterator[tuple[str, str]]:
 
 
 def frame_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Frames of reference that are only in the profile, or only in the VAL_ table of `pose_frame`."""
+    """Yield errors for frames of reference that only the profile or only the VAL_ table of `pose_frame` has."""
     dotted, frames = binding.profile.state.signals.pose_frame, binding.profile.state.frames
     if dotted is None or binding.find_signal(dotted) is None:
         return
@@ -159,7 +159,7 @@ def _program_names(binding: Binding, dotted: str) -> dict[int, str]:
 
 
 def _renamed(binding: Binding, field: str, name: str) -> str:
-    """The program's name for a name of the DBC, by the profile's table."""
+    """Return the program's name for a name of the DBC, by the profile's table."""
     status = binding.profile.status
     names: Mapping[str, str] = {"mode": status.modes, "gear": status.gears, "gear_request": status.gears}.get(field, {})
     return names.get(name, name)

@@ -1,6 +1,7 @@
-"""Forms and conditions of a profile as Python expressions over a row of signal values.
+"""Translates forms and conditions of a profile to Python expressions over a row of signal values.
 
-In the source `s` is the row: the newest value of each bound signal in the field's unit, None where the sender has none.
+In the source, `s` is the row: the newest value of each bound signal in the field's unit; None if the sender has no
+value.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,32 +12,36 @@ from vehicle_iface.profile.forms import Condition, ConditionTable, FieldSource
 
 
 class Place(NamedTuple):
-    """Where a signal's value stands."""
+    """Where a signal's value is in the row, and how numbers of a condition are converted to it."""
 
     column: int
-    """In the row."""
+    """The index in the row."""
     names: Mapping[int, str]
     from_wire: Mapping[int, int] | None = None
-    """The DBC's number → the row's, of an enumeration that the codec translates."""
+    """Maps the DBC's numbers to the row's, for an enumeration that the codec translates."""
     unit: float = 1.0
-    """Size of the unit of a condition's numbers in that of the row."""
+    """Factor from a condition's numbers to the row's unit."""
     step: float = 0.0
-    """Of one count in the row, where that is no whole number: numbers less than half of it apart are equal."""
+    """The step of one count in the row, for numbers that are not whole: two numbers are equal if they differ by less
+    than half a step. 0 for whole numbers."""
 
 
 def place_of(column: int, view: SignalView, from_wire: Mapping[int, int] | None = None) -> Place:
-    """The place of a signal."""
+    """Return the place of a signal."""
     scale, offset = float(view.signal.scale), float(view.signal.offset)
     is_whole = not view.is_converted and scale.is_integer() and offset.is_integer()
     return Place(column, view.names, from_wire, view.unit_in_conditions, 0.0 if is_whole else view.resolution)
 
 
 Find = Callable[[str], Place]
-"""MESSAGE.SIGNAL → its place."""
+"""Returns the place of a MESSAGE.SIGNAL."""
 
 
 def field_expression(source: FieldSource, find: Find) -> str:
-    """The field's value; a part that is None makes it a TypeError, or None where it is a signal alone."""
+    """Return the expression for a field's value.
+
+    If a part of it is None, it raises `TypeError` when evaluated; an unconverted signal gives None.
+    """
     if isinstance(source, str):
         return f"s[{find(source).column}]"
     if source.value is not None:
@@ -47,7 +52,7 @@ def field_expression(source: FieldSource, find: Find) -> str:
 
 
 def condition_expression(condition: Condition, find: Find) -> str:
-    """Whether the condition holds. A signal without a value fulfils no comparison."""
+    """Return the expression for a condition. A comparison with a missing value is false."""
     if isinstance(condition, str):
         return f"(s[{find(condition).column}] not in (0, None))"
     if condition.all is not None:
@@ -73,13 +78,13 @@ def condition_expression(condition: Condition, find: Find) -> str:
 
 
 def wanted_numbers(condition: ConditionTable, place: Place) -> tuple[float, ...]:
-    """The numbers of `equals` or `in`, as they stand in the row."""
+    """Return the numbers of `equals` or `in`, converted to the row's."""
     wanted = condition.among or ((condition.equals,) if condition.equals is not None else ())
     return tuple(_number(one, place) for one in wanted)
 
 
 def unknown_names(condition: Condition, find: Find) -> list[tuple[str, str]]:
-    """The names in a condition that its signal's table does not have: MESSAGE.SIGNAL and name."""
+    """Return the names in a condition that its signal's table does not have, as MESSAGE.SIGNAL and name."""
     if isinstance(condition, str):
         return []
     inner = (*(condition.all or ()), *(condition.any or ()), *((condition.negated,) if condition.negated else ()))
@@ -96,7 +101,7 @@ def _joined(word: str, parts: tuple[Condition, ...], find: Find) -> str:
 
 
 def _number(wanted: float | str, place: Place) -> float:
-    """A number of the DBC, or a name of its table, as it stands in the row."""
+    """Convert a number of the DBC, or a name of its table, to the row's number."""
     number = next(key for key, name in place.names.items() if name == wanted) if isinstance(wanted, str) else wanted
     return number * place.unit if place.from_wire is None else place.from_wire.get(int(number), number)
 

@@ -1,6 +1,5 @@
-"""What one CAN message looks like: its signals reduced to bits, scaling and range, and the tree of
-its multiplexers.
-"""
+"""Describes a CAN message for the code generator: bits, scaling and range of its signals, and the tree of its
+multiplexers."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -17,18 +16,18 @@ from cantools.database.conversion import (
 from vehicle_iface.errors import ConfigError
 
 _RANGE_TOLERANCE = 1e-6
-"""Of one step: what a limit written in decimal may be off the grid (the same as cantools')."""
+"""Share of one step by which a decimal limit may be off the grid (the same as cantools')."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Field:
-    """One signal, reduced to what its two lines of code need."""
+    """One signal, reduced to what the generated code needs."""
 
     index: int
-    """Position among the message's values."""
+    """The position among the message's values."""
     name: str
     shift: int
-    """Of its least significant bit, in the integer of its byte order."""
+    """The place of the least significant bit in the payload, read as an integer of the signal's byte order."""
     width: int
     is_big: bool
     is_signed: bool
@@ -40,18 +39,18 @@ class Field:
     maximum: float | None
     has_unit: bool
     table: frozenset[int]
-    """Numbers that VAL_ names; empty without a table."""
+    """The numbers that VAL_ names; empty without a table."""
     is_enumerated: bool
-    """Whether the program needs a name for each number, however many of them VAL_ names."""
+    """Whether only named numbers are allowed, however many of them VAL_ names."""
     parent: str | None
     """The multiplexer that this signal depends on."""
     parent_ids: frozenset[int]
     missing: frozenset[int] = frozenset()
-    """Raw numbers by which the sender says that there is no value."""
+    """Raw numbers that mean that the sender has no value."""
 
     @property
     def end(self) -> int:
-        """The bit after its most significant one, counted as `shift` is."""
+        """The bit after the most significant one, counted as `shift` is."""
         return self.shift + self.width
 
     @property
@@ -75,13 +74,14 @@ class Field:
         return math.inf if self.maximum is None else self.maximum + self.tolerance
 
     def scaled(self, raw: float) -> float:
-        """The physical value, by the same operations as the generated code."""
+        """Return the physical value, computed with the same operations as in the generated code."""
         return raw if self.kind is IdentityConversion else raw * self.scale + self.offset
 
     def allowed_raw(self) -> tuple[int, int, frozenset[int] | None]:
-        """Smallest and greatest raw value in range, and the set of those named when they leave gaps.
+        """Return the smallest and largest allowed raw value, and the set of named values if these leave gaps.
 
-        The smallest is above the greatest when no value lies in the range."""
+        The smallest exceeds the largest if no value is in the range.
+        """
         low, high = self._raw_bounds()
         named = sorted(raw for raw in self.enumeration() if low <= raw <= high)
         if self.enumeration():
@@ -90,10 +90,11 @@ class Field:
         return low, high, frozenset(named) if gaps else None
 
     def enumeration(self) -> frozenset[int]:
-        """All allowed numbers, where the VAL_ table is a list of them.
+        """Return all allowed numbers if the VAL_ table is an enumeration; empty otherwise.
 
-        It is one when it counts up from the bottom, and all of it is in range. A table that names only a few special
-        numbers of a measured quantity ("error", "not available") says nothing about the others."""
+        A table is an enumeration if it counts up from the bottom and lies in the range. A table that names only a few
+        special numbers of a measured quantity ("error", "not available") does not restrict the others.
+        """
         if self.kind is not IdentityConversion or self.is_float:
             return frozenset()
         in_range = frozenset(raw for raw in self.table if self.lowest <= raw <= self.highest)
@@ -112,8 +113,7 @@ class Field:
 
 
 def _bisect(low: int, high: int, holds: Callable[[int], bool]) -> int:
-    """The first integer of low … high for which a monotone condition holds; high + 1 when it never
-    does."""
+    """Return the first integer of low … high for which a monotone condition holds; high + 1 if it never does."""
     high += 1
     while low < high:
         middle = (low + high) // 2
@@ -126,22 +126,22 @@ def _bisect(low: int, high: int, holds: Callable[[int], bool]) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalRules:
-    """What a profile says about a signal; it goes before what the DBC says."""
+    """A profile's statements about a signal; they take precedence over the DBC."""
 
     limits: tuple[float, float] | None = None
-    """Smallest and greatest value, in the DBC's unit."""
+    """The smallest and largest value, in the DBC's unit."""
     names: Mapping[int, str] | None = None
     missing: frozenset[int] = frozenset()
-    """Raw numbers by which the sender says that there is no value."""
+    """Raw numbers that mean that the sender has no value."""
     has_unit: bool | None = None
-    """Whether it measures a quantity; None: as the DBC says."""
+    """Whether the signal measures a quantity; None: as the DBC states."""
     is_enumerated: bool = False
-    """Whether every allowed number has a name."""
+    """Whether only named numbers are allowed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """The signals that a multiplexer shows for some of its ids."""
+    """The signals that a multiplexer shows for some of its values."""
 
     ids: tuple[int, ...]
     fields: tuple[Field, ...]
@@ -157,7 +157,7 @@ class Layout:
     roots: tuple[Field, ...]
     branches: Mapping[str, tuple[Branch, ...]]
     is_partial: bool = False
-    """Whether the message has more signals: then a multiplexer may show others than these."""
+    """Whether the message has further signals, so that a multiplexer may show others than these."""
 
     @classmethod
     def of(
@@ -168,9 +168,10 @@ class Layout:
         *,
         is_flat: bool = False,
     ) -> "Layout":
-        """With `only`, these signals and the multiplexers that they depend on; the rest is neither read nor checked.
+        """Build the layout of a message; raises `ConfigError` if the message cannot be compiled.
 
-        Where it `is_flat`, all of them are there at once: the multiplexers have one value each.
+        With `only`, the layout contains these signals and the multiplexers that they depend on; the others are neither
+        read nor checked. With `is_flat`, all signals are present at once, because the multiplexers have one value each.
         """
         if message.is_container:
             raise ConfigError(f"{message.name}: container messages cannot be compiled")
@@ -191,7 +192,7 @@ class Layout:
         return cls(message.name, message.length, fields, roots, branches, is_partial=only is not None)
 
     def below(self, field: Field) -> Iterator[Field]:
-        """The field and everything that depends on it."""
+        """Yield the field and all fields that depend on it."""
         yield field
         for child in self.fields:
             if child.parent == field.name:
@@ -199,7 +200,7 @@ class Layout:
 
 
 def _with_multiplexers(message: Message, names: Collection[str]) -> set[str]:
-    """The signals and all multiplexers above them."""
+    """Return the signals and all multiplexers above them."""
     parents = {signal.name: signal.multiplexer_signal for signal in message.signals}
     found = set[str]()
     for name in names:
@@ -211,7 +212,7 @@ def _with_multiplexers(message: Message, names: Collection[str]) -> set[str]:
 
 
 def bits_of(signal: Signal) -> Iterator[int]:
-    """The signal's bits in little-endian numbering, the one that comes first in the wire's byte order first."""
+    """Yield the signal's bits in little-endian numbering, in the order of the signal's byte order."""
     bit = signal.start
     for _ in range(signal.length):
         yield bit
@@ -256,7 +257,7 @@ def _field(message: Message, index: int, signal: Signal, rules: SignalRules, *, 
 
 
 def _linear(signal: Signal, where: str) -> BaseConversion:
-    """The signal's conversion without its names; ConfigError when it is of an unknown kind or not
+    """Return the signal's conversion without its names; raises `ConfigError` if its kind is unknown or it is not
     finite."""
     conversion = signal.conversion
     if conversion.choices is not None:
@@ -269,7 +270,7 @@ def _linear(signal: Signal, where: str) -> BaseConversion:
 
 
 def _branches(multiplexer: Field, children: list[Field]) -> tuple[Branch, ...]:
-    """Ids that show the same signals, together; named ids show none but are known."""
+    """Group the values of a multiplexer that show the same signals. Named values that show no signal are known, too."""
     ids = set(multiplexer.table).union(*(child.parent_ids for child in children))
     shown: dict[tuple[int, ...], list[int]] = {}
     for number in sorted(ids):

@@ -1,8 +1,8 @@
-"""All that is wrong with a DBC or a profile for control use, each with its line: `vehicle-iface check-dbc FILE`.
+"""Finds everything in a DBC or profile that is wrong for control use, with its line: `vehicle-iface check-dbc FILE`.
 
-An error keeps the program from driving, a warning asks for a look. A `.toml` profile is checked together with its
-DBC: what it does not use is warned of at most, and many warnings of one kind become one. A `.dbc` alone is checked
-without knowledge of what its signals are for.
+An error prevents driving, a warning should be looked at. A `.toml` profile is checked together with its DBC. Faults in
+what the profile does not use are only warnings, and many warnings of one kind are summarised. A `.dbc` alone is checked
+without knowing which signals are used.
 """
 
 import re
@@ -30,20 +30,20 @@ from vehicle_iface.profile import FaultyPlaces, Profile, inspect_profile
 from vehicle_iface.profile.forms import FieldForm, signals_of
 
 _MOST_OF_A_KIND = 5
-"""More warnings of one kind, about what is not used, become one."""
+"""If an unused part has more warnings of one kind than this, they are summarised."""
 _EXAMPLES = 3
 _OF_EITHER_SIGN = ("accel_mps2", "yaw_rate_radps", "lateral_speed_mps", "front_wheel_angle_rad")
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class LintFinding:
-    """One thing that is wrong."""
+    """One fault or oddity."""
 
     file: str
     line: int
-    """From 1; 0 where the fault has no line of its own."""
+    """The line, from 1; 0 if the fault has no line of its own."""
     severity: str
-    """`error` or `warning`"""
+    """`error` or `warning`."""
     text: str
 
     def __str__(self) -> str:
@@ -52,7 +52,10 @@ class LintFinding:
 
 
 def check_file(path: Path) -> list[LintFinding]:
-    """All findings, in the order of file and line. `ConfigError` for a file that is neither `.dbc` nor `.toml`."""
+    """Return all findings, in the order of file and line.
+
+    Raises `ConfigError` for a file that is neither `.dbc` nor `.toml`.
+    """
     if path.suffix.lower() == ".dbc":
         found = _of_dbc(path)
     elif path.suffix.lower() == ".toml":
@@ -84,7 +87,7 @@ def _of_profile(path: Path) -> list[LintFinding]:
 
 
 def _of_pair(path: Path, profile: Profile, lines: "_TomlLines", faulty: FaultyPlaces) -> list[LintFinding]:
-    """Of the DBC, or of those of several buses, and of all together, without what follows from `faulty`."""
+    """Return the findings about a profile and its DBCs, without those that follow from the places in `faulty`."""
     dbcs = {name: _shorten(Path(bus.dbc), path.parent) for name, bus in profile.all_buses.items()}
     paths = {dbc.name: dbc for dbc in dbcs.values()}
     try:
@@ -109,12 +112,13 @@ def _of_pair(path: Path, profile: Profile, lines: "_TomlLines", faulty: FaultyPl
 
 
 def _shorten(dbc: Path, folder: Path) -> Path:
-    """A DBC beside its profile as the profile's path is written."""
+    """Write the path of a DBC relative to its profile, in the way the profile's path is written."""
     return folder / dbc.name if folder.resolve() == dbc.parent else dbc
 
 
 def _present(path: Path, findings: Iterable[DbcFinding], usage: Usage | None) -> Iterator[LintFinding]:
-    """Findings about a DBC: in front of a profile, what it does not use is a warning. Many such of a kind are one."""
+    """Yield the findings about a DBC. With a profile, those about unused parts are warnings, and many of one kind are
+    summarised."""
     unused: dict[str, list[DbcFinding]] = {}
     for finding in sorted(findings, key=lambda finding: finding.line):
         is_used = usage is not None and usage.concerns(finding)
@@ -132,7 +136,7 @@ def _present(path: Path, findings: Iterable[DbcFinding], usage: Usage | None) ->
 
 
 def _located(text: str, files: dict[str, Path]) -> LintFinding:
-    """An error's text taken apart: `FILE:LINE: …`, `FILE: …` or `PATH: …`."""
+    """Split an error's text into file, line and message: `FILE:LINE: …`, `FILE: …` or `PATH: …`."""
     for name, path in files.items():
         for known in (name, str(path)):
             match = re.match(rf"{re.escape(known)}(?::(\d+))?: ", text)
@@ -143,7 +147,7 @@ def _located(text: str, files: dict[str, Path]) -> LintFinding:
 
 
 def _line_in(text: str, path: Path) -> int:
-    """The line that tomllib's words name."""
+    """Return the line that tomllib's message names."""
     if "(at end of document)" in text:
         return max(1, len(path.read_text(encoding="utf-8").splitlines()))
     stated = re.search(r"\(at line (\d+)", text)
@@ -151,7 +155,7 @@ def _line_in(text: str, path: Path) -> int:
 
 
 def _control_doubts(binding: Binding) -> Iterator[DbcFinding]:
-    """Warnings: the program drives with these."""
+    """Yield warnings that do not prevent driving."""
     file = binding.file
     for name, role in binding.roles.items():
         if role in PERIODS:
@@ -165,7 +169,8 @@ def _control_doubts(binding: Binding) -> Iterator[DbcFinding]:
 
 
 def _describe_one_sided(binding: Binding) -> Iterator[tuple[str, str]]:
-    """MESSAGE.SIGNAL and a warning, for fields of either sign whose signals have one: another may carry the sign."""
+    """Yield MESSAGE.SIGNAL and a warning for a signed field whose signal has only one sign: another signal may carry
+    the sign."""
     for field in _OF_EITHER_SIGN:
         form = getattr(binding.profile.state.signals, field)
         if isinstance(form, FieldForm) and form.negative_if is not None:
@@ -178,7 +183,7 @@ def _describe_one_sided(binding: Binding) -> Iterator[tuple[str, str]]:
 
 
 class _TomlLines:
-    """The lines of a profile's keys: enough of TOML for files that people write, key by key below table headers."""
+    """Finds the lines of a profile's keys. It reads as much TOML as people write: keys below table headers."""
 
     _HEADER = re.compile(r"\s*(\[?)\[([^\[\]]+)\]")
     _KEY = re.compile(r'\s*("[^"]*"|[\w.-]+)\s*=')
@@ -205,12 +210,12 @@ class _TomlLines:
                     self._dbcs.append(value[1])
 
     def _add(self, place: str, number: int) -> None:
-        """The line of a place, also without names of buses that its names do not need."""
+        """Record the line of a place, also under its name without buses where that is unambiguous."""
         for known in (place, re.sub(r"\b\w+:(?=\w)", "", place)):
             self._lines.setdefault(known, number)
 
     def finding(self, fault: str, severity: str) -> LintFinding:
-        """`$.place: text` with the line of the place, or of the nearest table around it."""
+        """Convert `$.place: text` to a finding with the line of the place, or of the nearest table around it."""
         place = fault.partition(": ")[0]
         known = place
         while known not in self._lines and ("." in known or known.endswith("]")):
@@ -218,5 +223,5 @@ class _TomlLines:
         return LintFinding(str(self._path), self._lines.get(known, 0), severity, fault)
 
     def dbcs(self) -> list[Path]:
-        """The DBCs that the profile names, where they can be read from a profile that is not whole."""
+        """Return the DBCs that the profile names, if they can be read from an invalid profile."""
         return [self._path.parent / name for name in self._dbcs if name.lower().endswith(".dbc")]

@@ -1,7 +1,7 @@
-"""Unpacking of a payload: the words of 8 to 64 bits that one `struct.unpack` gives, and each signal's bits in them.
+"""Unpacks payloads: the words of 8 to 64 bits that one `struct.unpack` reads, and each signal's bits in them.
 
-A word covers the bytes of the signals that share some; one that covers a single signal exactly is that signal. Both
-byte orders are the same here: bits and bytes count from the least significant one, as `Field.shift` does.
+A word covers the bytes of signals that share bytes; a word that covers exactly one signal is that signal. Bits and
+bytes of both byte orders are counted from the least significant one, as in `Field.shift`.
 """
 
 from collections.abc import Sequence
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from vehicle_iface.codec.layout import Field
 
 _SIZES = (8, 4, 2, 1)
-"""Bytes of a word."""
+"""Sizes of words in bytes."""
 _INTEGER_CODES = {8: "B", 16: "H", 32: "I", 64: "Q"}
 _FLOAT_CODES = {16: "e", 32: "f", 64: "d"}
-"""Of struct, by width."""
+"""Codes of `struct` for floats, by width in bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,10 +22,10 @@ class PackedWord:
 
     name: str
     shift: int
-    """Of its least significant bit in the payload."""
+    """The place of the least significant bit in the payload."""
     width: int
     code: str
-    """Of struct."""
+    """The code of `struct`."""
 
     @property
     def end(self) -> int:
@@ -37,7 +37,7 @@ class PackedWord:
 
 
 def find_words(fields: Sequence[Field], is_big: bool, length: int) -> list[PackedWord]:
-    """The words that the fields of one byte order lie in, as they follow in a payload of `length` bytes."""
+    """Return the words that contain the fields of one byte order, in their order in a payload of `length` bytes."""
     found = []
     for first, last in _runs(fields):
         while first < last:
@@ -49,7 +49,7 @@ def find_words(fields: Sequence[Field], is_big: bool, length: int) -> list[Packe
 
 
 def _runs(fields: Sequence[Field]) -> list[tuple[int, int]]:
-    """First byte and end of the bytes that belong together because signals share some of them."""
+    """Return first byte and end of each group of bytes; bytes are in one group if a signal lies in both."""
     found: list[tuple[int, int]] = []
     for first, last in sorted((field.shift // 8, -(-field.end // 8)) for field in fields):
         if found and first < found[-1][1]:
@@ -72,7 +72,7 @@ def _pack_word(fields: Sequence[Field], shift: int, width: int, name: str) -> Pa
 
 
 def struct_format(found: Sequence[PackedWord], is_big: bool, length: int) -> str:
-    """The words as they follow in the payload, and the bytes between that carry nothing."""
+    """Return the format of `struct` for the words, with padding for the bytes between them."""
     codes, place = "", 0
     for word in found:
         first = length - word.end // 8 if is_big else word.shift // 8
@@ -86,7 +86,7 @@ def _padding(count: int) -> str:
 
 
 def extract_expression(field: Field, found: Sequence[PackedWord]) -> str:
-    """The expression for the number that a field's bits are, raw."""
+    """Return the expression for a field's raw number."""
     of_field = [word for word in found if word.shift < field.end and field.shift < word.end]
     bits = " | ".join(_part(field, word) for word in of_field)
     if field.is_float:
@@ -98,7 +98,8 @@ def extract_expression(field: Field, found: Sequence[PackedWord]) -> str:
 
 
 def _part(field: Field, word: PackedWord) -> str:
-    """What a word holds of a field's bits, at their place in it; with the sign where both end together."""
+    """Return the expression for the field's bits in one word, at their place in the field. It includes the sign if both
+    end together."""
     low, high = max(field.shift, word.shift), min(field.end, word.end)
     part = f"{word.name} >> {low - word.shift}" if low > word.shift else word.name
     has_sign = field.is_signed and field.end == word.end

@@ -1,4 +1,4 @@
-"""The protection of one message (checksum, counter) as decoder and encoder see it, of whatever kind."""
+"""The protection of one message (checksum, counter) as decoder and encoder use it, whatever its kind."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,20 +13,20 @@ class Protection:
     """A checksum, a counter, or both."""
 
     intact: Callable[[bytes], bool]
-    """Whether a payload of full length carries the checksum of its content; always true without a checksum."""
+    """Checks whether a payload of full length carries the right checksum; always true without a checksum."""
     read_counter: Callable[[bytes], int]
-    """The counter in a payload, which may be an invalid one; `NO_COUNTER` where the message has none."""
+    """Reads the counter of a payload, which may be invalid; `NO_COUNTER` if the message has none."""
     protect: Callable[[bytearray, int], None]
-    """Write a counter, then the checksum, into a payload, in place."""
+    """Writes the counter and then the checksum into a payload, in place."""
     counter_states: int
-    """Valid counters are 0 … counter_states − 1; 1 where the message has none."""
+    """Number of valid counter values, which are 0 … counter_states − 1; 1 without a counter."""
     max_step: int
-    """A greater step of the counter is a wrong sequence; 0 where the message has none."""
+    """The largest accepted step of the counter; 0 without a counter."""
 
     @property
     def has_counter(self) -> bool:
         return self.counter_states > 1
 
     def next_counter(self, counter: int) -> int:
-        """The counter after `counter`."""
+        """Return the counter after `counter`."""
         return (counter + 1) % self.counter_states

@@ -1,4 +1,4 @@
-"""Faults in the protection that a profile states: the rules alone, and each message with its rule."""
+"""Finds faults in the protection that a profile states: in the rules alone, then in each message with its rule."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -33,14 +33,14 @@ _KEYS: Mapping[str, tuple[str, ...]] = {
     "crc16": _CRC,
     "python": ("function",),
 }
-"""Kind of checksum → the keys that it has beside signal and kind."""
+"""The keys that each kind of checksum has in addition to `signal` and `kind`."""
 _NEEDED = {"crc8": "poly", "crc16": "poly", "python": "function"}
 _LEAST_STATES = 3
-"""A repeated, a next and a wrong counter must differ."""
+"""The smallest number of counter values: a repeated, a next and a wrong counter must differ."""
 
 
 def rule_faults(binding: Binding) -> Iterator[ConfigError]:
-    """The protected messages exist and have one rule each; the rules are complete."""
+    """The protected messages exist, each has one rule, and the rules are complete."""
     profile = binding.profile
     data_ids = profile.e2e.data_ids if profile.e2e else {}
     for name in data_ids:
@@ -140,7 +140,7 @@ def _autosar_faults(binding: Binding, message: Message, rule: MessageRule, profi
 
 
 def _header_faults(binding: Binding, rule: MessageRule, message: Message, profile: int) -> Iterator[ConfigError]:
-    """Checksum and counter are where the E2E profile puts them, and are nothing else."""
+    """Checksum and counter are where the E2E profile puts them, and are not bound to anything else."""
     header = header_bits(profile)
     for place, part, bits in (
         (rule.checksum_place, rule.checksum, header.checksum),
@@ -160,7 +160,7 @@ def _header_faults(binding: Binding, rule: MessageRule, message: Message, profil
 
 
 def _first_bit(signal: Signal) -> int:
-    """Lowest bit of a signal in little-endian numbering; within one byte the byte orders agree."""
+    """Return the lowest bit of a signal in little-endian numbering; within one byte the byte orders agree."""
     return min(bits_of(signal)) if signal.length <= 8 else signal.start
 
 
@@ -168,7 +168,7 @@ def _first_bit(signal: Signal) -> int:
 
 
 def _part_faults(binding: Binding, message: Message, rule: MessageRule) -> Iterator[ConfigError]:
-    """Checksum and counter are integers of the message with enough bits, and are nothing else."""
+    """Checksum and counter are integers of the message with enough bits, and are not bound to anything else."""
     if rule.counter is not None:
         yield from _signal_faults(binding, message, rule.counter.signal, rule.counter_place)
         counter = binding.find_signal(f"{message.name}.{rule.counter.signal}")
@@ -232,7 +232,7 @@ def _checksum_faults(
 
 
 def _data_id_faults(binding: Binding, message: Message, rule: MessageRule) -> Iterator[ConfigError]:
-    """A data id is there where the checksum covers one, and a list has a byte for each value of the counter."""
+    """A data id is stated if the checksum covers one, and a list has a byte for each value of the counter."""
     place, data_id = rule.data_id_place, rule.data_id
     if rule.checksum is None or rule.checksum.kind == "python":
         if data_id is not None:
@@ -251,7 +251,7 @@ def _data_id_faults(binding: Binding, message: Message, rule: MessageRule) -> It
 
 
 def describe_gap(binding: Binding, message_name: str) -> str:
-    """What the protection of a message leaves undetected; empty for one with checksum and counter."""
+    """Describe what the protection of a message cannot detect; empty if it has checksum and counter."""
     rule = find_rule(binding.profile, message_name)
     if rule is None:
         return "no counter and no checksum: repeated and damaged frames are not detected"

@@ -1,4 +1,4 @@
-"""The protection that a profile gives each message, and the `Protection` that is built from it.
+"""Reads the protection that a profile gives each message, and builds the `Protection` from it.
 
 `[e2e]` is the short form for one AUTOSAR profile; `[protection]` gives each message a rule.
 """
@@ -31,7 +31,7 @@ DEFAULT_STEP = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MessageRule:
-    """The protection of one message, and where the profile states each part of it."""
+    """The protection of one message, and the places in the profile where each part is stated."""
 
     checksum: Checksum | None
     counter: SequenceCounter | None
@@ -39,32 +39,32 @@ class MessageRule:
     data_id_place: str
     kind_place: str
     checksum_place: str
-    """Of the checksum signal's name."""
+    """The place that names the checksum signal."""
     counter_place: str
-    """Of the counter signal's name."""
+    """The place that names the counter signal."""
     max_step_place: str
 
     @property
     def autosar_profile(self) -> int | None:
-        """The number of the E2E profile; None where the rule is made of parts."""
+        """The number of the E2E profile; None for a rule that consists of parts."""
         if self.checksum is None or not self.checksum.kind.startswith("autosar-"):
             return None
         return int(self.checksum.kind.removeprefix("autosar-"))
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Names of the signals that protect the message."""
+        """The names of the signals that protect the message."""
         return tuple(part.signal for part in (self.checksum, self.counter) if part is not None)
 
     @property
     def over(self) -> tuple[str, ...]:
-        """What the checksum covers; a data id that is not named comes last."""
+        """The parts that the checksum covers; a data id that `over` does not name comes last."""
         over = self.checksum.over if self.checksum else ()
         return (*over, "data_id") if self.data_id is not None and "data_id" not in over else over
 
 
 def find_rule(profile: Profile, message_name: str) -> MessageRule | None:
-    """The rule of a message; None where it is unprotected, or the profile does not have the rule that it names."""
+    """Return the rule of a message; None if it is unprotected, or if the named rule does not exist."""
     if profile.e2e is not None and message_name in profile.e2e.data_ids:
         e2e = profile.e2e
         return MessageRule(
@@ -101,7 +101,7 @@ def _place_rule(message_name: str, message: ProtectedMessage, rule: ProtectionRu
 
 
 def count_states(signal: Signal) -> int:
-    """How many values a counter has: as many as its bits and its range in the DBC allow, from 0 on."""
+    """Return the number of counter values, counted from 0, that its bits and its range in the DBC allow."""
     states = 1 << signal.length
     if signal.is_signed or signal.maximum is None or signal.maximum <= (signal.minimum or 0):
         return states
@@ -109,12 +109,12 @@ def count_states(signal: Signal) -> int:
 
 
 def find_places(message: Message) -> dict[str, BitPlace]:
-    """Where each signal of a message is."""
+    """Return the place of each signal of a message."""
     return {field.name: BitPlace.of(field) for field in Layout.of(message).fields}
 
 
 def build_protection(profile: Profile, message: Message) -> Protection | None:
-    """The protection of a message in which `protection_faults` finds no fault; None where the profile gives it none."""
+    """Build the protection of a message in which `protection_faults` finds no fault; None if none is stated."""
     rule = find_rule(profile, message.name)
     if rule is None:
         return None
@@ -148,7 +148,7 @@ class _ChecksumPart:
 
     place: BitPlace
     compute: Callable[[Payload], int]
-    """The checksum of a payload whose counter is in place."""
+    """Computes the checksum of a payload whose counter is already written."""
     is_right: Callable[[bytes], bool]
 
 
@@ -180,7 +180,7 @@ def _build_checksum(
 
 
 def _reduce_function(checksum: Checksum, width: int) -> Callable[[Payload], int]:
-    """Covered bytes → checksum."""
+    """Build the function from covered bytes to the checksum."""
     if checksum.kind in CRC_BITS:
         bits = CRC_BITS[checksum.kind]
         return crc_function(bits, checksum.poly or 0, checksum.init, checksum.xor_out, reflect=checksum.reflect)

@@ -1,11 +1,11 @@
-"""Units of signals: every spelling that DBCs use, the quantity that it measures, and its size in SI."""
+"""Units of signals: all spellings that DBCs use, the quantity that each measures, and its size in SI."""
 
 import math
 from typing import NamedTuple
 
 
 class Unit(NamedTuple):
-    """A unit: value in SI = value · factor."""
+    """A unit of a quantity: value in SI = value · factor."""
 
     quantity: str
     factor: float
@@ -58,7 +58,7 @@ _SPELLINGS: dict[tuple[str, float], str] = {
     ("angular acceleration", math.radians(1.0)): "deg/s^2 deg/s2 °/s² °/s^2",
     ("jerk", 1.0): "m/s^3 m/s3 m/s³",
 }  # fmt: skip
-"""Quantity and size in SI: the spellings, without blanks and in small letters."""
+"""Maps quantity and size in SI to the spellings, in lower case and without blanks."""
 _UNITS = {
     spelling: Unit(quantity, factor)
     for (quantity, factor), spellings in _SPELLINGS.items()
@@ -73,23 +73,23 @@ _FIELD_UNITS = {
     "radps": ("rad/s", Unit("angular rate", 1.0)),
     "nm": ("N*m", Unit("torque", 1.0)),
 }
-"""The last part of a field's name: how its unit is written, and what it is."""
+"""Maps the last part of a field's name to the unit's spelling and the unit."""
 
 
 class FieldUnit(NamedTuple):
-    """The unit that the program keeps a field in."""
+    """The unit in which the program keeps a field."""
 
     name: str
     unit: Unit
 
 
 def find_unit(spelling: str) -> Unit | None:
-    """The unit of that spelling, case and blanks aside; None for one that is not known."""
+    """Return the unit with that spelling, ignoring case and blanks; None if it is unknown."""
     return _UNITS.get("".join(spelling.split()).lower())
 
 
 def unit_of_field(field: str) -> FieldUnit | None:
-    """By the last part of the field's name; None for a field without a unit."""
+    """Return the unit that the last part of the field's name states; None for a field without a unit."""
     if field.endswith("_per_m"):
         return FieldUnit("1/m", Unit("curvature", 1.0))
     found = _FIELD_UNITS.get(field.rpartition("_")[2])

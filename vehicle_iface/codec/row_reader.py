@@ -1,6 +1,7 @@
-"""Compiles the fields, forms and conditions of a profile to two functions that read a row of values.
+"""Compiles the fields, forms and conditions of a profile to two functions that read state and status from a row of
+values.
 
-Each is one straight line of Python: no name is looked up and no dictionary is built on the loop's path.
+Each is straight-line Python: it looks up no names and builds no dictionaries on the loop's path.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,15 +19,20 @@ from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
 
 _MODES = ("emergency_stop", "fault", "manual", "autonomous", "ready")
-"""In the order in which their conditions are looked at."""
+"""The modes in the order in which their conditions are checked."""
 _OF_POSE = ("pose_frame", "pose_valid")
 _POSE = ("x_m", "y_m", "heading_rad")
 _MISSING = (TypeError, KeyError, InvalidValueError)
-"""What a value that is None, or a number of no frame, makes of the state."""
+"""Exceptions that mean that the state is incomplete: a value is None, or a number does not name a frame of reference.
+"""
 
 
 def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], frames: Mapping[int, str]) -> RowReader:
-    """`signals` are those of each received message in the order of its values, without the message's name."""
+    """Compile the row reader.
+
+    `signals` maps each received message to the names of its signals, in the order of its values. `frames` maps numbers
+    of `pose_frame` to frames of reference.
+    """
     places: dict[str, slice] = {}
     columns: dict[str, int] = {}
     for message, names in signals.items():

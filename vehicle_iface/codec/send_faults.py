@@ -1,4 +1,4 @@
-"""Contradictions between profile and DBC in `[command.periods]`, `[command.values]` and `[[send]]`."""
+"""Finds contradictions between profile and DBC in `[command.periods]`, `[command.values]` and `[[send]]`."""
 
 import math
 from collections.abc import Iterator
@@ -16,11 +16,11 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile.sends import ValueTable
 
 _MOST_TRIED = 256
-"""Of more numbers only the smallest and the greatest are tried."""
+"""If a signal has more numbers than this, only the smallest and the largest are tried."""
 
 
 def send_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Faults in periods and values of command messages, and in `[[send]]`."""
+    """Yield errors in periods and values of command messages, and in `[[send]]`."""
     profile = binding.profile
     for name in profile.command.periods:
         yield from _command_faults(binding, name, f"$.command.periods.{name}")
@@ -42,7 +42,7 @@ def _command_faults(binding: Binding, name: str, place: str) -> Iterator[ConfigE
 
 
 def _value_faults(binding: Binding, dotted: str, stated: StatedValue) -> Iterator[ConfigError]:
-    """The signal is there for a value to be written to, and can carry it."""
+    """The signal exists, no field is bound to it, and it can carry the value."""
     place, name = stated.place, dotted.partition(".")[0]
     if place.startswith("$.command.values."):
         faults = list(_command_faults(binding, name, place))
@@ -70,7 +70,7 @@ def _value_faults(binding: Binding, dotted: str, stated: StatedValue) -> Iterato
 def _changing_faults(
     binding: Binding, dotted: str, stated: StatedValue, message: Message, signal: Signal
 ) -> Iterator[ConfigError]:
-    """Each value that will be sent can be."""
+    """The signal can carry each value that will be sent."""
     source, place = stated.source, stated.place
     if not isinstance(source, ValueTable):
         states = 0 if signal.is_float else count_states(signal)
@@ -95,7 +95,7 @@ def _first_fault(binding: Binding, dotted: str, values: list[float]) -> Iterator
 
 
 def _echo_faults(binding: Binding, dotted: str, place: str, echo: str, signal: Signal) -> Iterator[ConfigError]:
-    """The echoed signal is received, and everything that it can say can be sent back."""
+    """The echoed signal is received, and the sent signal can carry each of its values."""
     name, _, echo_name = echo.partition(".")
     source = binding.find_signal(echo)
     if source is None:
@@ -117,7 +117,7 @@ def _echo_faults(binding: Binding, dotted: str, place: str, echo: str, signal: S
 
 
 def _possible_values(field: Field) -> Iterator[float]:
-    """All that a received signal can say, or its ends."""
+    """Yield all values of a received signal, or the ends of its range."""
     if field.is_float:
         yield -math.inf if field.minimum is None else field.minimum
         yield math.inf if field.maximum is None else field.maximum
@@ -130,7 +130,7 @@ def _possible_values(field: Field) -> Iterator[float]:
 def _complement_faults(
     binding: Binding, place: str, message: Message, signal: Signal, name: str
 ) -> Iterator[ConfigError]:
-    """The bits that are inverted are there before the checksum is computed."""
+    """The inverted bits are written before the checksum is computed."""
     other = next((one for one in message.signals if one.name == name), None)
     rule = find_rule(binding.profile, message.name)
     stated = binding.values.get(f"{message.name}.{name}")

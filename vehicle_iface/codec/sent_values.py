@@ -1,6 +1,6 @@
-"""Values of sent messages that no field fills and that change from frame to frame, as Python expressions.
+"""Translates the values of sent messages that no field fills and that change between frames to Python expressions.
 
-In the source `n` is how many frames of the message were sent before, and `x` the `SendContext`.
+In the source, `n` is the number of earlier frames of the message, and `x` the `SendContext`.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -18,15 +18,15 @@ from vehicle_iface.profile.sends import ValueTable
 from vehicle_iface.row import Row
 
 FindColumn = Callable[[str], int]
-"""MESSAGE.SIGNAL of a received signal → its place in the row."""
+"""Returns the index in the row of a received MESSAGE.SIGNAL."""
 
 
 class SendContext(NamedTuple):
-    """Further inputs of the values of a frame: the phases, and received values."""
+    """Further inputs for the values of a frame: the phases, and received values."""
 
     phases: Phases = Phases()
     row: Row | tuple[()] = ()
-    """The newest received values."""
+    """The newest received values; empty before there are any."""
 
 
 class Complement(NamedTuple):
@@ -34,7 +34,7 @@ class Complement(NamedTuple):
 
     place: BitPlace
     of: BitPlace | None
-    """None: of the protection's counter."""
+    """The bits that are inverted; None for the counter of the protection."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,9 +42,9 @@ class SentValues:
     """The changing values of one message."""
 
     expressions: Mapping[str, str]
-    """Signal → its value in the DBC's unit."""
+    """Maps each signal to the expression for its value in the DBC's unit."""
     echoes: tuple[int, ...]
-    """Places in the row without whose values the message is not sent."""
+    """Indices in the row; while one of these values is missing, the message is not sent."""
     complements: tuple[Complement, ...]
 
 
@@ -52,7 +52,7 @@ NO_VALUES = SentValues(expressions={}, echoes=(), complements=())
 
 
 def build_sent_values(binding: Binding, name: str, find_column: FindColumn) -> SentValues:
-    """Those of a message in which `send_faults` finds no fault."""
+    """Build the values of a message in which `send_faults` finds no fault."""
     message = binding.messages[name]
     dynamic = dict(_dynamic_values(binding, message))
     echoes = {one.echo for one in dynamic.values() if isinstance(one, ValueTable) and one.echo is not None}
@@ -68,7 +68,7 @@ def build_sent_values(binding: Binding, name: str, find_column: FindColumn) -> S
 
 
 def initial_value(signal: Signal) -> float:
-    """What is sent where nothing else is said, in the DBC's unit."""
+    """Return the value, in the DBC's unit, of a signal for which the profile states none."""
     return float(signal.raw_initial or 0) * signal.scale + signal.offset
 
 
@@ -88,7 +88,7 @@ def _expression(binding: Binding, signal: Signal, source: str | ValueTable, find
 
 
 def _echo_expression(binding: Binding, dotted: str, value: str) -> str:
-    """The value in the DBC's unit of a signal whose field's value stands in the row."""
+    """Return the expression that converts a field's value in the row to the DBC's unit."""
     table = translate_to_wire(binding, dotted)
     if table is not None:
         return f"{dict(table)!r}[{value}]"

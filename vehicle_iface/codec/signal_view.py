@@ -1,4 +1,4 @@
-"""One signal of the DBC as the profile means it: range, names and conversion between the bus and its field."""
+"""One signal of the DBC as the profile uses it: range, names, and conversion between the bus and its field."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -11,33 +11,33 @@ from vehicle_iface.codec.quantities import find_unit, unit_of_field
 from vehicle_iface.profile.notes import SignalNotes, is_whole_number
 
 ENUMERATED_FIELDS = {"mode", "gear", "gear_request", "reason", "state", "headlights", "turn_indicator", "pose_frame"}
-"""Of these the program knows no number without a name."""
+"""Fields in which each number needs a name."""
 _GRID = 1e-6
-"""Of one step: what a limit written in decimal may be off the grid."""
+"""Share of one step by which a decimal limit may be off the grid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalView:
-    """Field = scale · (value in the DBC's unit) + offset."""
+    """A signal converted to its field: field = scale · (value in the DBC's unit) + offset."""
 
     signal: Signal
     low: float
-    """Smallest value that bits and range allow, in the DBC's unit."""
+    """The smallest value that bits and range allow, in the DBC's unit."""
     high: float
     names: Mapping[int, str]
     scale: float
     offset: float
     unit: str
-    """As the profile or else the DBC spells it; "" for none."""
+    """The unit's spelling in the profile or else the DBC; "" for none."""
     is_noted: bool
-    """Whether the profile's notes convert it, and not only its unit."""
+    """Whether the profile's notes convert the signal, in addition to its unit."""
     rules: SignalRules
 
     @classmethod
     def of(cls, signal: Signal, notes: SignalNotes, field: str, *, in_own_unit: bool = False) -> "SignalView":
-        """The signal with the notes on it, for a field; "" for one that has no field.
+        """Build the view of a signal for a field; `field` is "" for a signal without one.
 
-        With `in_own_unit` the field has the unit of the signal, whatever that is.
+        With `in_own_unit`, the field has the signal's own unit.
         """
         names = {int(number): str(name) for number, name in (signal.choices or {}).items()}
         if notes.names is not None:
@@ -64,23 +64,23 @@ class SignalView:
 
     @property
     def is_converted(self) -> bool:
-        """Whether the field is another number than the signal's value."""
+        """Whether the field's number differs from the signal's value."""
         return self.scale != 1.0 or self.offset != 0.0
 
     @property
     def unit_in_conditions(self) -> float:
-        """Size of the unit of a condition's numbers in that of the field; they are in the DBC's unit, or as the notes
-        convert them."""
+        """Factor from a condition's numbers to the field's unit. A condition's numbers are in the DBC's unit, or
+        converted by the notes."""
         return 1.0 if self.is_noted else self.scale
 
     @property
     def range_in_conditions(self) -> tuple[float, float]:
-        """Smallest and greatest value in the unit of a condition's numbers."""
+        """The smallest and largest value in the unit of a condition's numbers."""
         return self.field_range if self.is_noted else (self.low, self.high)
 
     @property
     def field_range(self) -> tuple[float, float]:
-        """Smallest and greatest value of the field that the signal can carry."""
+        """The smallest and largest value of the field that the signal can carry."""
         low, high = sorted((self.to_field(self.low), self.to_field(self.high)))
         return low, high
 
@@ -91,14 +91,16 @@ class SignalView:
 
     @property
     def enumeration(self) -> frozenset[int]:
-        """The only numbers that the signal may carry: those of its table, if it is unscaled and all are in range."""
+        """The only numbers that the signal may carry: those of its table, if it is unscaled and all are in range. Empty
+        if other numbers are allowed."""
         signal = self.signal
         is_plain = not signal.is_float and signal.scale == 1 and signal.offset == 0
         is_named = bool(self.names) and all(self.low <= number <= self.high for number in self.names)
         return frozenset(self.names) if is_plain and is_named else frozenset()
 
     def find_nearest(self, field: float) -> float | None:
-        """The field's value that the signal can carry next to `field`; None where that says that there is no value."""
+        """Return the field's value nearest to `field` that the signal can carry; None if that number means a missing
+        value."""
         value, signal = self.to_wire(field), self.signal
         if signal.is_float:
             return self.to_field(min(self.high, max(self.low, value)))
@@ -111,18 +113,18 @@ class SignalView:
         return None if raw in self.rules.missing else self.to_field(raw * signal.scale + signal.offset)
 
     def to_field(self, value: float) -> float:
-        """The field for a value in the DBC's unit."""
+        """Convert a value in the DBC's unit to the field's."""
         return value * self.scale + self.offset if self.is_converted else value
 
     def to_wire(self, field: float) -> float:
-        """The value in the DBC's unit for a field."""
+        """Convert a field's value to the DBC's unit."""
         return (field - self.offset) / self.scale if self.is_converted else field
 
 
 def unit_faults(signal: Signal, notes: SignalNotes, field: str) -> Iterator[str]:
-    """Why the signal cannot be taken for the field; nothing where it can.
+    """Yield the reasons why the signal's unit does not fit the field.
 
-    A scale in the profile says how one quantity becomes another; without it both must be the same.
+    A scale in the profile converts one quantity to another; without it both must be the same.
     """
     wanted = unit_of_field(field)
     spelling = notes.unit if notes.unit is not None else signal.unit
@@ -142,7 +144,7 @@ def unit_faults(signal: Signal, notes: SignalNotes, field: str) -> Iterator[str]
 
 
 def note_faults(signal: Signal, notes: SignalNotes) -> Iterator[str]:
-    """Numbers in the notes that the bits of the signal cannot be, each `.key: text`."""
+    """Yield the numbers in the notes that the signal's bits cannot express, each as `.key: text`."""
     half, most = 1 << signal.length - 1, (1 << signal.length) - 1
     for number in notes.not_available:
         least = -half if signal.is_signed else 0
@@ -155,7 +157,7 @@ def note_faults(signal: Signal, notes: SignalNotes) -> Iterator[str]:
 
 
 def _unit_factor(signal: Signal, notes: SignalNotes, field: str) -> float:
-    """Size of the signal's unit in that of the field; 1 where it is not known."""
+    """Return the factor from the signal's unit to the field's; 1 if it is unknown."""
     unit = find_unit((notes.unit if notes.unit is not None else signal.unit) or "")
     wanted = unit_of_field(field)
     if unit is None:
@@ -166,7 +168,7 @@ def _unit_factor(signal: Signal, notes: SignalNotes, field: str) -> float:
 
 
 def _value_range(signal: Signal, stated: tuple[float, float] | None) -> tuple[float, float]:
-    """What the bits and the range allow."""
+    """Return the smallest and largest value that bits and range allow."""
     if signal.is_float:
         low, high = -math.inf, math.inf
     else:
@@ -178,6 +180,6 @@ def _value_range(signal: Signal, stated: tuple[float, float] | None) -> tuple[fl
 
 
 def _as_signed(raw: int, signal: Signal) -> int:
-    """The number that the bits of `raw` mean: 0xFFFF is −1 in a signed signal of 16 bits."""
+    """Return the number that the bits of `raw` mean: 0xFFFF is −1 in a signed signal of 16 bits."""
     bits = raw & (1 << signal.length) - 1
     return bits - (1 << signal.length) if signal.is_signed and bits >> signal.length - 1 else bits

@@ -1,4 +1,4 @@
-"""The parts of a DBC that a profile uses: a fault elsewhere in the DBC does not matter."""
+"""Determines which parts of a DBC a profile uses. Faults elsewhere in the DBC do not matter."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ _SENT_SECTIONS = ("command", "body", "report")
 
 
 class Usage:
-    """The names that a profile uses, whether its DBC has them or not."""
+    """The names that a profile uses, including names that its DBC does not have."""
 
     def __init__(self, binding: Binding) -> None:
         profile = binding.profile
@@ -24,7 +24,7 @@ class Usage:
         self._signals |= binding.protection_signals
 
     def concerns(self, finding: DbcFinding) -> bool:
-        """Whether a finding is about something that is used: a message, a signal, or any bit of a sent message."""
+        """Whether a finding concerns a used message or signal, or any bit of a sent message."""
         for place in finding.about:
             message, _, signal = place.partition(".")
             if message in self._sent or place in self._signals or (not signal and message in self._messages):
@@ -33,7 +33,7 @@ class Usage:
 
 
 def used_dbc_faults(binding: Binding) -> Iterator[ConfigError]:
-    """Faults of the DBC in what its profile uses."""
+    """Yield the faults of the DBC in the parts that its profile uses."""
     usage = Usage(binding)
     for finding in binding.file.findings:
         if finding.severity == ERROR and usage.concerns(finding):

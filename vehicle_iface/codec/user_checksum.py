@@ -1,4 +1,4 @@
-"""A checksum that a user's Python function computes."""
+"""Computes a checksum with a user's Python function."""
 
 import importlib.util
 import logging
@@ -15,13 +15,13 @@ from vehicle_iface.errors import ConfigError, SignalError
 log = logging.getLogger("vehicle_iface")
 
 UserFunction = Callable[[int, bytes], object]
-"""`checksum(can_id, data)`; the checksum's own bits in `data` are 0."""
+"""`checksum(can_id, data)` returns the checksum; the checksum's own bits in `data` are 0."""
 
 
 def load_function(place: str, folder: Path) -> UserFunction:
-    """The function of `FILE.py:NAME`, relative to `folder`.
+    """Load the function of `FILE.py:NAME`, relative to `folder`.
 
-    Whatever the file raises becomes a `ConfigError` with file and line.
+    Any exception that the file raises becomes a `ConfigError` with file and line.
     """
     file, _, name = place.rpartition(":")
     path = folder / file
@@ -41,7 +41,7 @@ def load_function(place: str, folder: Path) -> UserFunction:
 
 
 def check_function(function: UserFunction, can_id: int, length: int, place: BitPlace) -> str:
-    """What is wrong with the function, tried with payloads of all zeros and all ones; empty if nothing is."""
+    """Try the function with payloads of all zeros and all ones; describe what is wrong, or return ""."""
     for data in (bytes(length), place.clear(b"\xff" * length)):
         try:
             results = [function(can_id, data) for _ in range(2)]
@@ -58,7 +58,7 @@ def check_function(function: UserFunction, can_id: int, length: int, place: BitP
 
 
 class UserChecksum:
-    """The function for one message, guarded: no payload makes `matches` raise."""
+    """The user's function for one message. It is guarded: no payload makes `matches` raise."""
 
     def __init__(self, function: UserFunction, message_name: str, can_id: int, width: int) -> None:
         self._function = function
@@ -68,7 +68,7 @@ class UserChecksum:
         self._has_failed = False
 
     def compute(self, data: bytes) -> int:
-        """The checksum of a payload that will be sent. `SignalError` when the function fails."""
+        """Return the checksum of a payload to be sent; raises `SignalError` if the function fails."""
         try:
             number = self._function(self._can_id, data)
         except KeyboardInterrupt:
@@ -80,7 +80,7 @@ class UserChecksum:
         return number
 
     def matches(self, data: bytes, number: int) -> bool:
-        """Whether the checksum of a received payload is `number`; a payload on which the function fails is damaged."""
+        """Whether the checksum of a received payload is `number`; False if the function fails."""
         try:
             return self.compute(data) == number
         except SignalError as error:
@@ -91,7 +91,7 @@ class UserChecksum:
 
 
 def describe_error(error: BaseException) -> str:
-    """What a user's code raised, with file and line."""
+    """Describe an exception of the user's code, with file and line."""
     where = traceback.extract_tb(error.__traceback__)[-1]
     line = error.lineno if isinstance(error, SyntaxError) else where.lineno
     file = error.filename if isinstance(error, SyntaxError) else where.filename
@@ -104,7 +104,7 @@ def _fits(number: object, width: int) -> bool:
 
 @cache
 def _load_module(path: Path, _changed_ns: int) -> ModuleType:
-    """The module in a file, loaded once for all messages, under a name that no other module has."""
+    """Load the module in a file once for all messages, under a name that no other module has."""
     name = f"vehicle_iface_checksum_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:

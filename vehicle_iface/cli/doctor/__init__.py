@@ -1,6 +1,6 @@
-"""`vehicle-iface doctor`: what this machine lacks for driving a vehicle, each with a command that fixes it.
+"""`vehicle-iface doctor`: reports what this machine lacks for driving a vehicle, each with a command that fixes it.
 
-Reads and tries, and changes nothing. Needs no rights, and reports what it could not see.
+It only reads and tries; it changes nothing and needs no privileges. It reports what it could not check.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from vehicle_iface.telemetry import telemetry_path
 
 
 def examine_machine(options: argparse.Namespace) -> int:
-    """Print all diagnostics; 2 when something needed is missing."""
+    """Print all diagnostics; return 2 if something required is missing."""
     profile = load_profile(options.profile)
     channels = find_channels(options.channels, profile, command="doctor")
     diagnostics = examine({channel: profile.all_buses[name] for name, channel in channels.items()})
@@ -37,7 +37,7 @@ def examine_machine(options: argparse.Namespace) -> int:
 
 
 def examine(buses: Mapping[str, Bus], *, system: str = sys.platform) -> list[Diagnostic]:
-    """Look at everything that a vehicle on `buses` needs, each behind the interface of that name."""
+    """Check everything that a vehicle on `buses` needs. `buses` maps interface names to the profile's buses."""
     if system != "linux":
         return [*describe_other_system(system), *check_software()]
     return [

@@ -1,4 +1,4 @@
-"""The bus: the kernel's CAN modules, the interface and its queues."""
+"""Checks the bus: the kernel's CAN modules, the interface and its queues."""
 
 import json
 import platform
@@ -17,14 +17,14 @@ from vehicle_iface.profile import Bus
 
 CANFD_MTU = 72
 FRAME_BITS = 135
-"""A classical data frame of 8 bytes with all the stuff bits that it may need, and the gap after it."""
+"""Length in bits of a classical data frame of 8 bytes with the most stuff bits, and the gap after it."""
 FRAMES_OF_A_PASS = 4
 QUEUED_S = 0.01
-"""A command that waits longer than this is older than the next one."""
+"""Longest time in s that a command may wait in the queue before it is older than the next one."""
 
 
 def check_socketcan(channels: Iterable[str]) -> Iterator[Diagnostic]:
-    """The kernel's side: can, can_raw, and what makes virtual interfaces and gateways."""
+    """Check the kernel modules for CAN sockets, virtual interfaces and gateways."""
     error = _socketcan_error()
     if error:
         if has_module("can_raw"):
@@ -44,7 +44,7 @@ def check_socketcan(channels: Iterable[str]) -> Iterator[Diagnostic]:
 
 
 def has_module(name: str) -> bool:
-    """Whether it is loaded, built in, or can be loaded."""
+    """Whether a kernel module is loaded, built in, or can be loaded."""
     if Path("/sys/module", name).exists():
         return True
     folder = Path("/lib/modules", platform.release())
@@ -54,7 +54,7 @@ def has_module(name: str) -> bool:
 
 
 def check_interface(channel: str, bus: Bus) -> list[Diagnostic]:
-    """The interface as it is set up now; nothing where the kernel has no SocketCAN."""
+    """Check how the interface is set up; return nothing if the kernel has no SocketCAN."""
     if _socketcan_error():
         return []
     if not _has_interface(channel):
@@ -73,7 +73,7 @@ def check_interface(channel: str, bus: Bus) -> list[Diagnostic]:
 
 
 def check_link(link: Mapping[str, Any], bus: Bus) -> Iterator[Diagnostic]:
-    """What `ip -details -json link show` reports about one interface."""
+    """Check what `ip -details -json link show` reports about one interface."""
     name = str(link["ifname"])
     if link.get("link_type") != "can":
         yield missing(name, f"is of type {link.get('link_type')} and carries no CAN", "ip -brief link")
@@ -109,7 +109,7 @@ def _check_mtu(name: str, kind: str, mtu: int, bus: Bus) -> Diagnostic:
 
 
 def _check_controller(name: str, data: Mapping[str, Any], bus: Bus) -> Iterator[Diagnostic]:
-    """A real controller's bit rate, recovery and state of errors."""
+    """Check a hardware controller's bit rate, automatic restart and error state."""
     again = f"sudo ip link set {name} down && sudo ip link set {_up_arguments(name, 'can', bus)}"
     bitrate = int(data.get("bittiming", {}).get("bitrate", 0))
     if bitrate == bus.bitrate:
@@ -144,7 +144,10 @@ def _check_errors(name: str, data: Mapping[str, Any]) -> Diagnostic:
 
 
 def _check_queue(name: str, qdisc: str, frames: int, bus: Bus) -> Diagnostic:
-    """A short queue is good: a command behind other frames arrives late, and a full queue is noticed at once."""
+    """Check the length of the transmit queue.
+
+    In a long queue, a command arrives late behind other frames; a short queue fills up, which is noticed at once.
+    """
     if qdisc == "noqueue":
         return ok("txqueuelen", "no queue: each frame arrives at once")
     waiting_s = frames * FRAME_BITS / bus.bitrate
@@ -159,7 +162,7 @@ def _check_queue(name: str, qdisc: str, frames: int, bus: Bus) -> Diagnostic:
 
 
 def check_receive_buffer(granted_bytes: int) -> Iterator[Diagnostic]:
-    """Whether the kernel gives the receive buffer that the bus asks for."""
+    """Check that the kernel grants the receive buffer that the bus requests."""
     if granted_bytes >= RECEIVE_BUFFER_BYTES:
         yield ok("rmem_max", f"{RECEIVE_BUFFER_BYTES} bytes of receive buffer granted")
     else:
@@ -171,7 +174,7 @@ def check_receive_buffer(granted_bytes: int) -> Iterator[Diagnostic]:
 
 
 def _socketcan_error() -> str:
-    """Why there is no SocketCAN; empty where there is."""
+    """Return why SocketCAN is not available; empty if it is."""
     try:
         socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
     except OSError as error:
@@ -196,7 +199,7 @@ def _describe_absent(channel: str) -> Diagnostic:
 
 
 def _up_arguments(name: str, kind: str, bus: Bus) -> str:
-    """What comes after `ip link set`, to bring it up as in the profile it."""
+    """Return the arguments of `ip link set` that bring the interface up as the profile states."""
     if kind != "can":
         return f"{name} up"
     fd = f" dbitrate {bus.data_bitrate or bus.bitrate} fd on" if bus.fd else ""
@@ -204,7 +207,8 @@ def _up_arguments(name: str, kind: str, bus: Bus) -> str:
 
 
 def granted_bytes() -> int:
-    """Size of the receive buffer that a socket is granted; not every system has the limit's file."""
+    """Return the size in bytes of the receive buffer that a socket is granted. It asks a socket, since some systems
+    lack the file with the limit."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asked:
         asked.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
         return asked.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 2  # Linux doubles it for its own use

@@ -1,4 +1,4 @@
-"""The diagnostics of `vehicle-iface doctor`, and how they are shown."""
+"""The diagnostics of `vehicle-iface doctor`, and their output as text and JSON."""
 
 import json
 from collections.abc import Iterable
@@ -8,24 +8,24 @@ from pathlib import Path
 
 
 class Verdict(StrEnum):
-    """How the machine stands in one respect."""
+    """The result of one check."""
 
     OK = "ok"
     WARN = "warn"
-    """Works, but not as well as it could, or not as it was tested."""
+    """It works, but not as well as it could, or not in the tested version."""
     MISSING = "missing"
-    """Needed, and not there or not usable."""
+    """It is required, but absent or unusable."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
-    """The state of one thing."""
+    """The result of one check, with a text and a command."""
 
     subject: str
     verdict: Verdict
     text: str
     fix: str = ""
-    """A command line that fixes it or shows more; empty where all is well."""
+    """A command that fixes the problem or shows more; empty if there is none."""
 
     def __str__(self) -> str:
         fix = f"; try `{self.fix}`" if self.fix else ""
@@ -33,7 +33,7 @@ class Diagnostic:
 
 
 def as_text(diagnostics: Iterable[Diagnostic]) -> str:
-    """One line for each, and the number of errors and warnings."""
+    """Return one line for each diagnostic, and the number of errors and warnings."""
     lines = [str(diagnostic) for diagnostic in diagnostics]
     missing = sum(line.startswith(Verdict.MISSING) for line in lines)
     warned = sum(line.startswith(Verdict.WARN) for line in lines)
@@ -45,33 +45,33 @@ def _count(count: int, noun: str) -> str:
 
 
 def as_json(diagnostics: Iterable[Diagnostic]) -> str:
-    """The same as JSON, for programs."""
+    """Return the diagnostics as JSON."""
     kept = tuple(diagnostics)
     return json.dumps({"is_ready": is_ready(kept), "findings": [asdict(diagnostic) for diagnostic in kept]}, indent=2)
 
 
 def is_ready(diagnostics: Iterable[Diagnostic]) -> bool:
-    """Whether nothing needed is missing."""
+    """Whether nothing required is missing."""
     return all(diagnostic.verdict is not Verdict.MISSING for diagnostic in diagnostics)
 
 
 def ok(subject: str, text: str) -> Diagnostic:
-    """All is well."""
+    """Build a diagnostic without a problem."""
     return Diagnostic(subject=subject, verdict=Verdict.OK, text=text)
 
 
 def warn(subject: str, text: str, fix: str) -> Diagnostic:
-    """Works, but could be better."""
+    """Build a diagnostic about something that works but could be better."""
     return Diagnostic(subject=subject, verdict=Verdict.WARN, text=text, fix=fix)
 
 
 def missing(subject: str, text: str, fix: str) -> Diagnostic:
-    """Must be fixed."""
+    """Build a diagnostic about something that must be fixed."""
     return Diagnostic(subject=subject, verdict=Verdict.MISSING, text=text, fix=fix)
 
 
 def read_text(path: str | Path) -> str:
-    """The text there; empty where there is none."""
+    """Return the text of a file; empty if it cannot be read."""
     try:
         return Path(path).read_text(encoding="utf-8")
     except OSError:

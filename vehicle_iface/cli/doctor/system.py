@@ -1,4 +1,4 @@
-"""The machine: scheduling, memory, clock and software."""
+"""Checks the machine: scheduling, memory, clock and software."""
 
 import importlib.metadata
 import os
@@ -18,14 +18,14 @@ TESTED = {
     "autosar-e2e": "1.0.0",
     "viser": "1.1.1",
 }
-"""The versions that the tests run with, as in requirements.txt."""
+"""The package versions with which the tests run, as in requirements.txt."""
 TELEMETRY_BYTES = 4 << 20
 SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies", "refined-jiffies", "pit")
 FAST_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock")
 
 
 def check_realtime() -> Iterator[Diagnostic]:
-    """Whether the loop would be granted real-time priority and locked memory; both are tried."""
+    """Check whether the loop would get real-time priority and locked memory, by trying both."""
     if realtime.may_fifo():
         yield ok("SCHED_FIFO", f"granted, priority {realtime.FIFO_PRIORITY}")
     else:
@@ -45,7 +45,7 @@ def check_realtime() -> Iterator[Diagnostic]:
 
 
 def check_throttling(runtime_us: int | None, period_us: int | None) -> Iterator[Diagnostic]:
-    """How much of each second real-time threads may have."""
+    """Check what share of each period the kernel allows real-time threads."""
     subject, fix = "throttling", "sudo sysctl -w kernel.sched_rt_runtime_us=950000 kernel.sched_rt_period_us=1000000"
     if runtime_us is None or not period_us:
         yield ok(subject, "this kernel has no setting for it")
@@ -58,7 +58,7 @@ def check_throttling(runtime_us: int | None, period_us: int | None) -> Iterator[
 
 
 def check_governor(governors: Iterable[str]) -> Iterator[Diagnostic]:
-    """Whether processors slow down between two samples."""
+    """Check whether CPUs may slow down between two samples."""
     names = sorted({name for governor in governors if (name := governor.strip())})
     if not names:
         yield ok("CPU frequency", "cannot be seen here (fixed, or a virtual machine)")
@@ -70,7 +70,7 @@ def check_governor(governors: Iterable[str]) -> Iterator[Diagnostic]:
 
 
 def check_clock(current: list[str], available: list[str]) -> Iterator[Diagnostic]:
-    """Whether reading the clock is cheap."""
+    """Check whether reading the clock is fast."""
     name = current[0] if current else ""
     better = next((clock for clock in FAST_CLOCKS if clock in available), None)
     if not name:
@@ -87,7 +87,7 @@ def check_clock(current: list[str], available: list[str]) -> Iterator[Diagnostic
 
 
 def check_memory_files(folder: Path) -> Iterator[Diagnostic]:
-    """The folder of the telemetry file, through which the viewer sees the loop."""
+    """Check the folder of the telemetry file, which connects loop and viewer."""
     subject = "/dev/shm"
     if str(folder) != subject:
         yield warn(
@@ -105,7 +105,7 @@ def check_memory_files(folder: Path) -> Iterator[Diagnostic]:
 
 
 def check_software() -> Iterator[Diagnostic]:
-    """Python, and the packages beside the versions that were tested."""
+    """Check the versions of Python and of the packages against the tested ones."""
     yield ok("Python", f"{platform.python_version()} ({platform.python_implementation()})")
     for name, tested in TESTED.items():
         try:
@@ -116,7 +116,7 @@ def check_software() -> Iterator[Diagnostic]:
 
 
 def check_package(name: str, version: str, tested: str) -> Diagnostic:
-    """One package; `version` is empty where there is none."""
+    """Check one package; `version` is empty if it is not installed."""
     fix = f"{shlex.quote(sys.executable)} -m pip install {name}=={tested}"
     if not version:
         return missing(name, "not installed", fix)
@@ -126,7 +126,7 @@ def check_package(name: str, version: str, tested: str) -> Diagnostic:
 
 
 def describe_other_system(system: str) -> Iterator[Diagnostic]:
-    """What this program can do on Linux only."""
+    """Describe what this program can do on systems other than Linux."""
     yield warn(
         "SocketCAN",
         f"does not apply to {system}: a python-can adapter, or the simulated vehicle in the loop's process",
@@ -140,6 +140,6 @@ def describe_other_system(system: str) -> Iterator[Diagnostic]:
 
 
 def read_number(path: str) -> int | None:
-    """The whole number there; None where there is none."""
+    """Return the whole number in a file; None if there is none."""
     text = read_text(path).strip()
     return int(text) if text.lstrip("-").isdigit() else None
