@@ -15,7 +15,7 @@ import msgspec
 import pytest
 from hil_bench import result
 from hil_bench.report import compare, drawing, formatting, html, junit, terminal
-from hil_bench.result import CaseResult, Check, Distribution, Evidence, Path2D, Plot, Run, Series, Verdict
+from hil_bench.result import CaseResult, Check, Distribution, Evidence, Measured, Path2D, Plot, Run, Series, Verdict
 from rich.console import Console
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -103,6 +103,9 @@ def hostile_run(text: str) -> Run:
         injected=text,
         checks=[Check(text=text, verdict=Verdict.FAIL, measured=2.0, limit=1.0, unit=text, found=[text])],
         events=[result.Event(at_s=1.0, kind=result.EventKind.INJECTION, text=text)],
+        measured=[
+            Measured(name=text, unit=text, acts_at=3.1, profile=3.0, lowest=2.9, highest=3.2, place=text, key=text)
+        ],
         plots=[Plot(title=text, unit=text, series=[Series(name=text, at_s=[0.0, 1.0], values=[0.0, 1.0])], highest=1)],
         distributions=[
             Distribution(name=text, unit=text, count=1, p50=1, p95=1, p99=1, max=1, edges=[0, 1], counts=[1])
@@ -124,6 +127,42 @@ def test_the_page_begins_with_verdict_and_class_of_evidence(run: Run, tmp_path: 
     assert "1 FAIL" in text
     assert "2 NOT EXECUTED" in text
     assert "What was not executed is not proven" in text
+
+
+def threshold(acts_at: float | None, name: str = "lateral deviation") -> Measured:
+    return Measured(name=name, unit="m", acts_at=acts_at, profile=3.0, lowest=2.9, highest=3.2, place="to the left")
+
+
+@pytest.mark.parametrize(
+    ("acts_at", "shown", "verdict"),
+    [
+        (3.04, "3.04 m", Verdict.PASS),
+        (5.0, "5 m", Verdict.FAIL),
+        (2.0, "2 m", Verdict.FAIL),
+        (None, "did not act", Verdict.FAIL),
+    ],
+)
+def test_a_measured_threshold_is_shown_beside_that_of_the_profile(
+    acts_at: float | None, shown: str, verdict: Verdict, tmp_path: Path
+) -> None:
+    one = threshold(acts_at)
+    assert one.verdict is verdict
+    page = page_of(made_up.run_of([case("drifting", measured=[one])]), tmp_path)
+    assert f"lateral deviation to the left {shown} 3 m 2.9 m to 3.2 m drifting" in page.text
+    assert formatting.describe_threshold(one) == f"lateral deviation, to the left: acts at {shown}, profile 3 m"
+
+
+def test_missed_thresholds_come_first_and_one_that_may_be_lower_has_no_lower_end(tmp_path: Path) -> None:
+    kept = msgspec.structs.replace(threshold(0.1, "wheel angle"), lowest=None)
+    page = page_of(made_up.run_of([case("a", measured=[kept]), case("b", measured=[threshold(5.0)])]), tmp_path)
+    assert page.text.index("5 m 3 m") < page.text.index("0.1 m 3 m at most 3.2 m")
+    assert "Measured thresholds" not in page_of(made_up.run_of([case()]), tmp_path).text
+
+
+def test_measured_thresholds_are_kept_in_the_results(tmp_path: Path) -> None:
+    run = made_up.run_of([case(measured=[threshold(3.04)])])
+    result.write(run, tmp_path / "results.json")
+    assert result.read(tmp_path / "results.json").cases[0].measured == [threshold(3.04)]
 
 
 @pytest.mark.parametrize("evidence", list(Evidence))

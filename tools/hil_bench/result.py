@@ -65,6 +65,35 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
     """The first violations, each with its time."""
 
 
+class Measured(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the device really acts, beside the profile's threshold."""
+
+    name: str
+    """Of the threshold, in words."""
+    unit: str
+    acts_at: float | None
+    """None: it did not act."""
+    profile: float
+    """The threshold as the profile has it, or as it follows from the profile."""
+    lowest: float | None
+    """Tolerance: `acts_at` must not be below; None: it may."""
+    highest: float | None
+    """Tolerance: `acts_at` must not be above; None: it may."""
+    place: str = ""
+    """Direction, speed and bend at which it was measured."""
+    key: str = ""
+    """Of the profile: table and key."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """PASS within the tolerance."""
+        if self.acts_at is None:
+            return Verdict.FAIL
+        is_above = self.highest is not None and self.acts_at > self.highest
+        is_below = self.lowest is not None and self.acts_at < self.lowest
+        return Verdict.FAIL if is_above or is_below else Verdict.PASS
+
+
 class Distribution(msgspec.Struct, frozen=True, kw_only=True):
     """Many measurements of one quantity."""
 
@@ -131,6 +160,7 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True):
     """The injected fault."""
     checks: list[Check] = []
     events: list[Event] = []
+    measured: list[Measured] = []
     distributions: list[Distribution] = []
     plots: list[Plot] = []
     path: Path2D | None = None

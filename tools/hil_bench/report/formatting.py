@@ -2,9 +2,10 @@
 
 import math
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hil_bench.result import CaseResult, Check, Evidence, Run, Verdict, verdict_of
+from hil_bench.result import CaseResult, Check, Evidence, Measured, Run, Verdict, verdict_of
 
 LONGEST_TEXT = 2000
 NOTHING = "—"
@@ -70,6 +71,34 @@ def measured_of_limit(check: Check) -> str:
         return quantity(check.measured, check.unit)
     scale, shown = scale_of(check.unit, abs(check.limit))
     return f"{number(check.measured * scale)} of {number(check.limit * scale)} {shown}".rstrip()
+
+
+def exact(value: float | None, unit: str) -> str:
+    """As `quantity`, with one digit more: a measured threshold differs little from the stated one."""
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    scale, shown = scale_of(unit, abs(value))
+    return f"{value * scale:.4g} {shown}".rstrip().replace("-", "−")
+
+
+def acts_at(measured: Measured) -> str:
+    """'3.04 m'."""
+    return "did not act" if measured.acts_at is None else exact(measured.acts_at, measured.unit)
+
+
+def tolerance(measured: Measured) -> str:
+    """'2.9 m to 3.2 m'."""
+    lowest, highest = (exact(end, measured.unit) for end in (measured.lowest, measured.highest))
+    if measured.lowest is None:
+        return f"at most {highest}"
+    return f"at least {lowest}" if measured.highest is None else f"{lowest} to {highest}"
+
+
+def describe_threshold(measured: Measured) -> str:
+    """'lateral deviation, to the left: acts at 3.04 m, profile 3 m'."""
+    place = f", {measured.place}" if measured.place else ""
+    profile = exact(measured.profile, measured.unit)
+    return f"{measured.name}{place}: acts at {acts_at(measured)}, profile {profile}"
 
 
 def duration(seconds: float) -> str:
@@ -140,6 +169,14 @@ def groups(run: Run) -> list[Group]:
 def count(run: Run, verdict: Verdict) -> int:
     """Case results, each repetition for itself."""
     return sum(case.verdict is verdict for case in run.cases)
+
+
+def thresholds(found: Sequence[Group]) -> list[tuple[str, str, Measured]]:
+    """The address of each case's details, its name, and what it measured: failed ones first."""
+    rows = [
+        (f"case-{number}", group.name, one) for number, group in enumerate(found, 1) for one in group.worst.measured
+    ]
+    return sorted(rows, key=lambda row: row[2].verdict is not Verdict.FAIL)
 
 
 def main_figure(case: CaseResult) -> str:
