@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from hil_bench import bench, judge, routes
+from hil_bench import bench, judges, routes
 from hil_bench.case import Case, Need, Then
 from hil_bench.cases import CATALOGUE, catalogue_of
 from hil_bench.cases.files import FILES
@@ -45,7 +45,7 @@ def test_every_case_has_a_unique_name_and_an_expectation() -> None:
     for case in EVERY_CASE:
         assert case.see, case.name
         assert case.proves.endswith("."), case.name
-        assert case.allow <= set(judge.KINDS), case.name
+        assert case.allow <= set(judges.KINDS), case.name
         assert case.injected or case.inject is None, case.name
         assert Need.REARM in case.needs or case.then is not Then.REARM, case.name
     assert {case.name for case in bench.select_cases((), (), quick=True)} < {case.name for case in CATALOGUE}

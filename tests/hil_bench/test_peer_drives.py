@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hil_bench import dynamics, routes
+from hil_bench import routes
+from hil_bench.judges import dynamics
 from hil_bench.peer.wire import PeerWire
 from vehicle_bus_contract.judge import lateral_errors_m
 from vehicle_bus_contract.reference import AUTONOMOUS, FAULT, MANUAL, READY, Frame

@@ -7,13 +7,14 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from hil_bench import buses, cli, dynamics, routes
+from hil_bench import buses, cli, routes
 from hil_bench.applicable import adapt, find_inapplicable
 from hil_bench.bus import RxFrame
 from hil_bench.cases import CATALOGUE, catalogue_of
 from hil_bench.cases.buses import BUSES
 from hil_bench.device import Commands, fill_template
 from hil_bench.expect import Observation
+from hil_bench.judges import dynamics
 from hil_bench.peer.build import open_wire
 from hil_bench.peer.wire import PeerWire
 from hil_bench.profile import ProfileError

@@ -59,7 +59,7 @@ class Case:
     may_fall_silent: bool = False
     """At standstill after its stop the device may also fall silent, where it is to hold the vehicle."""
     allow: frozenset[str] = frozenset()
-    """The kinds of findings (`judge.KINDS`) that are no failure during the injection."""
+    """The kinds of findings (`judges.KINDS`) that are no failure during the injection."""
     needs: tuple[Need, ...] = ()
     about: tuple[Part, ...] = ()
     """What the vehicle must have; without it the case does not apply."""

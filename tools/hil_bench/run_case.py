@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 from vehicle_bus_contract.reference import S
 
-from hil_bench import figures, host, judge
+from hil_bench import figures, host, judges
 from hil_bench.bus import is_virtual
 from hil_bench.buses import channel_options, describe_channels
 from hil_bench.case import Case, Then
@@ -294,22 +294,22 @@ def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list
         wire=rig.wire,
         said=rig.said(),
     )
-    checks = judge.check_alive(case, observed, rig) + judge.check_preparation(case, observed, rig)
+    checks = judges.check_alive(case, observed, rig) + judges.check_preparation(case, observed, rig)
     events: list[Event] = []
     for expectation in () if case.inject is not None and not observed.inject_ns else case.see:
         expected, at = expectation.judge(observed)
         checks.append(expected)
         events += at
-    path_checks, drawn = judge.check_path(case, route, rig.vehicle.history)
-    answer_checks, distributions = judge.check_answers(case, record, observed, rig)
+    path_checks, drawn = judges.check_path(case, route, rig.vehicle.history)
+    answer_checks, distributions = judges.check_answers(case, record, observed, rig)
     checks += path_checks + answer_checks
-    checks += judge.check_protocol(case, rig, record, observed)
-    checks += judge.check_health(case, observed, rig, killed)
+    checks += judges.check_protocol(case, rig, record, observed)
+    checks += judges.check_health(case, observed, rig, killed)
     failed = [c for c in checks if c.verdict is Verdict.FAIL]
     verdict = Verdict.FAIL if failed else Verdict.PASS
-    first = (judge.select_unexcused(failed) if rig.late else failed) or failed
+    first = (judges.select_unexcused(failed) if rig.late else failed) or failed
     why = f"{first[0].text}: {'; '.join(first[0].found[:1])}" if failed else ""
-    if failed and rig.late and not judge.select_unexcused(failed):
+    if failed and rig.late and not judges.select_unexcused(failed):
         verdict = Verdict.NOT_EXECUTED
         why = f"the bench itself was late ({rig.late[0]}), which may explain the finding: {why}"
     return msgspec.structs.replace(

@@ -84,7 +84,7 @@ class Wire:
     """How much longer than a sample's period a commanded wheel angle lasts."""
     ticks_per_command = ticks_per_sample = 1
     unjudged: Mapping[str, str] = {}
-    """The kinds of `judge.KINDS` that this vehicle's bus has nothing for, and what it lacks."""
+    """The kinds of `judges.KINDS` that this vehicle's bus has nothing for, and what it lacks."""
     is_counted = True
     """The messages of a sample share a counter."""
     frame_id = "map"

@@ -7,7 +7,7 @@ from itertools import pairwise
 from vehicle_bus_contract.judge import JITTER_NS, SILENCE_NS, Pair, Record
 from vehicle_bus_contract.reference import MS, S
 
-from hil_bench.pace import ANSWERED_NS, Pace, Recent
+from hil_bench.judges.pace import ANSWERED_NS, Pace, Recent
 from hil_bench.vehicle import Instant
 from hil_bench.wire import Wire
 

@@ -8,11 +8,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from hil_bench import expect, figures, judge, routes
+from hil_bench import expect, figures, judges, routes
 from hil_bench.case import Case
 from hil_bench.cases import CATALOGUE
 from hil_bench.cases.files import FILES
 from hil_bench.faults import frames
+from hil_bench.judges import protocol
 from hil_bench.result import Verdict
 from hil_bench.wire import Wire
 from hypothesis import given
@@ -93,8 +94,8 @@ def judged(tell: Lie, *, case: Case = CATALOGUE[0], wire: Wire = WIRE) -> dict[s
     record = examine(said, wire)
     history = [at(1.0 + tick / 100, SPEED_MPS) for tick in range(400)]
     rig = SimpleNamespace(wire=wire, touched_ns=0, healthy_ns=0)
-    checks = judge.check_protocol(case, rig, record, observed(history=history))  # type: ignore[arg-type]
-    return {kind: check.verdict for kind, check in zip(judge.KINDS, checks, strict=True)}
+    checks = judges.check_protocol(case, rig, record, observed(history=history))  # type: ignore[arg-type]
+    return {kind: check.verdict for kind, check in zip(judges.KINDS, checks, strict=True)}
 
 
 LIES: dict[str, tuple[str, Lie]] = {
@@ -186,8 +187,8 @@ def test_a_few_unanswered_samples_after_a_bad_cable_are_tolerated() -> None:
     rig = SimpleNamespace(wire=WIRE, touched_ns=S, healthy_ns=0)
     for count, verdict in ((10, Verdict.PASS), (11, Verdict.FAIL)):
         record = Record(unanswered=[f"sample at {9.0 + i / 100:.3f} s" for i in range(count)])
-        checks = judge.check_protocol(named("cable-loses-5-percent"), rig, record, observed())  # type: ignore[arg-type]
-        assert {check.text: check.verdict for check in checks}[judge.KINDS["unanswered"]] is verdict
+        checks = judges.check_protocol(named("cable-loses-5-percent"), rig, record, observed())  # type: ignore[arg-type]
+        assert {check.text: check.verdict for check in checks}[judges.KINDS["unanswered"]] is verdict
 
 
 def test_an_injection_into_a_vehicle_that_is_not_driven_fails() -> None:
@@ -197,16 +198,16 @@ def test_an_injection_into_a_vehicle_that_is_not_driven_fails() -> None:
         ("state-lost", [at(4.9, 3.0, READY)]),
         ("state-lost", []),
     ):
-        checks = judge.check_preparation(named(name), observed(history=instants), rig)  # type: ignore[arg-type]
+        checks = judges.check_preparation(named(name), observed(history=instants), rig)  # type: ignore[arg-type]
         assert [check.verdict for check in checks] == [Verdict.FAIL], name
-    good = judge.check_preparation(named("state-lost"), observed(history=[at(4.9, 2.5)]), rig)  # type: ignore[arg-type]
+    good = judges.check_preparation(named("state-lost"), observed(history=[at(4.9, 2.5)]), rig)  # type: ignore[arg-type]
     assert [check.verdict for check in good] == [Verdict.PASS]
 
 
 def test_a_device_that_never_engages_fails_for_that() -> None:
     rig = SimpleNamespace(wire=WIRE, touched_ns=0)
     for history, verdict in (([at(1.0, 0.0, READY)], Verdict.FAIL), ([at(1.0, 0.0)], Verdict.PASS)):
-        (check,) = judge.check_preparation(named("drive-step"), observed(history=history), rig)  # type: ignore[arg-type]
+        (check,) = judges.check_preparation(named("drive-step"), observed(history=history), rig)  # type: ignore[arg-type]
         assert (check.text, check.verdict) == ("the device engages", verdict)
 
 
@@ -221,19 +222,19 @@ def test_health_requires_motion_hold_or_survival_as_the_case_demands() -> None:
         (waits, observed(), replace(observed(), exit_ns=3 * S)),
     ):
         for found, verdict in ((sound, Verdict.PASS), (broken, Verdict.FAIL)):
-            checks = judge.check_health(case, found, rig, [])  # type: ignore[arg-type]
+            checks = judges.check_health(case, found, rig, [])  # type: ignore[arg-type]
             assert (verdict is Verdict.FAIL) == any(check.verdict is Verdict.FAIL for check in checks), case.name
 
 
 def test_a_late_bench_excuses_timing_but_not_content() -> None:
     late, wrong, *rates = (
         expect.check("a stop", ["no such stop"]),
-        expect.check(judge.KINDS["command"], ["3.100 s: ENABLE 1 and 0 in one pair"]),
-        expect.check(judge.KINDS["command"], ["3.100 s: wheels faster than 0.8 rad/s"]),
-        expect.check(judge.KINDS["dynamics"], ["3.100 s: a swerve at 8.00 m/s, wheels to 0.1000 rad"]),
+        expect.check(judges.KINDS["command"], ["3.100 s: ENABLE 1 and 0 in one pair"]),
+        expect.check(judges.KINDS["command"], ["3.100 s: wheels faster than 0.8 rad/s"]),
+        expect.check(judges.KINDS["dynamics"], ["3.100 s: a swerve at 8.00 m/s, wheels to 0.1000 rad"]),
     )
-    assert judge.select_unexcused([late, wrong]) == [wrong]
-    assert judge.select_unexcused([late, *rates]) == []
+    assert judges.select_unexcused([late, wrong]) == [wrong]
+    assert judges.select_unexcused([late, *rates]) == []
 
 
 @given(st.lists(st.floats(0.0, 1e4), min_size=1, max_size=300))
@@ -249,7 +250,7 @@ def test_a_device_that_ends_before_its_first_frame_is_reported_with_its_last_lin
     log.write_text("begun\nno such option: --arm\n")
     rig = SimpleNamespace(device=SimpleNamespace(log=log))
     dead = replace(observed(status=2), exit_ns=1 * S)
-    found = judge.check_alive(named("state-lost"), dead, rig)  # type: ignore[arg-type]
+    found = judges.check_alive(named("state-lost"), dead, rig)  # type: ignore[arg-type]
     assert [(c.verdict, c.found) for c in found] == [
         (Verdict.FAIL, ["it ended with status 2 before its first frame; its last line: no such option: --arm"])
     ]
@@ -258,7 +259,7 @@ def test_a_device_that_ends_before_its_first_frame_is_reported_with_its_last_lin
         (named("state-lost"), observed(status=None)),
         (named("state-lost"), observed(pair(1))),
     ):
-        assert judge.check_alive(case, what, rig) == []  # type: ignore[arg-type]
+        assert judges.check_alive(case, what, rig) == []  # type: ignore[arg-type]
 
 
 def burst(hold: int) -> tuple[Record, list[str]]:
@@ -271,8 +272,8 @@ def burst(hold: int) -> tuple[Record, list[str]]:
         drive.run_s(1.5)
     record = drive.record()
     rig = SimpleNamespace(wire=WIRE, touched_ns=0, healthy_ns=0)
-    checks = judge.check_protocol(CATALOGUE[0], rig, record, observed(history=[]))  # type: ignore[arg-type]
-    return record, next(c.found for c in checks if c.text == judge.KINDS["unanswered"])
+    checks = judges.check_protocol(CATALOGUE[0], rig, record, observed(history=[]))  # type: ignore[arg-type]
+    return record, next(c.found for c in checks if c.text == judges.KINDS["unanswered"])
 
 
 @pytest.mark.parametrize(("hold", "crowded"), [(2, 0), (3, 1), (4, 2)])
@@ -284,9 +285,9 @@ def test_samples_that_catch_up_in_a_burst_need_not_all_be_answered(hold: int, cr
 
 def test_no_more_answers_are_missing_than_samples_came_in_bursts() -> None:
     unanswered = ["a sample after 0.200 s", "a sample after 2.000 s", "a sample after 2.000 s"]
-    assert judge._without_crowded(unanswered, []) == unanswered
-    assert judge._without_crowded(unanswered, [2.03]) == ["a sample after 0.200 s", "a sample after 2.000 s"]
-    assert judge._without_crowded(unanswered, [2.03, 5.0]) == ["a sample after 0.200 s"]
+    assert protocol._without_crowded(unanswered, []) == unanswered
+    assert protocol._without_crowded(unanswered, [2.03]) == ["a sample after 0.200 s", "a sample after 2.000 s"]
+    assert protocol._without_crowded(unanswered, [2.03, 5.0]) == ["a sample after 0.200 s"]
 
 
 STOPPED = [*steady(0, 5.06), *steady(5.06, 7, stop)]
@@ -307,5 +308,5 @@ def test_a_stop_may_end_in_silence_at_rest_in_the_case_for_it_only(
     case: str, commands: Sequence[Pair], speed_mps: float, verdict: Verdict
 ) -> None:
     seen = observed(*commands, history=[at(tick / 100, speed_mps) for tick in range(1000)], status=4)
-    checks = judge.check_health(named(case), seen, SimpleNamespace(), [])  # type: ignore[arg-type]
+    checks = judges.check_health(named(case), seen, SimpleNamespace(), [])  # type: ignore[arg-type]
     assert next(c.verdict for c in checks if c.text == "the stop is held") is verdict
