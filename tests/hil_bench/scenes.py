@@ -15,6 +15,19 @@ from vehicle_bus_contract.judge import Pair
 from vehicle_bus_contract.reference import AUTONOMOUS, MS, Frame, S
 
 WIRE = Wire("reference")
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def is_played(profile: str) -> bool:
+    """Whether the bench can play a vehicle: it is commanded."""
+    return "\n[command" in profile
+
+
+SHIPPED = (
+    *sorted(path.stem for path in (ROOT / "dbc").glob("*.toml") if is_played(path.read_text())),
+    str(ROOT / "docs" / "examples" / "06_own_vehicle" / "rover.toml"),
+)
+"""Every vehicle that the bench plays."""
 
 
 def other_wire(folder: Path, *, profile: tuple[str, str] = ("", ""), dbc: tuple[str, str] = ("", "")) -> Wire:

@@ -24,7 +24,7 @@ from hil_bench.peer.wire import PeerWire
 from hil_bench.profile import ProfileError
 from hil_bench.vocabulary import Wait
 from hil_bench.wire import Wire
-from scenes import WIRE, named
+from scenes import ROOT, SHIPPED, WIRE, named
 from vehicle_bus_contract.reference import AUTONOMOUS, MS, Frame, S
 
 from vehicle_iface.codec.database import load_database
@@ -34,19 +34,6 @@ from vehicle_iface.profile import load_profile
 from vehicle_iface.safety.feasibility import find_violation
 from vehicle_iface.trajectories.csv_file import load_csv
 
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def is_played(profile: str) -> bool:
-    """Whether the bench can play a vehicle: it is commanded."""
-    return "\n[command" in profile
-
-
-SHIPPED = (
-    *sorted(path.stem for path in (ROOT / "dbc").glob("*.toml") if is_played(path.read_text())),
-    str(ROOT / "docs" / "examples" / "06_own_vehicle" / "rover.toml"),
-)
-"""Every vehicle that the bench plays."""
 ROVER = ROOT / "docs" / "examples" / "06_own_vehicle" / "rover.toml"
 NINE = b"123456789"
 

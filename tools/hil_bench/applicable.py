@@ -17,6 +17,9 @@ LEAST_ERROR_SHARE = 0.5
 """Errors of a path shrink less than the path: a controller looks ahead as far as it does."""
 FASTEST_SHARE = 0.9
 """Of the profile's speed limit."""
+SHORTEST_STRETCH_M = 5.0
+"""From stop to stop, straight on. A controller looks ahead some metres also at a crawl; on a way not much longer than
+that, it sees nothing but the stop, and only creeps."""
 
 
 def find_inapplicable(case: Case, wire: Wire, parts: frozenset[Part] | None = None) -> str:
@@ -76,8 +79,10 @@ def _shares(route: Route, wire: Wire) -> tuple[float, float]:
     """By which lengths and speeds are multiplied: in curves by the turning radius, straight on by the acceleration."""
     fastest_mps = FASTEST_SHARE * float(wire.profile["limits"]["speed_max_mps"]) / max(map(abs, route.speed_mps))
     speed = min(wire.speed_share, fastest_mps)
-    is_straight = len(set(route.heading_rad)) == 1
-    return (min(wire.length_share, speed**2 / wire.along_mps2) if is_straight else wire.length_share), speed
+    if not route.is_straight:
+        return wire.length_share, speed
+    shortest = min(1.0, SHORTEST_STRETCH_M / route.shortest_stretch_m())
+    return max(shortest, min(wire.length_share, speed**2 / wire.along_mps2)), speed
 
 
 def _give_time(expectation: Expectation, slower: float) -> Expectation:

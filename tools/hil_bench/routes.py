@@ -1,12 +1,13 @@
 """Where the cases drive: trajectories made of straights and arcs, written as the CSV that a device loads.
 
-The times are generous: a controller that tracks well reaches the end in space before it reaches it in time.
+The times are generous: a controller that tracks well reaches the end in space before it reaches it in time. The
+exception is a hurried route, whose time ends first.
 """
 
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 SPACING_M = 0.25
@@ -29,6 +30,21 @@ class Route:
     y_m: Sequence[float]
     heading_rad: Sequence[float]
     speed_mps: Sequence[float]
+    is_hurried: bool = False
+    """Its time ends long before a vehicle can reach its end in space."""
+
+    @property
+    def is_straight(self) -> bool:
+        """True if it leads straight on."""
+        return len(set(self.heading_rad)) == 1
+
+    def shortest_stretch_m(self) -> float:
+        """Shortest distance between two stops, the start and the end included."""
+        steps = itertools.pairwise(zip(self.x_m, self.y_m, strict=True))
+        along_m = [0.0, *itertools.accumulate(math.dist(a, b) for a, b in steps)]
+        inner = zip(along_m[1:-1], self.speed_mps[1:-1], strict=True)
+        stops_m = [0.0, *(done_m for done_m, v in inner if v == 0.0), along_m[-1]]
+        return min(b - a for a, b in itertools.pairwise(stops_m))
 
     def write(self, path: Path, frame_id: str = "map") -> Path:
         """Write the CSV file; returns its path."""
@@ -40,14 +56,14 @@ class Route:
 
 
 def scale(one: Route, *, length: float, speed: float) -> Route:
-    """The same route for another vehicle, smaller and slower, with at least as much time."""
-    return Route(
-        one.name,
-        [t * max(1.0, length / speed) for t in one.time_s],
-        [x * length for x in one.x_m],
-        [y * length for y in one.y_m],
-        one.heading_rad,
-        [v * speed for v in one.speed_mps],
+    """The same route for another vehicle, smaller and slower: with at least as much time, unless it is hurried."""
+    slower = length / speed if one.is_hurried else max(1.0, length / speed)
+    return replace(
+        one,
+        time_s=[t * slower for t in one.time_s],
+        x_m=[x * length for x in one.x_m],
+        y_m=[y * length for y in one.y_m],
+        speed_mps=[v * speed for v in one.speed_mps],
     )
 
 
@@ -60,7 +76,10 @@ def route(
     stops_at_end: bool = True,
     spacing_m: float = SPACING_M,
 ) -> Route:
-    """A route along segments: from standstill, with a gentle stop at every change of direction and at the end."""
+    """A route along segments: from standstill, with a gentle stop at every change of direction and at the end.
+
+    `slack`: factor on the time that the speeds take; below 1 the route is hurried.
+    """
     x, y, heading = 0.0, 0.0, 0.0
     points: list[tuple[float, float, float, float]] = []
     runs: list[list[int]] = []
@@ -97,10 +116,11 @@ def route(
         way_m = math.hypot(points[here][0] - points[before][0], points[here][1] - points[before][1])
         mean = max(0.2, (abs(speeds[before]) + abs(speeds[here])) / 2.0)
         times.append(times[-1] + max(0.001, slack * way_m / mean))
-    late_s = BEGINNING_S if slack >= 1.0 else 0.0
+    is_hurried = slack < 1.0
+    late_s = 0.0 if is_hurried else BEGINNING_S
     times = [t + late_s * min(1.0, i / 10) for i, t in enumerate(times)]
     xs, ys, headings, _ = zip(*points, strict=True)
-    return Route(name, times, xs, ys, headings, speeds)
+    return Route(name, times, xs, ys, headings, speeds, is_hurried)
 
 
 def lane_change(offset_m: float, length_m: float) -> list[Segment]:
