@@ -175,7 +175,7 @@ def test_a_controller_that_cannot_be_made_is_refused_by_file_and_line(
             for command, options in {
                 "run": "channel profile trajectory trajectory-mailbox controller telemetry record summary frame",
                 "sim": "channel profile start frame driver-socket",
-                "demo": "summary record",
+                "demo": "profile summary record",
                 "doctor": "channel profile",
                 "commission": "channel profile record out json",
                 "decode": "profile dbc out message channel",
@@ -208,6 +208,8 @@ def test_an_impossible_value_is_refused_with_option_value_and_what_is_allowed(
         ("sim --start 0,0,nan", "--start 0,0,nan: heading_rad = nan: must be a finite number"),
         ("sim --start inf,0,0", "--start inf,0,0: x_m = inf: must be a finite number"),
         ("run --trajectory-mailbox .", "--trajectory-mailbox .: is a folder, must be a file in one"),
+        ("demo --profile toyota_rav4 --route line", "--profile toyota_rav4: has no [command], so nothing can drive it"),
+        ("demo --profile toyota", "profile 'toyota': must be a path ending in .toml or one of: agilex_hunter, "),
         ("run --route line --summary .", "--summary .: cannot be written: Is a directory"),
     ],
 )
@@ -329,6 +331,26 @@ def test_a_terminal_that_is_not_utf8_gets_replacements_and_the_right_status(tmp_
     lint = command("check-dbc", str(file), env=environment, encoding=encoding)
     assert (lint.returncode, lint.stderr) == (0, "")
     assert "unit '°?' is not known" in lint.stdout.replace("??", "°?")
+
+
+def test_a_demo_drives_the_vehicle_of_a_profile_on_all_of_its_buses(tmp_path: Path) -> None:
+    summary = tmp_path / "summary.json"
+    arguments = ["--profile", "agilex_hunter_ins", "--route", "line", "--duration", "3", "--summary", str(summary)]
+    done = command("demo", "--no-viewer", "--port", "8911", *arguments)
+    assert done.returncode == 0, done.stderr
+    drive = json.loads(summary.read_text())
+    assert "ENGAGED" in [change["mode"] for change in drive["transitions"]]
+    assert "LatitudeLongitude" in done.stdout  # comes from the second bus
+
+
+def test_a_demo_names_the_faults_of_a_profile_once_and_starts_nothing(tmp_path: Path) -> None:
+    text = (ROOT / "dbc" / "reference.toml").read_text(encoding="utf-8")
+    (tmp_path / "reference.dbc").write_bytes((ROOT / "dbc" / "reference.dbc").read_bytes())
+    file = tmp_path / "own.toml"
+    file.write_text(text.replace('"MOTION.SPEED"', '"MOTION.SPED"'), encoding="utf-8")
+    done = command("demo", "--no-viewer", "--profile", str(file))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("'SPED'") == 1, done.stderr
 
 
 def test_a_demo_whose_port_is_taken_ends_before_it_starts_anything() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from vehicle_iface.cli.parser import EMBEDDED
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.opening import Channels
 from vehicle_iface.profile import Profile
@@ -17,10 +18,10 @@ def find_channels(given: Sequence[str], profile: Profile, *, command: str, inter
     corrected command if a channel is missing, unknown or given twice. The embedded interface needs no channels.
     """
     names = list(profile.all_buses)
+    if not given and interface == EMBEDDED:
+        return dict.fromkeys(names, interface)
     if names == [""]:
         return {"": _find_single(given, profile, is_socketcan=interface == "socketcan")}
-    if not given and interface == "embedded":
-        return dict.fromkeys(names, interface)
     channels = read_pairs(given, profile, command=command)
     missing = [name for name in names if name not in channels]
     if missing:

@@ -2,50 +2,42 @@
 
 import argparse
 import ctypes
-import os
+import shlex
 import signal
 import socket
 import subprocess
 import sys
 import threading
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from vehicle_iface import clock
+from vehicle_iface.cli.demo_bus import choose_bus
 from vehicle_iface.cli.logging import CLEAR_LINE
 from vehicle_iface.cli.terminal import print_safely
+from vehicle_iface.codec.database import load_database
+from vehicle_iface.drivable import build_route
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.process import module_command
+from vehicle_iface.profile import Profile, load_profile
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry import Snapshot, TelemetryReader, WriterState
 from vehicle_iface.units import s_from_ns
 
-CHANNEL = "vcan0"
 ENDING_S = 20.0
 """Time limit for the processes to end. The vehicle has 10 s to stop, and the recorder 5 s to end; a process that takes
 longer is killed."""
 PR_SET_PDEATHSIG = 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BusChoice:
-    """The bus on which the demo drives."""
-
-    interface: str
-    channel: str
-    why: str
-    """Why this bus was chosen; for the embedded bus also how to create a real one."""
-
-
 def run_demo(options: argparse.Namespace) -> int:
     """Run until the loop ends, a process fails, or SIGINT or SIGTERM is received; return the loop's exit status."""
     has_page, port = not options.no_viewer, options.port
+    profile = load_drivable_profile(options.profile, options.route)
     if has_page:
         require_free_port(port)
-    bus = choose_bus()
+    bus = choose_bus(profile)
     print(f"bus: {bus.why}", flush=True)
     address = f"demo-{port}"
     ended = threading.Event()
@@ -60,11 +52,11 @@ def run_demo(options: argparse.Namespace) -> int:
         signal.signal(number, end)
     try:
         if bus.interface == "socketcan":
-            processes.start("sim", ["sim", "--channel", bus.channel])
+            processes.start("sim", ["sim", "--profile", options.profile, *bus.options])
         if has_page:
             page = ["view", "--connect", address, "--port", str(port), *(["--open"] if options.open else [])]
             processes.start("viewer", page)
-        loop = ["run", "--interface", bus.interface, "--channel", bus.channel, "--route", options.route, "--arm"]
+        loop = ["run", "--profile", options.profile, *bus.options, "--route", options.route, "--arm"]
         loop += ["--telemetry", address]
         loop += ["--duration", str(options.duration)] if options.duration is not None else []
         loop += ["--summary", str(Path(options.summary).absolute())] if options.summary else []
@@ -75,6 +67,21 @@ def run_demo(options: argparse.Namespace) -> int:
         processes.end()
         _remove_telemetry(address)
     return processes.status()
+
+
+def load_drivable_profile(name: str, route: str) -> Profile:
+    """Load the profile and check its DBCs and the route, so that a fault is reported once, before any process starts.
+
+    Raise `ConfigError` if one is faulty or the profile only watches.
+    """
+    profile = load_profile(name)
+    if profile.only_watches:
+        raise ConfigError(
+            f"--profile {name}: has no [command], so nothing can drive it here; to watch it: vehicle-iface run "
+            f"--interface embedded --profile {shlex.quote(name)} --route {route}, and vehicle-iface view beside it"
+        )
+    build_route(route, load_database(profile).profile)
+    return profile
 
 
 def require_free_port(port: int) -> None:
@@ -95,53 +102,6 @@ def _remove_telemetry(address: str) -> None:
     with TelemetryReader(address) as reader:
         if reader.poll() in (WriterState.ENDED, WriterState.DEAD):
             reader.path.unlink(missing_ok=True)
-
-
-def choose_bus() -> BusChoice:
-    """Choose vcan0 where SocketCAN exists, creating it if allowed; otherwise the embedded bus."""
-    embedded = "embedded bus, simulated vehicle inside the loop's process"
-    if not _has_socketcan():
-        return BusChoice(
-            interface="embedded",
-            channel="embedded",
-            why=f"{embedded} (this kernel has no SocketCAN). For real CAN frames: tools/vcan tools/demo, "
-            "or a Linux kernel with the modules can, can_raw and vcan",
-        )
-    how = f"sudo ip link add dev {CHANNEL} type vcan && sudo ip link set {CHANNEL} up"
-    if not _is_up(CHANNEL) and not _create():
-        return BusChoice(
-            interface="embedded",
-            channel="embedded",
-            why=f"{embedded} ({CHANNEL} is missing or down, and may not be created). For real CAN frames: {how}",
-        )
-    return BusChoice(interface="socketcan", channel=CHANNEL, why=f"SocketCAN {CHANNEL}; candump {CHANNEL} shows it")
-
-
-def _has_socketcan() -> bool:
-    if not hasattr(socket, "AF_CAN"):
-        return False
-    try:
-        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
-    except OSError:
-        return False
-    return True
-
-
-def _is_up(channel: str) -> bool:
-    try:
-        return bool(int(Path(f"/sys/class/net/{channel}/flags").read_text(), 16) & 1)
-    except OSError:
-        return False
-
-
-def _create() -> bool:
-    """Create vcan0 if this process may; return whether it is up."""
-    if os.geteuid() != 0:
-        return False
-    for line in (f"link add dev {CHANNEL} type vcan", f"link set {CHANNEL} up"):
-        with suppress(FileNotFoundError):
-            subprocess.run(["ip", *line.split()], check=False, stderr=subprocess.DEVNULL)
-    return _is_up(CHANNEL)
 
 
 class _Processes:

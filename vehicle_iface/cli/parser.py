@@ -153,6 +153,7 @@ def _add_driver(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_demo(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--profile", default="reference", help="profile of the vehicle: its name, or a .toml file")
     parser.add_argument("--route", default="figure8", choices=sorted(ROUTES), help="what to drive")
     parser.add_argument("--port", type=_port, default=8080, help="TCP port of the page on 127.0.0.1")
     parser.add_argument("--duration", type=_above_0("seconds"), metavar="S", help="exit after S seconds")
