@@ -14,14 +14,12 @@ import argparse
 import hashlib
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -29,6 +27,7 @@ from queue import SimpleQueue
 import msgspec
 
 from promise_testing.failure_page import Row, rows
+from promise_testing.project_copy import PlanError, ProjectCopy, changed_source
 
 ROOT = Path(__file__).resolve().parents[2]
 PLAN = ROOT / "tools" / "promises.toml"
@@ -36,7 +35,6 @@ PAGE = ROOT / "vehicle_iface" / "FAILURES.md"
 TABLE = ROOT / "docs" / "promises.md"
 BUS_TESTS = "tests/vcan/"
 PYTEST = ("-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--hypothesis-seed=0")
-MADE = {".git", ".venv", "__pycache__", ".mypy_cache", ".ruff_cache", ".pytest_cache", ".hypothesis"}
 LIMIT_S = 600.0
 AT_ONCE = 8
 """Tests of the last run that share a process, and the limit."""
@@ -58,15 +56,16 @@ class Defect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tests: tuple[str, ...] = ()
     """Those of the row that run; all of them when empty."""
 
+    @property
+    def label(self) -> str:
+        """What errors name it by."""
+        return self.row
+
 
 class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All defects."""
 
     defect: tuple[Defect, ...]
-
-
-class PlanError(Exception):
-    """The plan does not fit the page or the code; one line for each fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,56 +115,8 @@ def faults_of(defects: Sequence[Defect], page: Sequence[Row], root: Path = ROOT)
     return faults + [f"{row.number}: no defect for: {row.failure}" for row in page if row not in covered]
 
 
-def changed_source(defect: Defect, source: str) -> str:
-    """The source with the defect. Raises `PlanError` where it cannot be made."""
-    place = f"{defect.row}: {defect.file}"
-    if (count := source.count(defect.was)) != 1:
-        raise PlanError(f"{place}: occurs {count} times instead of once: {defect.was!r}")
-    changed = source.replace(defect.was, defect.becomes)
-    if changed == source:
-        raise PlanError(f"{place}: changes nothing: {defect.was!r}")
-    if defect.file.endswith(".py"):
-        try:
-            compile(changed, defect.file, "exec", dont_inherit=True)
-        except SyntaxError as error:
-            raise PlanError(f"{place}: does not compile: {error}") from None
-    return changed
-
-
-def _names_of_files(project: Path) -> list[str]:
-    """The project's files, as git knows them; where there is no git, all but what is made by running things."""
-    command = ["git", "-C", str(project), "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-    try:
-        listing = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    except (OSError, subprocess.CalledProcessError):
-        paths = (path.relative_to(project) for path in project.rglob("*"))
-        names = [str(path) for path in paths if not MADE.intersection(path.parts)]
-    else:
-        names = listing.split("\0")
-    return [name for name in names if name and (project / name).is_file()]
-
-
-class Copy:
-    """A copy of the project in which one defect after the other is made."""
-
-    def __init__(self, project: Path, folder: Path) -> None:
-        self.root = folder
-        for name in _names_of_files(project):
-            target = folder / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(project / name, target)
-        (folder / ".venv").symlink_to(project / ".venv")
-
-    @contextmanager
-    def with_defect(self, defect: Defect) -> Iterator[None]:
-        """Until the end of the block the copy has the defect."""
-        path = self.root / defect.file
-        source = path.read_text(encoding="utf-8")
-        path.write_text(changed_source(defect, source), encoding="utf-8")
-        try:
-            yield
-        finally:
-            path.write_text(source, encoding="utf-8")
+class Copy(ProjectCopy):
+    """A copy in which the tests run."""
 
     def first_failure(self, tests: Sequence[str], *, on_bus: bool) -> str | None:
         """The first of the tests that fails; None when they all pass. Raises `PlanError` where they did not run."""
@@ -208,7 +159,7 @@ def judge(defects: Sequence[Defect], page: Sequence[Row], *, bus: bool, jobs: in
         def outcome_of(defect: Defect) -> Outcome:
             copy, tests = free.get(), defect.tests or row_of(defect, page).tests
             try:
-                with copy.with_defect(defect):
+                with copy.with_change(defect):
                     failed = copy.first_failure(tests, on_bus=False)
                     needs_bus = failed is None and any(test.startswith(BUS_TESTS) for test in tests)
                     if needs_bus and not bus:
