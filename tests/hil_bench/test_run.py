@@ -115,3 +115,17 @@ def test_an_interrupted_run_keeps_what_it_found_and_never_passes(
     assert [case.verdict for case in found.cases] == [first, Verdict.NOT_EXECUTED]
     assert found.interrupted == "interrupted in case 2 of 12"
     assert found.verdict is verdict
+
+
+def test_a_run_until_the_first_failure_executes_nothing_after_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def run(which: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+        return run_case.unjudged_result(which, case, repetition, "", Verdict.FAIL if case is FILES[1] else Verdict.PASS)
+
+    monkeypatch.setattr(run_case, "run", run)
+    what = run_case.BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    plan = bench.Plan(config=what, cases=FILES[:3], until_failure=True)
+    found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
+    assert [case.verdict for case in found.cases] == [Verdict.PASS, Verdict.FAIL]
+    assert found.verdict is Verdict.FAIL

@@ -60,6 +60,8 @@ class Plan:
     repeat: int = 1
     route: str = ""
     """The route of a device that is already running."""
+    until_failure: bool = False
+    """End after the first case that fails."""
 
 
 def select_cases(
@@ -136,7 +138,7 @@ def run(plan: Plan, listener: ProgressListener) -> Run:
             found = run_case.unjudged_result(config, case, repetition, interrupted)
         done.append(_with_paths(found, config.folder.name, at_s))
         listener.on_case_end(done[-1])
-        if interrupted:
+        if interrupted or (plan.until_failure and done[-1].verdict is Verdict.FAIL):
             break
     report = Run(
         verdict=results.verdict_of(done, interrupted=interrupted),

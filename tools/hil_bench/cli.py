@@ -116,7 +116,9 @@ def _bench(options: argparse.Namespace) -> int:
             profile=options.profile,
             seed=options.seed,
         )
-        plan = bench.Plan(config=config, cases=cases, repeat=options.repeat, route=options.route)
+        plan = bench.Plan(
+            config=config, cases=cases, repeat=options.repeat, route=options.route, until_failure=options.until_failure
+        )
         run = bench.run(plan, Progress(to_error=options.json))
     return _write_reports(run, folder, old, options)
 
@@ -243,6 +245,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--json", action="store_true", help="print the results (or the list) as JSON; progress goes to the error output"
     )
+    add("--until-failure", action="store_true", help="end after the first case that fails")
     add("--strict", action="store_true", help="count a case that was not executed as a failure")
     add("--profile", default="reference", help="vehicle to play: a profile's name or a .toml file")
     commands = Commands()
