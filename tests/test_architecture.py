@@ -41,7 +41,14 @@ HOMES = {
     "websockets": ("viewer/",),
 }
 """Where each foreign package lives, and nowhere else."""
-INDEPENDENT_TOOLS = ("hil_bench", "vehicle_bus_contract", "mutation_testing", "promise_testing", "vcan_kernel")
+INDEPENDENT_TOOLS = (
+    "hil_bench",
+    "vehicle_bus_contract",
+    "mutation_testing",
+    "promise_testing",
+    "defect_testing",
+    "vcan_kernel",
+)
 CLOCKS = {
     *((module, name) for module in ("time",) for name in ("time", "time_ns", "monotonic", "monotonic_ns")),
     *(("time", name) for name in ("perf_counter", "perf_counter_ns", "process_time", "sleep", "localtime", "gmtime")),
