@@ -396,8 +396,7 @@ def test_the_junit_file_has_each_result_with_its_checks(run: Run, tmp_path: Path
     (suite,) = root
     cases = suite.findall("testcase")
     expected = {"tests": "84", "failures": "1", "errors": "0", "skipped": "2"}
-    for element in (root, suite):
-        assert {name: element.get(name) for name in expected} == expected
+    assert {name: suite.get(name) for name in expected} == expected
     assert len(cases) == 84
     assert len({(found.get("classname"), found.get("name")) for found in cases}) == 84
     (failure,) = suite.iterfind("testcase/failure")
@@ -405,7 +404,7 @@ def test_the_junit_file_has_each_result_with_its_checks(run: Run, tmp_path: Path
     assert "FAIL: a stop command is on the bus within 150 ms of the fault: 212 of 150 ms" in (failure.text or "")
     assert "REASON stays NOMINAL until 4.212 s" in (failure.text or "")
     assert [found.get("message") for found in suite.iterfind("testcase/skipped")] == [
-        "needs an adapter that reports error frames; vcan0 has none"
+        "NOT EXECUTED: needs an adapter that reports error frames; vcan0 has none"
     ] * 2
     properties = {found.get("name"): found.get("value") for found in suite.iterfind("properties/property")}
     assert properties["evidence"] == "virtual bus, simulated vehicle"
@@ -589,3 +588,13 @@ def test_another_format_is_rejected_with_the_field(change: dict[str, object], co
     (tmp_path / "run.json").write_bytes(msgspec.json.encode(written))
     with pytest.raises(msgspec.ValidationError, match=complaint):
         result.read(tmp_path / "run.json")
+
+
+def test_the_terminal_does_not_list_what_an_interruption_left_out() -> None:
+    why = "interrupted in case 2 of 3"
+    names = {"silence": "no adapter", "jitter": why, "killed": why}
+    run = made_up.run_of([case(name, Verdict.NOT_EXECUTED, why=text) for name, text in names.items()])
+    words = words_of(msgspec.structs.replace(run, interrupted=why))
+    assert "no adapter" in words
+    assert words.partition("Not passed")[2].count(why) == 1
+    assert "3 not executed" in words

@@ -100,7 +100,7 @@ def test_an_internal_error_of_the_bench_costs_one_case(monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize(("first", "verdict"), [(Verdict.PASS, Verdict.NOT_EXECUTED), (Verdict.FAIL, Verdict.FAIL)])
-def test_an_interrupted_run_keeps_what_it_found_and_never_passes(
+def test_an_interrupted_run_keeps_what_it_found_lists_the_rest_and_never_passes(
     first: Verdict, verdict: Verdict, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def run(which: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
@@ -112,7 +112,8 @@ def test_an_interrupted_run_keeps_what_it_found_and_never_passes(
     what = run_case.BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
     plan = bench.Plan(config=what, cases=FILES[:3], repeat=4)
     found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
-    assert [case.verdict for case in found.cases] == [first, Verdict.NOT_EXECUTED]
+    assert [case.verdict for case in found.cases] == [first, *[Verdict.NOT_EXECUTED] * 11]
+    assert {case.why for case in found.cases[1:]} == {"interrupted in case 2 of 12"}
     assert found.interrupted == "interrupted in case 2 of 12"
     assert found.verdict is verdict
 

@@ -4,15 +4,12 @@ import datetime
 import itertools
 import logging
 import os
-import platform
 import re
 import shutil
 import sys
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from importlib import metadata
-from pathlib import Path
 from typing import Protocol
 
 import msgspec
@@ -26,16 +23,16 @@ from hil_bench.case import Case, Need
 from hil_bench.cases import CATALOGUE
 from hil_bench.device import Commands
 from hil_bench.errors import RigError, UnexpectedNodeError
-from hil_bench.places import CHECKOUT
+from hil_bench.journal import Journal
 from hil_bench.profile import ProfileError
 from hil_bench.result import CaseResult, Run, Verdict
+from hil_bench.surroundings import environment
 from hil_bench.wire import Wire
 
 log = logging.getLogger(__name__)
 LISTEN_S = 1.0
 ATTEMPTS = 3
 """Attempts at a case during which the bench itself was late."""
-LIBRARIES = ("cantools", "msgspec", "numpy", "rich", "jinja2")
 
 
 class BenchError(Exception):
@@ -62,6 +59,8 @@ class Plan:
     """The route of a device that is already running."""
     until_failure: bool = False
     """End after the first case that fails."""
+    journal: Journal | None = None
+    """Holds the results of an earlier part of the run, and each new one."""
 
 
 def select_cases(
@@ -111,17 +110,55 @@ def observe_traffic(channels: Sequence[str], wire: Wire, *, is_device_running: b
 def run(plan: Plan, listener: ProgressListener) -> Run:
     """Execute every case of the plan. A case that needs something missing is not executed, with that reason.
 
-    `KeyboardInterrupt` in a case ends the run: it keeps its results so far, and never passes.
+    Results that the journal has are kept. `KeyboardInterrupt` in a case ends the run: it keeps its results so far,
+    lists the rest as NOT EXECUTED, and never passes.
     """
     began, begin_s = datetime.datetime.now().astimezone(), time.monotonic()
-    config = plan.config
+    config, journal = plan.config, plan.journal
     config.folder.mkdir(parents=True, exist_ok=True)
+    begin_s -= journal.elapsed_s if journal else 0.0
+    listener.on_run_start(len(plan.cases) * plan.repeat)
+    _use_realtime_priority()
+    done, interrupted = _execute_all(plan, listener, begin_s)
+    header = journal.header if journal else None
+    report = Run(
+        verdict=results.verdict_of(done, interrupted=interrupted),
+        interrupted=interrupted,
+        evidence=config.evidence,
+        began=header.began if header else began.isoformat(timespec="seconds"),
+        duration_s=round(time.monotonic() - begin_s, 1),
+        command=" ".join(sys.argv),
+        channel=config.described_channels,
+        profile=config.wire.name,
+        profile_hash=config.wire.hash,
+        device=config.commands.start or "already running, not started by the bench",
+        device_version=header.device.version if header else "",
+        device_hash=header.device.hash if header else "",
+        seed=config.seed,
+        environment=environment(config.channels, config.described_channels),
+        cases=done,
+    )
+    if journal and not interrupted:
+        journal.close()
+    listener.on_run_end(report)
+    return report
+
+
+def _execute_all(plan: Plan, listener: ProgressListener, begin_s: float) -> tuple[list[CaseResult], str]:
+    """The result of every case, and in which case the run was interrupted."""
+    config, journal = plan.config, plan.journal
     done: list[CaseResult] = []
     total = len(plan.cases) * plan.repeat
-    listener.on_run_start(total)
-    _use_realtime_priority()
     unexpected_node = interrupted = ""
     for case, repetition in itertools.product(plan.cases, range(1, plan.repeat + 1)):
+        if interrupted:
+            done.append(run_case.unjudged_result(config, case, repetition, interrupted))
+            continue
+        kept = journal.find(case.name, repetition) if journal else None
+        if kept:
+            done.append(kept)
+            listener.on_case_end(kept)
+            continue
         listener.on_case_start(case.name, case.proves)
         at_s = round(time.monotonic() - begin_s, 2)
         try:
@@ -137,45 +174,12 @@ def run(plan: Plan, listener: ProgressListener) -> Run:
             interrupted = f"interrupted in case {len(done) + 1} of {total}"
             found = run_case.unjudged_result(config, case, repetition, interrupted)
         done.append(_with_paths(found, config.folder.name, at_s))
+        if journal:
+            journal.add(done[-1])
         listener.on_case_end(done[-1])
-        if interrupted or (plan.until_failure and done[-1].verdict is Verdict.FAIL):
+        if plan.until_failure and done[-1].verdict is Verdict.FAIL:
             break
-    report = Run(
-        verdict=results.verdict_of(done, interrupted=interrupted),
-        interrupted=interrupted,
-        evidence=config.evidence,
-        began=began.isoformat(timespec="seconds"),
-        duration_s=round(time.monotonic() - begin_s, 1),
-        command=" ".join(sys.argv),
-        channel=config.described_channels,
-        profile=config.wire.name,
-        profile_hash=config.wire.hash,
-        device=config.commands.start or "already running, not started by the bench",
-        seed=config.seed,
-        environment=environment(config.channels, config.described_channels),
-        cases=done,
-    )
-    listener.on_run_end(report)
-    return report
-
-
-def environment(channels: Sequence[str], described: str) -> dict[str, str]:
-    """The computer, the interfaces and the versions of a run."""
-    found = {
-        "host": platform.node(),
-        "kernel": platform.release(),
-        "processors": str(os.cpu_count()),
-        "interface": described,
-        "adapter": ", ".join(dict.fromkeys(map(_adapter, channels))),
-        "python": platform.python_version(),
-        "revision": _revision(),
-    }
-    for name in LIBRARIES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+    return done, interrupted
 
 
 def _execute(config: run_case.BenchConfig, case: Case, repetition: int, route: str) -> CaseResult:
@@ -255,22 +259,3 @@ def _use_realtime_priority() -> None:
 
 def _has(program: str) -> bool:
     return shutil.which(program, path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin") is not None
-
-
-def _adapter(channel: str) -> str:
-    try:
-        driver = Path(f"/sys/class/net/{channel}/device/driver").resolve(strict=True)
-    except OSError:
-        return "none: a virtual interface"
-    return driver.name
-
-
-def _revision() -> str:
-    if CHECKOUT is None:
-        return metadata.version("vehicle-iface")
-    git = CHECKOUT / ".git"
-    try:
-        text = (git / "HEAD").read_text().strip()
-        return (git / text[5:]).read_text().strip()[:12] if text.startswith("ref: ") else text[:12]
-    except OSError:
-        return "unknown"

@@ -11,12 +11,13 @@ from typing import NoReturn
 
 import msgspec
 
-from hil_bench import bench, listen
+from hil_bench import bench, listen, resume
 from hil_bench import result as results
 from hil_bench.applicable import find_inapplicable, scale_for
 from hil_bench.buses import describe_channels, read_channels
 from hil_bench.cases import CATALOGUE, catalogue_of
 from hil_bench.device import OWN, OWN_RECORDING, OWN_VIEWER, Commands, find_template_error
+from hil_bench.journal import JournalError
 from hil_bench.parts import parts_of
 from hil_bench.peer.build import open_wire
 from hil_bench.profile import ProfileError
@@ -37,14 +38,22 @@ STATUS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Returns the exit status."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
     try:
+        if options.schema:
+            print(results.schema())
+            return PASSED
+        if options.resume:
+            options = resume.restore_options(parser, options)
+        else:
+            options.arguments = list(sys.argv[1:] if arguments is None else arguments)
         if options.write_routes:
             return _write_routes(Path(options.write_routes), open_wire(options.profile))
         if options.list:
             return _list(open_wire(options.profile), as_json=options.json)
         return _bench(options)
-    except (bench.BenchError, ProfileError) as error:
+    except (bench.BenchError, ProfileError, JournalError) as error:
         print(f"hil-bench: {error}", file=sys.stderr)
         return BAD_USAGE
     except KeyboardInterrupt:
@@ -83,8 +92,8 @@ def _bench(options: argparse.Namespace) -> int:
     if not options.device and not (options.route and options.rearm):
         raise bench.BenchError("--device '' (already running) requires --route and --rearm")
     folder = Path(options.out)
-    if folder.exists() and any(folder.iterdir()):
-        raise bench.BenchError(f"--out {folder}: is not empty; choose a new folder")
+    if not options.resume:
+        resume.check_folder(folder)
     for option in ("device", "listen_device", "recording_device", "viewer", "stop", "rearm"):
         wrong = find_template_error(getattr(options, option))
         if wrong:
@@ -117,7 +126,12 @@ def _bench(options: argparse.Namespace) -> int:
             seed=options.seed,
         )
         plan = bench.Plan(
-            config=config, cases=cases, repeat=options.repeat, route=options.route, until_failure=options.until_failure
+            config=config,
+            cases=cases,
+            repeat=options.repeat,
+            route=options.route,
+            until_failure=options.until_failure,
+            journal=resume.open_journal(options, config),
         )
         run = bench.run(plan, Progress(to_error=options.json))
     return _write_reports(run, folder, old, options)
@@ -134,7 +148,7 @@ def _write_reports(run: Run, folder: Path, old: Run | None, options: argparse.Na
             print(compare.text(compare.differences(old, run)))
         print(f"Report: {folder / 'index.html'}")
     if run.interrupted:
-        print(f"hil-bench: {run.interrupted}; links, clock, cables and disks are restored", file=sys.stderr)
+        print(f"hil-bench: {resume.describe_interruption(run.interrupted, folder)}", file=sys.stderr)
         return INTERRUPTED
     not_executed = any(case.verdict is Verdict.NOT_EXECUTED for case in run.cases)
     return FAILED if options.strict and not_executed else STATUS[run.verdict]
@@ -235,6 +249,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="new folder for the report: index.html, junit.xml, results.json, cases/",
     )
+    add(
+        "--resume",
+        default="",
+        metavar="DIR",
+        help="continue the interrupted run in DIR with its options: executed cases are kept, the rest is executed",
+    )
+    add("--schema", action="store_true", help="print the JSON schema of results.json, and exit")
     add("--case", action="append", default=[], metavar="NAME", help="execute only this case; may be repeated")
     add("--tag", action="append", default=[], metavar="TAG", help="execute only cases with this tag; may be repeated")
     add("--quick", action="store_true", help="execute only the ten quick cases, in two minutes")
@@ -272,6 +293,12 @@ def _parser() -> argparse.ArgumentParser:
         default=None,
         metavar="COMMAND",
         help="starts a viewer that serves {port} of this computer (default: vehicle-iface view, likewise)",
+    )
+    add(
+        "--device-version",
+        default=None,
+        metavar="COMMAND",
+        help="prints the device's version, for the report (default: vehicle-iface --version, likewise)",
     )
     add("--stop", default="", metavar="COMMAND", help="ends the device; '' sends SIGINT to what --device started")
     add(

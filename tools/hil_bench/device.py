@@ -33,6 +33,7 @@ os.execvp(sys.argv[2], sys.argv[2:])
 """
 """Opens the lowest descriptors, then executes the program that its further arguments name."""
 OWN = f"{sys.executable} -m vehicle_iface run {{channels}} --profile {{profile}} --trajectory {{trajectory}}"
+OWN_VERSION = f"{sys.executable} -m vehicle_iface --version"
 OWN_RECORDING = f"{OWN} --arm --record {{record}}"
 OWN_VIEWER = f"{sys.executable} -m vehicle_iface view --port {{port}}"
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from vehicle_bus_contract.candump import candump_line
 
-from hil_bench.bench import environment
 from hil_bench.bus import is_virtual
 from hil_bench.buses import describe_channels, open_bus
 from hil_bench.expect import check
 from hil_bench.peer.build import examine
 from hil_bench.result import CaseResult, Check, Evidence, Run, Verdict, verdict_of
+from hil_bench.surroundings import environment
 from hil_bench.wire import Wire
 
 

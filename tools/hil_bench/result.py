@@ -3,12 +3,15 @@
 Times are seconds from the beginning of a case unless they say otherwise; None where there is nothing to say.
 """
 
+import json
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
 import msgspec
+
+SCHEMA = Path(__file__).with_name("results.schema.json")
 
 
 class Verdict(StrEnum):
@@ -41,6 +44,8 @@ class EventKind(StrEnum):
     """The first command with the required reaction."""
     STANDSTILL = "standstill"
     CLEAN_UP = "clean-up"
+    VIOLATION = "violation"
+    """A failed check's first finding."""
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):
@@ -127,6 +132,18 @@ class Plot(msgspec.Struct, frozen=True, kw_only=True):
     series: list[Series]
     lowest: float | None = None
     highest: float | None = None
+    lowest_at: Series | None = None
+    """A lower limit that varies, in place of `lowest`; likewise `highest_at`."""
+    highest_at: Series | None = None
+
+
+class Strip(msgspec.Struct, frozen=True, kw_only=True):
+    """A signal with named values over time."""
+
+    name: str
+    at_s: list[float]
+    values: list[str]
+    """Each from its time until the next one; empty: none."""
 
 
 class Path2D(msgspec.Struct, frozen=True, kw_only=True):
@@ -166,10 +183,24 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True):
     path: Path2D | None = None
     counts: dict[str, int] = {}
     """Frames, samples, commands, losses, counter gaps, …"""
+    spent_s: dict[str, float] = {}
+    """Where the time went, by stage: start of the device, engaging, …"""
+    strips: list[Strip] = []
     candump: str = ""
     """File with every frame, relative to the report's folder."""
     device_log: str = ""
     """File with the device's output, relative to the report's folder."""
+
+
+class FaultRow(msgspec.Struct, frozen=True, kw_only=True):
+    """A row of the catalogue of faults, and which cases of the whole catalogue inject it."""
+
+    row: str
+    """B1, S4, …"""
+    text: str
+    cases: list[str]
+    why_none: str = ""
+    """Why it cannot be injected on a bus, where that is known."""
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
@@ -196,10 +227,21 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """SHA-256 of the profile's TOML and DBC."""
     device: str
     """How the device under test was started."""
+    device_version: str = ""
+    """What it says itself."""
+    device_hash: str = ""
+    """SHA-256 of the files that the command names."""
     seed: int
     environment: dict[str, str]
     """Host, kernel, processors, adapter, Python, versions of the libraries, revision of the bench."""
+    faults: list[FaultRow] = []
+    """Rows of the catalogue of faults."""
     cases: list[CaseResult]
+
+
+def schema() -> str:
+    """JSON schema of results.json, which is also beside this module in `SCHEMA`."""
+    return json.dumps(msgspec.json.schema(Run), indent=1, ensure_ascii=False)
 
 
 def verdict_of(cases: list[CaseResult], *, interrupted: str = "") -> Verdict:

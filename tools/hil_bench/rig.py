@@ -62,6 +62,7 @@ class Rig:
         self.late: list[str] = []
         """Ticks of the bench that came too late."""
         self.begin_ns = self.inject_ns = self.end_ns = self.then_ns = self.healthy_ns = self.exit_ns = 0
+        self.engaged_ns = self.closed_ns = 0
         self.touched_ns = 0
         """The bench began to act; the fault may begin a little later."""
         self.exit_status: int | None = None

@@ -24,6 +24,7 @@ from hil_bench.peer.build import examine
 from hil_bench.result import CaseResult, Event, EventKind, Evidence, Verdict
 from hil_bench.rig import Rig
 from hil_bench.routes import Route
+from hil_bench.stages import measure_stages
 from hil_bench.wire import Wire
 
 ENGAGE_S = 25.0
@@ -72,6 +73,7 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
     """Raises `RigError` and `OSError` where the bench, not the device, is at fault."""
     name = case.name if repetition == 1 else f"{case.name}-{repetition}"
     route = case.route()
+    (config.folder / f"{name}.log").unlink(missing_ok=True)  # of an attempt that was interrupted or late
     trajectory = route.write(config.folder / f"{name}.csv", config.wire.frame_id)
     if case.breaks is not None:
         trajectory.write_text(case.breaks(trajectory.read_text()))
@@ -86,7 +88,7 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
         "record": str((config.folder / f"{name}.disk" / "drive").resolve()),
         "port": str(_free_port()),
     }
-    began = time.monotonic()
+    began_ns = time.monotonic_ns()
     gc.collect()
     gc.disable()  # a collection over all frames of a long case would silence the vehicle for 0.1 s
     try:
@@ -119,9 +121,11 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
             if case.recorded_mib:
                 host.remove_disk(Path(placeholders["record"]).parent)
     result = _judge(config, case, rig, route, killed, repetition)
+    ended_ns = time.monotonic_ns()
     return msgspec.structs.replace(
         result,
-        duration_s=round(time.monotonic() - began, 2),
+        duration_s=round((ended_ns - began_ns) / S, 2),
+        spent_s=measure_stages(rig, rig.device_frames(), began_ns, ended_ns),
         candump=f"{name}.candump",
         device_log=f"{name}.log" if rig.device.log.exists() else "",
     )
@@ -189,7 +193,8 @@ def _run_phases(rig: Rig, case: Case) -> None:
     if case.at_mps < 0.0:
         _inject(rig, case)
     elif rig.wait_for(lambda: rig.is_engaged or rig.device.poll() is not None, ENGAGE_S, "the device to engage"):
-        rig.note(EventKind.PREPARATION, "engaged")
+        rig.engaged_ns = time.monotonic_ns()
+        rig.note(EventKind.PREPARATION, "engaged", rig.engaged_ns)
         if case.at_mps > 0.0 and case.inject is not None:
             rig.wait_for(
                 lambda: abs(rig.vehicle.plant.speed_mps) >= case.at_mps, case.reach_s, f"{case.at_mps:.3g} m/s"
@@ -272,6 +277,7 @@ def _clean_up(rig: Rig, case: Case) -> list[str]:
     finally:
         killed = rig.device.kill()
         rig.close()
+        rig.closed_ns = time.monotonic_ns()
     return killed
 
 

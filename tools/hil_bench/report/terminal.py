@@ -106,10 +106,10 @@ def _verdict(verdict: Verdict) -> Text:
 
 
 def _not_passed(run: Run) -> list[CaseResult]:
-    """Failed ones last, nearest to the reader's eye."""
+    """Failed ones last, nearest to the reader's eye; without those that an interruption left out."""
     passed = (Verdict.PASS, Verdict.NOT_APPLICABLE)
     left = [group.worst for group in groups(run) if group.verdict not in passed]
-    return left[::-1]
+    return [case for case in left[::-1] if not run.interrupted or case.why != run.interrupted]
 
 
 def _tightest(run: Run) -> list[CaseResult]:
