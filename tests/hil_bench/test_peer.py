@@ -3,9 +3,11 @@
 import itertools
 import json
 import math
+import random
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hil_bench import cli
@@ -13,8 +15,10 @@ from hil_bench.applicable import adapt, find_inapplicable, scale_for
 from hil_bench.case import Need, Then
 from hil_bench.cases import CATALOGUE
 from hil_bench.cases.files import FILES
+from hil_bench.faults.base import NotApplicableError
+from hil_bench.faults.signals import freeze_sample
 from hil_bench.parts import Part, parts_of
-from hil_bench.peer.build import examine, open_wire
+from hil_bench.peer.build import build_vehicle, examine, open_wire
 from hil_bench.peer.conditions import holds, satisfy_all
 from hil_bench.peer.infer import InferredStop
 from hil_bench.peer.place import Place
@@ -25,7 +29,7 @@ from hil_bench.profile import ProfileError
 from hil_bench.vocabulary import Wait
 from hil_bench.wire import Wire
 from scenes import ROOT, SHIPPED, WIRE, named
-from vehicle_bus_contract.reference import AUTONOMOUS, MS, Frame, S
+from vehicle_bus_contract.reference import AUTONOMOUS, DRIVE, MS, Frame, S
 
 from vehicle_iface.codec.database import load_database
 from vehicle_iface.errors import ConfigError
@@ -195,6 +199,66 @@ def test_a_case_that_needs_what_a_vehicle_lacks_does_not_apply(profile: str) -> 
         assert why or not lacking
     assert not find_inapplicable(named("state-lost"), wire)
     assert not find_inapplicable(named("killed"), wire)
+
+
+class _Ride(SimpleNamespace):
+    """A rig in virtual time, with a vehicle that drives in a bend and is not commanded."""
+
+    def __init__(self, profile: str) -> None:
+        wire = open_wire(profile)
+        vehicle = build_vehicle(wire)
+        vehicle.mode, vehicle.gear, vehicle.has_watchdog = AUTONOMOUS, DRIVE, False
+        vehicle.plant.speed_mps, vehicle.plant.wheel_rad = 2.0, 0.1
+        super().__init__(
+            wire=wire, vehicle=vehicle, random=random.Random(0), every_tick=[], delay_s=lambda: 0.0, now_ns=S
+        )
+
+    def tick(self) -> list[Frame]:
+        """The frames of the vehicle's next tick."""
+        vehicle = self.vehicle
+        vehicle.plant.speed_mps += 0.005
+        self.now_ns += vehicle.period_ns
+        vehicle.move(vehicle.period_ns / S, self.now_ns)
+        frames: list[Frame] = vehicle.next_frames()
+        for call in tuple(self.every_tick):
+            call()
+        return frames
+
+
+@pytest.mark.parametrize("profile", SHIPPED)
+def test_each_fault_of_the_state_that_applies_to_a_vehicle_changes_what_it_sends(profile: str) -> None:
+    wire = open_wire(profile)
+    without_effect = []
+    for case in CATALOGUE:
+        if case.inject is None or "state" not in case.tags or case.at_mps < 0.0 or find_inapplicable(case, wire):
+            continue
+        faulty, sound = _Ride(profile), _Ride(profile)
+        assert faulty.tick() == sound.tick()
+        try:
+            with case.inject(faulty):  # type: ignore[arg-type]
+                changed = any(faulty.tick() != sound.tick() or faulty.delay_s() > 0.0 for _ in range(200))
+        except NotApplicableError:
+            continue
+        if not changed:
+            without_effect.append(case.name)
+    assert without_effect == []
+
+
+@pytest.mark.parametrize("profile", SHIPPED)
+def test_a_frozen_state_has_a_frozen_position(profile: str) -> None:
+    ride = _Ride(profile)
+    wire = ride.wire
+    messages = {wire.part_of(name) for name in ("POS_X", "POS_Y", "SPEED") if wire.has(name)}
+    assert messages <= set(wire.sample)
+    with freeze_sample()(ride):  # type: ignore[arg-type]
+        seen: dict[str, set[tuple[tuple[str, float], ...]]] = {name: set() for name in messages}
+        for frame in (frame for _ in range(100) for frame in ride.tick()):
+            decoded = wire.intact(frame)
+            if decoded is not None and decoded.name in seen:
+                seen[decoded.name].add(
+                    tuple((name, value) for name, value in decoded.signals.items() if name != "COUNTER")
+                )
+    assert {name: len(values) for name, values in seen.items()} == dict.fromkeys(messages, 1)
 
 
 def test_the_hunter_has_neither_position_nor_protection() -> None:

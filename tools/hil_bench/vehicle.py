@@ -175,6 +175,10 @@ class Vehicle:
         self._tick += 1
         return frames
 
+    def is_due(self, name: str) -> bool:
+        """True if the next tick sends this message."""
+        return name in self.wire.sample or self._tick % STATUS_EVERY == 0
+
     def counter_of(self, name: str) -> int:
         """The last counter of a message."""
         return self._counters[name] % self.wire.counters
@@ -245,7 +249,7 @@ class Vehicle:
 
     def _due_frames(self, values: SignalValues) -> list[TxFrame]:
         outgoing = []
-        if self._tick % STATUS_EVERY == 0:
+        if self.is_due("VEHICLE_STATUS"):
             outgoing.append(self._pack_next("VEHICLE_STATUS", values["VEHICLE_STATUS"]))
         return outgoing + [self._pack_next(name, values[name]) for name in self.wire.sample]
 

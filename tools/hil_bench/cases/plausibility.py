@@ -1,15 +1,11 @@
 """Cases of state that contradicts itself or the vehicle's motion."""
 
-from vehicle_bus_contract.reference import Frame
-
 from hil_bench import routes
 from hil_bench.case import Case, Need, Then
 from hil_bench.cases.common import ANY, DROPPED, INVALID, STALE
 from hil_bench.expect import DrivesOn, HazardLights, Stops
-from hil_bench.faults import frames, signals
+from hil_bench.faults import signals
 from hil_bench.parts import Part
-from hil_bench.rig import Rig
-from hil_bench.vehicle import TxFrame
 
 PLACED = (Part.POSITION,)
 
@@ -31,7 +27,7 @@ PLAUSIBILITY = (
         tags=("state", "plausibility"),
         proves="Repeated implausible positions stop the vehicle.",
         injected="samples 30 m to the left and to the right in turn, for 0.4 s",
-        inject=lambda rig: frames.change_frames(lambda r, u: [_move_sideways(r, u)])(rig),
+        inject=signals.swing_signals(POS_Y=30.0),
         for_s=0.4,
         about=(Part.POSITION,),
         see=(Stops((*INVALID, *STALE), until_end=False),),
@@ -142,7 +138,7 @@ PLAUSIBILITY = (
         tags=("state", "driver"),
         proves="A gear that contradicts the direction of travel stops the vehicle.",
         injected="GEAR = REVERSE while the vehicle drives forwards",
-        inject=signals.set_signals(GEAR=1.0),
+        inject=signals.name_value("GEAR", "REVERSE"),
         for_s=1.0,
         about=(Part.GEAR,),
         see=(Stops(INVALID, within_s=0.35),),
@@ -151,13 +147,3 @@ PLAUSIBILITY = (
         allow=DROPPED,
     ),
 )
-
-
-def _move_sideways(rig: Rig, tx: TxFrame) -> Frame:
-    """Move the pose 30 m to the left and to the right in turn."""
-    decoded = rig.wire.intact(tx.frame)
-    if decoded is None or "POS_Y" not in decoded.signals:
-        return tx.frame
-    values = {signal_name: value for signal_name, value in decoded.signals.items() if signal_name != "COUNTER"}
-    values["POS_Y"] += 30.0 if decoded.counter % 2 else -30.0
-    return rig.wire.pack(decoded.name, decoded.counter, **values)

@@ -1,7 +1,7 @@
 """Faults of signals: wrong values in sound frames."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import AbstractContextManager
 
 from hil_bench.faults.base import ALWAYS, Injection, NotApplicableError, with_fault
@@ -10,15 +10,22 @@ from hil_bench.vehicle import Fault, SignalValues
 
 
 class _ChangedSignals(Fault):
-    """Passes the signals of the next `count` samples through a function that changes them in place."""
+    """Passes the signals of the next `count` samples through a function that changes them in place.
 
-    def __init__(self, count: int, change: Callable[[SignalValues], None]) -> None:
-        self._left, self._change = count, change
+    A tick in which none of the messages is sent is no sample.
+    """
+
+    def __init__(self, rig: Rig, messages: Collection[str], count: int, change: Callable[[SignalValues], None]) -> None:
+        self._vehicle, self._messages, self._left, self._change = rig.vehicle, messages, count, change
 
     def values(self, values: SignalValues) -> None:
-        if self._left > 0:
+        if self._left > 0 and any(map(self._vehicle.is_due, self._messages)):
             self._left -= 1
             self._change(values)
+
+
+def _messages_of(rig: Rig, names: Iterable[str]) -> set[str]:
+    return {rig.wire.part_of(name) for name in names}
 
 
 def _change_each(rig: Rig, count: int, change: Callable[[str, float], float], *names: str) -> _ChangedSignals:
@@ -29,7 +36,12 @@ def _change_each(rig: Rig, count: int, change: Callable[[str, float], float], *n
             message = values[rig.wire.part_of(name)]
             message[name] = change(name, message[name])
 
-    return _ChangedSignals(count, change_all)
+    return _ChangedSignals(rig, _messages_of(rig, names), count, change_all)
+
+
+def name_value(signal_name: str, value_name: str) -> Injection:
+    """Give a signal the number that has this name in the vehicle's DBC."""
+    return lambda rig: set_signals(**{signal_name: float(rig.wire.number(signal_name, value_name))})(rig)
 
 
 def set_signals(**to: float) -> Injection:
@@ -52,6 +64,22 @@ def exceed_range(name: str) -> Injection:
 def offset_signals(count: int = ALWAYS, **by: float) -> Injection:
     """Add to signals of the next `count` samples."""
     return lambda rig: with_fault(rig, _change_each(rig, count, lambda name, value: value + by[name], *by))
+
+
+def swing_signals(**by: float) -> Injection:
+    """Add to signals in one sample, and subtract in the next."""
+
+    def inject(rig: Rig) -> AbstractContextManager[None]:
+        signs = itertools.cycle((1.0, -1.0))
+
+        def change(values: SignalValues) -> None:
+            sign = next(signs)
+            for name, value in by.items():
+                values[rig.wire.part_of(name)][name] += sign * value
+
+        return with_fault(rig, _ChangedSignals(rig, _messages_of(rig, by), ALWAYS, change))
+
+    return inject
 
 
 def scale_signals(**by: float) -> Injection:
@@ -85,7 +113,7 @@ def alternate_signals(every: int, **to: float) -> Injection:
                 for name, value in to.items():
                     values[rig.wire.part_of(name)][name] = value
 
-        return with_fault(rig, _ChangedSignals(ALWAYS, change))
+        return with_fault(rig, _ChangedSignals(rig, _messages_of(rig, to), ALWAYS, change))
 
     return inject
 
@@ -101,6 +129,6 @@ def freeze_sample() -> Injection:
                 kept.setdefault(name, dict(values[name]))
                 values[name].update(kept[name])
 
-        return with_fault(rig, _ChangedSignals(ALWAYS, change))
+        return with_fault(rig, _ChangedSignals(rig, rig.wire.sample, ALWAYS, change))
 
     return inject

@@ -95,6 +95,10 @@ class PeerVehicle(Vehicle):
         super().move(dt_s, now_ns)
         self._stood_s = self._stood_s + dt_s if self.is_standing else 0.0
 
+    def is_due(self, name: str) -> bool:
+        """True if the next tick sends this message."""
+        return self._tick % self._every[name] == 0
+
     def counter_of(self, name: str) -> int:
         """The last counter of a message."""
         return self._counters[name] % (self.wire.layout.protections[name].counters or 1)
@@ -163,7 +167,7 @@ class PeerVehicle(Vehicle):
             states = min(ECHO_STATES, 1 << self.wire.signals[dotted].signal.length)
             flat[dotted] = float(self._tick * self.period_ns // ECHO_CHANGES_NS % states)
         told = {**self.wire.fields.write(flat), **{dotted: flat[dotted] for dotted in self._echoes}}
-        return [self._pack_next(name, told) for name, every in self._every.items() if self._tick % every == 0]
+        return [self._pack_next(name, told) for name in self._every if self.is_due(name)]
 
     def _pack_next(self, name: str, values: dict[str, float]) -> TxFrame:
         self._counters[name] += 1

@@ -26,6 +26,8 @@ OPPOSED = {"pedals": ("throttle", "brake"), "drive_and_brake": ("drive_mps2", "b
 WHEEL_FIELDS = {"curvature": "curvature_per_m", "yaw_rate": "yaw_rate_radps"}
 KEYS = {name: key for part in ("state", "status", "command") for key, name in SIGNAL_NAMES[part].items()}
 """The reference vehicle's name of a signal → key of the profile."""
+GEOGRAPHIC_KEYS = {"POS_X": "longitude_deg", "POS_Y": "latitude_deg"}
+"""Of a vehicle that sends its position on the ellipsoid; x is to the east."""
 
 
 class PeerWire(Wire):
@@ -172,7 +174,8 @@ class PeerWire(Wire):
 
     def part_of(self, signal_name: str) -> str:
         """The message that carries a field, or the first of several. Raises `ProfileError` if none does."""
-        key = KEYS.get(signal_name, "")
+        keys = GEOGRAPHIC_KEYS if self.fields.place.source == "geographic" else {}
+        key = keys.get(signal_name) or KEYS.get(signal_name, "")
         sources = (*sources_of(self.fields.forms.get(key)), *sources_of(self.fields.status.get(key)))
         if sources:
             return sources[0].partition(".")[0]
