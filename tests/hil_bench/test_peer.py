@@ -15,6 +15,7 @@ from hil_bench.applicable import adapt, find_inapplicable, scale_for
 from hil_bench.case import Need, Then
 from hil_bench.cases import CATALOGUE
 from hil_bench.cases.files import FILES
+from hil_bench.expect import MomentaryAtMost
 from hil_bench.faults.base import NotApplicableError
 from hil_bench.faults.signals import freeze_sample
 from hil_bench.parts import Part, parts_of
@@ -290,6 +291,13 @@ def test_a_vehicle_that_reacts_later_is_given_the_time_and_odometry_is_armed_aga
     assert adapt(named("half-the-rate"), wire).then is Then.GOES_ON
 
 
+def test_a_vehicle_with_odometry_that_need_not_stop_is_armed_again_only_if_it_has_stopped() -> None:
+    driven = adapt(named("paused-30-ms"), open_wire("pacmod3"))
+    assert driven.then is Then.MAY_GO_ON
+    assert Need.REARM in driven.needs
+    assert [one.most_s for one in driven.see if isinstance(one, MomentaryAtMost)] == [math.inf]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
@@ -416,3 +424,23 @@ def test_commands_that_end_with_a_release_are_no_silence() -> None:
     assert not examine(wire, [*driven, *end, *again]).silences
     assert [pair.is_enabled for pair in examine(wire, [*driven, *end]).pairs][-20:] == [False] * 20
     assert examine(wire, [*driven, *again]).silences
+
+
+def test_a_count_that_does_not_advance_is_a_gap_of_a_counter_and_no_wrong_value() -> None:
+    wire = open_wire("pacmod3")
+
+    def counted(*counts: int) -> list[Frame]:
+        told = ((count, {"GLOBAL_CMD.COUNTER": count, "GLOBAL_CMD.COMPLEMENT": 15 - count}) for count in counts)
+        frames = (
+            wire.pack("GLOBAL_CMD", count, **values, **{"GLOBAL_CMD.SANITY_CHECK_REQUIRED": 1})
+            for count, values in told
+        )
+        return [replace(frame, stamp_ns=S + at * 33 * MS) for at, frame in enumerate(frames)]
+
+    assert not examine(wire, counted(14, 15, 0, 1)).counter_gaps
+    record = examine(wire, counted(1, 3, 3))
+    assert [text.partition(": ")[2] for text in record.counter_gaps] == [
+        "GLOBAL_CMD.COUNTER from 1 to 3",
+        "GLOBAL_CMD.COUNTER from 3 to 3",
+    ]
+    assert not record.violations

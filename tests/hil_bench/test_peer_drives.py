@@ -147,7 +147,7 @@ DEFECTS: dict[str, tuple[str, str, str, Callable[[float], float], str]] = {
     "both pedals": (PACMOD, "BRAKE_CMD", "BRAKE_CMD", lambda _: 0.2, "throttle and brake at once"),
     "too much throttle": (PACMOD, "ACCEL_CMD", "ACCEL_CMD", lambda value: 2.5 * value, "m/s²"),
     "one of four not enabled": (PACMOD, "SHIFT_CMD", "ENABLE", lambda _: 0.0, "contradict each other"),
-    "a count that stands": (PACMOD, "GLOBAL_CMD", "COUNTER", lambda _: 3.0, "GLOBAL_CMD.COUNTER is 3"),
+    "a count that stands": (PACMOD, "GLOBAL_CMD", "COUNTER", lambda _: 3.0, "counter: GLOBAL_CMD"),
     "a wrong complement": (PACMOD, "GLOBAL_CMD", "COMPLEMENT", lambda _: 3.0, "GLOBAL_CMD.COMPLEMENT"),
     "a wrong constant": (ADS_DV, "AI2VCU_Drive_F", "FRONT_MOTOR_SPEED_MAX", lambda _: 751.0, "SPEED_MAX is 751"),
     "another branch": (RAPTOR, "AKit_SteeringRequest", "AKit_SteeringReqType", lambda _: 2.0, "ReqType is 2"),

@@ -1,5 +1,6 @@
 """The catalogue for one vehicle: which cases apply to it, and how fast and how far they drive."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -51,7 +52,10 @@ def adapt(case: Case, wire: Wire) -> Case:
     ]
     then, needs = case.then, case.needs
     if wire.loses_its_place and then is Then.GOES_ON and any(STALE & set(_reasons(one)) for one in case.see):
-        then, needs = Then.REARM, tuple(dict.fromkeys([*needs, Need.REARM]))
+        need_not_stop = any(isinstance(one, MomentaryAtMost) for one in case.see)
+        then = Then.MAY_GO_ON if need_not_stop else Then.REARM
+        needs = tuple(dict.fromkeys([*needs, Need.REARM]))
+        see = tuple(replace(one, most_s=math.inf) if isinstance(one, MomentaryAtMost) else one for one in see)
     error_m = (
         None if case.max_path_error_m is None else case.max_path_error_m * max(LEAST_ERROR_SHARE, wire.length_share)
     )

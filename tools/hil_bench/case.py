@@ -16,6 +16,7 @@ class Then(StrEnum):
 
     GOES_ON = "drives on by itself"
     REARM = "stays released until armed again, then drives"
+    MAY_GO_ON = "drives on by itself, or stays stopped until armed again"
     HOLDS = "holds the vehicle at standstill"
     END_OF_ROUTE = "drives to the end of its route"
     ENDED = "has ended"

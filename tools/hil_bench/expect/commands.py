@@ -1,5 +1,6 @@
 """What must be observed of the device's commands."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -161,20 +162,23 @@ class FollowsGaps:
 
 @dataclass(frozen=True)
 class MomentaryAtMost:
-    """Stops for at most this long in total, with these reasons; never ENABLE = 0."""
+    """Stops for at most this long in total (any time if infinite), with these reasons; never ENABLE = 0."""
 
     reasons: tuple[str, ...]
     most_s: float
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
         most_s = self.most_s + observed.later_s(Wait.STATE)
-        text = f"at most {most_s * 1e3:.0f} ms of stopping ({', '.join(self.reasons)}), no ENABLE = 0"
+        limit = f"at most {most_s * 1e3:.0f} ms of stopping" if self.most_s < math.inf else "stops only for its reasons"
+        text = f"{limit} ({', '.join(self.reasons)}), no ENABLE = 0"
         pairs = observed.between(observed.inject_ns, observed.then_ns)
         wrong = [
             describe(observed, pair)
             for pair in pairs
             if not pair.is_enabled or (pair.is_stop and not observed.has_reason(pair, self.reasons))
         ]
+        if self.most_s == math.inf:
+            return check(text, wrong), []
         stopped_s = sum(pair.is_stop for pair in pairs) * observed.wire.command_period_s
         return check(text, wrong, stopped_s, most_s), []
 

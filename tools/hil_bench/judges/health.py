@@ -60,7 +60,7 @@ def check_preparation(case: Case, observed: Observation, rig: Rig) -> list[Check
 def check_health(case: Case, observed: Observation, rig: Rig, killed: Sequence[str]) -> list[Check]:
     """The device drives, holds or ends as it should after the case, and leaves no process."""
     checks = []
-    if case.then in (Then.GOES_ON, Then.REARM):
+    if case.then in (Then.GOES_ON, Then.REARM, Then.MAY_GO_ON):
         end_ns = observed.then_ns if case.then is Then.GOES_ON else rig.healthy_ns
         last = observed.between(end_ns - round(HEALTHY_S * S), end_ns)
         wrong = sorted(

@@ -59,6 +59,7 @@ def check_protocol(case: Case, rig: Rig, record: Record, observed: Observation) 
     }
     from_s = (rig.touched_ns - record.begin_ns) / S - JUST_BEFORE_S if rig.touched_ns else math.inf
     until_ns = {
+        Then.MAY_GO_ON: rig.healthy_ns - round(HEALTHY_S * S),
         Then.REARM: rig.healthy_ns - round(HEALTHY_S * S),
         Then.GOES_ON: observed.end_ns,
     }.get(case.then, observed.then_ns or observed.end_ns)

@@ -33,18 +33,27 @@ class Besides:
     def find_faults(self, decoded: DecodedFrame) -> Iterator[str]:
         """Values that are not the profile's."""
         for dotted, wanted in self._values.items():
-            if dotted in decoded.signals and not self._fits(dotted, wanted, decoded[dotted], decoded):
+            if dotted not in decoded.signals or isinstance(wanted, str):
+                continue
+            if not self._fits(dotted, wanted, decoded[dotted], decoded):
                 yield f"{dotted} is {decoded[dotted]:g}, where the profile has {wanted}"
+
+    def find_gaps(self, decoded: DecodedFrame) -> Iterator[str]:
+        """Counts that did not advance by one: as gaps of a counter, frames that the bus has lost explain them."""
+        for dotted, wanted in self._values.items():
+            if dotted not in decoded.signals or not isinstance(wanted, str):
+                continue
+            signal, value = self._wire.signals[dotted], decoded[dotted]
+            before, self._counts[dotted] = self._counts.get(dotted), value
+            states = 1 << signal.signal.length
+            if before is not None and abs((value - before) / signal.count % states - 1.0) >= 1e-6:
+                yield f"{dotted} from {before:g} to {value:g}"
 
     def _fits(self, dotted: str, wanted: object, value: float, decoded: DecodedFrame) -> bool:
         signal = self._wire.signals[dotted]
         slack = signal.count / 2.0 + 1e-9
         if isinstance(wanted, int | float):
             return abs(value - wanted) <= slack
-        if isinstance(wanted, str):
-            before, self._counts[dotted] = self._counts.get(dotted), value
-            states = 1 << signal.signal.length
-            return before is None or abs((value - before) / signal.count % states - 1.0) < 1e-6
         if not isinstance(wanted, Mapping):
             return True
         if "complement" in wanted:

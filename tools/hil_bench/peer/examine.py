@@ -101,6 +101,7 @@ class _Examination:
             self._take_state(decoded)
         else:
             record.violations += [f"{self._at(frame.stamp_ns)}: {text}" for text in self._besides.find_faults(decoded)]
+            record.counter_gaps += [f"{where}: {text}" for text in self._besides.find_gaps(decoded)]
             self._take_command(decoded)
             if name not in self.wire.command and name in self.wire.reader.enabling_messages:
                 self._take_enable(decoded)
