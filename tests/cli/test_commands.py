@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from vehicle_iface import cli
-from vehicle_iface.telemetry import telemetry_path
+from vehicle_iface.telemetry import TelemetryReader, telemetry_path
 
 ROOT = Path(__file__).resolve().parents[2]
 EMBEDDED = ("run", "--interface", "embedded", "--channel", "embedded", "--telemetry", "test-cli")
@@ -351,6 +351,15 @@ def test_a_demo_names_the_faults_of_a_profile_once_and_starts_nothing(tmp_path: 
     done = command("demo", "--no-viewer", "--profile", str(file))
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.count("'SPED'") == 1, done.stderr
+
+
+def test_a_run_publishes_the_names_of_messages_without_protection(tmp_path: Path) -> None:
+    done = run(tmp_path, "--profile", "agilex_hunter", "--route", "line", "--duration", "0.5")
+    assert done.returncode == 0, done.stderr
+    with TelemetryReader(str(tmp_path / "telemetry")) as reader:
+        reader.poll()
+        assert reader.info is not None
+        assert reader.info.unprotected == ("MOTION_STATE", "SYSTEM_STATE", "MOTION_COMMAND")
 
 
 def test_a_demo_whose_port_is_taken_ends_before_it_starts_anything() -> None:

@@ -51,7 +51,9 @@ def view(
         address=text,
         writer_state=writer_state,
         problem=text,
-        info=SessionInfo(channel=text, bus=text, bus_hint=text, profile=text, route=text, arming=text),
+        info=SessionInfo(
+            channel=text, bus=text, bus_hint=text, profile=text, route=text, arming=text, unprotected=(text,)
+        ),
         snapshot=snapshot,
         trajectory=path(frame_id=text),
         details=LiveDetails(link=LinkDetails(state=text), drops={text: 1, "list": 2}),
@@ -82,6 +84,16 @@ def driving(**changes: object) -> Snapshot:
     return Snapshot(NS_PER_S, ControllerState.ENGAGED, Reason.NOMINAL, has_state=True, stamp_ns=NS_PER_S)._replace(
         **changes  # type: ignore[arg-type]
     )
+
+
+def test_the_banner_names_the_messages_that_have_no_protection_once_and_briefly() -> None:
+    of = view(driving())
+    assert of.info is not None
+    assert "unprotected" not in banner_html(replace(of, info=replace(of.info, unprotected=())))
+    few = replace(of, info=replace(of.info, unprotected=("MOTION_STATE", "<b>")))
+    assert "unprotected: MOTION_STATE, <b> " in _Words(banner_html(few)).text
+    many = replace(of, info=replace(of.info, unprotected=tuple(f"M{number}" for number in range(9))))
+    assert "unprotected: M0, M1, M2, M3, M4, M5 and 3 more " in _Words(banner_html(many)).text
 
 
 @given(

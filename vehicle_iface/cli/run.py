@@ -216,6 +216,7 @@ def _telemetry(options: argparse.Namespace, channels: Channels, database: Vehicl
         bus="embedded bus (no SocketCAN used)" if embedded else bus.replace("socketcan", "SocketCAN"),
         bus_hint=EMBEDDED_HINT if embedded else "",
         profile=database.profile.name,
+        unprotected=database.unprotected,
         route=_describe_route(options),
         arming=_arming(options),
         period_s=database.profile.timing.sample_period_s,

@@ -117,6 +117,11 @@ class VehicleDatabase:
         """All messages that the program sends."""
         return (*self.commands, *self.sends, *(message for message in (self.body, self.report) if message is not None))
 
+    @property
+    def unprotected(self) -> tuple[str, ...]:
+        """The names of the received messages and commands that have neither checksum nor counter."""
+        return tuple(message.name for message in (*self.received, *self.commands) if message.protection is None)
+
 
 def load_database(profile: Profile) -> VehicleDatabase:
     """Load the database of a profile; raises what `load_binding` raises."""

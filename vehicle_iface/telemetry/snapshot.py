@@ -128,6 +128,8 @@ class SessionInfo:
     bus_hint: str = ""
     """How to use a real bus, where this is not one."""
     profile: str = ""
+    unprotected: tuple[str, ...] = ()
+    """Messages of state and command that have neither checksum nor counter."""
     route: str = ""
     """The route's name or the trajectory file's."""
     arming: str = "shadow"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from msgspec import UNSET
 
@@ -16,6 +16,8 @@ from vehicle_iface_viewer.panels.text import enum_name, plain
 OLD_STATE_S = 0.1
 """An older state is marked. The loop stops at half of this; the rest allows for the delay of the page."""
 _GREEN, _AMBER, _RED, _BLUE, _TEAL, _GREY = "#2b8a3e", "#e67700", "#c92a2a", "#1864ab", "#0b7285", "#495057"
+_SMALL = "opacity:.85;font-size:12px"
+_MOST_NAMES = 6
 _PURPLE, _LILAC = "#43305c", "#d0b8f5"
 _STATE_COLORS = {
     ControllerState.ENGAGED: _GREEN,
@@ -109,13 +111,21 @@ def _session_lines(view: View) -> Iterator[str]:
     yield from _link_lines(view)
     yield from _shadow_lines(view)
     if info.bus_hint:
-        yield f'<div style="opacity:.85;font-size:12px">{plain(info.bus_hint)}</div>'
+        yield f'<div style="{_SMALL}">{plain(info.bus_hint)}</div>'
     if view.recorder is not None and view.recorder.fault:
         yield f'<div id="recorder" style="font-weight:700">RECORDER: {plain(view.recorder.fault)}</div>'
     elif view.recorder is not None:
         yield f'<div id="recorder">recording to {plain(view.recorder.folder)}</div>'
     yield f"<div>profile {plain(info.profile or '–')} · route {plain(info.route or '–')}</div>"
+    if info.unprotected:
+        yield f'<div id="unprotected" style="{_SMALL}">unprotected: {_names(info.unprotected)}</div>'
     yield from _sample_lines(view)
+
+
+def _names(names: Sequence[str]) -> str:
+    """Return the first names, and how many more there are."""
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return ", ".join(plain(name) for name in names[:_MOST_NAMES]) + more
 
 
 def _link_lines(view: View) -> Iterator[str]:
