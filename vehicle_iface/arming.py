@@ -56,7 +56,9 @@ def report_review(profile: Profile) -> ReviewReport:
     record = profile.review
     if record is None:
         return ReviewReport(text="reviewed = true, without a record of a walk", changes=())
-    changes = tuple(find_changes(record, profile=Path(profile.file), dbcs=profile.dbc_files))
+    changes = tuple(
+        find_changes(record, profile=Path(profile.file), dbcs=profile.dbc_files, checksums=profile.checksum_files)
+    )
     since = f"; changed since: {' and '.join(changes)}" if changes else ""
     checks = f"{len(record.checks)} checks" if len(record.checks) > 1 else "1 check"
     log = f"{record.log}, SHA-256 {record.log_sha256[:12]}…"

@@ -5,12 +5,20 @@ from collections.abc import Callable
 from datetime import date
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import inspect_profile, load_profile
 from vehicle_iface.profile.review_edit import insert_review, require_editable, write_review
-from vehicle_iface.profile.review_record import ReviewRecord, find_changes, hash_dbcs, hash_file, hash_values
+from vehicle_iface.profile.review_record import (
+    ReviewRecord,
+    find_changes,
+    hash_checksums,
+    hash_file,
+    hash_files,
+    hash_values,
+)
 
 DBC = Path(__file__).resolve().parents[2] / "dbc"
 REFERENCE = (DBC / "reference.toml").read_text(encoding="utf-8")
@@ -112,11 +120,11 @@ def test_values_count_and_comments_do_not(profile: Path) -> None:
     write_review(profile, record())
     text = profile.read_text(encoding="utf-8")
     profile.write_text(text.replace("# SI units", "# in SI units"), encoding="utf-8")
-    assert find_changes(record(), profile=profile, dbcs=[dbc]) == []
+    assert find_changes(record(), profile=profile, dbcs=[dbc], checksums=[]) == []
     profile.write_text(text.replace('yaw_rate_radps = "MOTION', '# "MOTION'), encoding="utf-8")
-    assert find_changes(record(), profile=profile, dbcs=[dbc]) == ["reference.toml"]
+    assert find_changes(record(), profile=profile, dbcs=[dbc], checksums=[]) == ["reference.toml"]
     dbc.write_bytes(dbc.read_bytes() + b"\n")
-    assert find_changes(record(), profile=profile, dbcs=[dbc]) == ["reference.toml", "reference.dbc"]
+    assert find_changes(record(), profile=profile, dbcs=[dbc], checksums=[]) == ["reference.toml", "reference.dbc"]
 
 
 @pytest.mark.parametrize(
@@ -138,8 +146,30 @@ def test_each_of_several_dbcs_counts_and_their_order_does(tmp_path: Path) -> Non
         (tmp_path / name).write_text(name)
     car, ins = tmp_path / "car.dbc", tmp_path / "ins.dbc"
     (tmp_path / "v.toml").write_text(REFERENCE, encoding="utf-8")
-    reviewed = record(dbc_sha256=hash_dbcs([car, ins]))
-    assert find_changes(reviewed, profile=tmp_path / "v.toml", dbcs=[car, ins]) == []
-    assert find_changes(reviewed, profile=tmp_path / "v.toml", dbcs=[ins, car]) == ["ins.dbc/car.dbc"]
+    reviewed = record(dbc_sha256=hash_files([car, ins]))
+    assert find_changes(reviewed, profile=tmp_path / "v.toml", dbcs=[car, ins], checksums=[]) == []
+    assert find_changes(reviewed, profile=tmp_path / "v.toml", dbcs=[ins, car], checksums=[]) == ["ins.dbc/car.dbc"]
     ins.write_text("another")
-    assert find_changes(reviewed, profile=tmp_path / "v.toml", dbcs=[car, ins]) == ["car.dbc/ins.dbc"]
+    assert find_changes(reviewed, profile=tmp_path / "v.toml", dbcs=[car, ins], checksums=[]) == ["car.dbc/ins.dbc"]
+
+
+def test_the_python_file_of_a_checksum_counts(tmp_path: Path) -> None:
+    for name in ("j1939_truck.toml", "j1939_truck.dbc", "j1939_checksums.py"):
+        (tmp_path / name).write_bytes((DBC / name).read_bytes())
+    path = tmp_path / "j1939_truck.toml"
+    truck = load_profile(path)
+    assert truck.checksum_files == [tmp_path / "j1939_checksums.py"]
+    without = record(
+        profile_sha256=hash_values(path.read_text(encoding="utf-8")), dbc_sha256=hash_files(truck.dbc_files)
+    )
+    reviewed = msgspec.structs.replace(without, checksums_sha256=hash_checksums(truck.checksum_files))
+    write_review(path, reviewed)
+    assert load_profile(path).review == reviewed
+
+    def changes(record: ReviewRecord) -> list[str]:
+        return find_changes(record, profile=path, dbcs=truck.dbc_files, checksums=truck.checksum_files)
+
+    assert changes(reviewed) == []
+    assert changes(without) == ["j1939_checksums.py"]  # written before the file was covered
+    (tmp_path / "j1939_checksums.py").write_text("def tsc1(can_id, data): return 0\n")
+    assert changes(reviewed) == ["j1939_checksums.py"]

@@ -51,7 +51,7 @@ def recording(tmp_path: Path) -> RecordingRequest:
         telemetry=str(tmp_path / "loop"),
         channels=[],
         profile=profile.file,
-        dbcs=[profile.dbc],
+        named_files=[profile.dbc],
         command_line=["vehicle-iface", "run"],
     )
 
@@ -167,7 +167,7 @@ def test_the_folder_says_what_was_recorded_and_has_the_profile_with_its_hashes(
     assert {"python", "numpy", "kernel"} <= set(meta["versions"])
     copies = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (folder / "profile").iterdir()}
     assert copies == meta["sha256"]
-    assert (folder / "profile" / "reference.dbc").read_bytes() == Path(recording.dbcs[0]).read_bytes()
+    assert (folder / "profile" / "reference.dbc").read_bytes() == Path(recording.named_files[0]).read_bytes()
     assert (folder / "profile" / "reference.toml").read_bytes() == Path(recording.profile).read_bytes()
 
 
@@ -181,7 +181,7 @@ def test_dbcs_of_one_name_in_two_folders_are_both_kept_where_the_profile_finds_t
     profile = tmp_path / "two.toml"
     profile.write_text("name = 'two'")
     dbcs = [str(tmp_path / bus / "can.dbc") for bus in ("vehicle", "ins")]
-    Recorder(msgspec.structs.replace(recording, profile=str(profile), dbcs=dbcs), said.append).close(1)
+    Recorder(msgspec.structs.replace(recording, profile=str(profile), named_files=dbcs), said.append).close(1)
     folder = Path(recording.folder)
     assert [(folder / "profile" / bus / "can.dbc").read_text() for bus in ("vehicle", "ins")] == ["vehicle", "ins"]
     assert set(json.loads((folder / "meta.json").read_text())["sha256"]) == {

@@ -30,7 +30,14 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.opening import Channels, open_buses, require_socketcan
 from vehicle_iface.profile import Profile, load_profile
 from vehicle_iface.profile.review_edit import require_editable, write_review
-from vehicle_iface.profile.review_record import ReviewRecord, find_changes, hash_dbcs, hash_file, hash_values
+from vehicle_iface.profile.review_record import (
+    ReviewRecord,
+    find_changes,
+    hash_checksums,
+    hash_file,
+    hash_files,
+    hash_values,
+)
 from vehicle_iface.review.review import review_drive
 from vehicle_iface.review.series import read_drive
 from vehicle_iface.units import NS_PER_S
@@ -114,11 +121,12 @@ def walk_and_review(
 
 
 class _Hashes:
-    """The hashes of profile and DBC when the checks began."""
+    """The hashes of profile, DBCs and Python checksums when the checks began."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile_sha256 = hash_values(Path(profile.file).read_text(encoding="utf-8"))
-        self._dbc_sha256 = hash_dbcs(profile.dbc_files)
+        self._dbc_sha256 = hash_files(profile.dbc_files)
+        self._checksums_sha256 = hash_checksums(profile.checksum_files)
 
     def make_record(self, found: Commissioning, today: date) -> ReviewRecord:
         return ReviewRecord(
@@ -128,6 +136,7 @@ class _Hashes:
             log_sha256=found.log_sha256,
             profile_sha256=self._profile_sha256,
             dbc_sha256=self._dbc_sha256,
+            checksums_sha256=self._checksums_sha256,
         )
 
 
@@ -142,7 +151,7 @@ def _offer_to_write(profile: Profile, record: ReviewRecord, is_told_to: bool) ->
     if not is_told_to and not _confirm(f"Write reviewed = true and the record of this walk into {path}? [y/N] "):
         print_safely("not written: --write, or y, writes reviewed = true and the record of the walk into the profile")
         return False
-    changes = find_changes(record, profile=path, dbcs=profile.dbc_files)
+    changes = find_changes(record, profile=path, dbcs=profile.dbc_files, checksums=profile.checksum_files)
     if changes:
         raise ConfigError(f"{' and '.join(changes)}: changed during the walk, nothing was written; walk again")
     write_review(path, record)

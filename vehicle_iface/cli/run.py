@@ -243,7 +243,7 @@ def _recording(
         telemetry=options.telemetry,
         channels=list(channels.values()) if options.interface == "socketcan" else [],
         profile=database.profile.file,
-        dbcs=[bus.dbc for bus in database.profile.all_buses.values()],
+        named_files=[str(file) for file in (*database.profile.dbc_files, *database.profile.checksum_files)],
         command_line=[argument.encode(errors="replace").decode() for argument in sys.argv],
     )
     with RecorderProcess(request) as recording:

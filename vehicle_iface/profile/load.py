@@ -12,7 +12,7 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile.check import check_document, check_profile, check_tables
 from vehicle_iface.profile.check_buses import needed_keys
 from vehicle_iface.profile.placeholders import FaultyPlaces
-from vehicle_iface.profile.protection_table import gather_rules, place_rule_in_file
+from vehicle_iface.profile.protection import gather_rules, place_rule_in_file
 from vehicle_iface.profile.renamed import rename_old_keys
 from vehicle_iface.profile.schema import Profile
 from vehicle_iface.profile.state_pose import name_odometry_frame

@@ -1,4 +1,4 @@
-"""Keys of a profile for the protection of messages."""
+"""Keys of a profile for the protection of messages: `[e2e]`, and `[protection]` with its rules."""
 
 from typing import Annotated, Literal
 
@@ -80,3 +80,16 @@ class MessageProtection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     rules: dict[str, ProtectionRule]
     """Rules by name; in the file `[protection.NAME]`, beside `messages`."""
     messages: dict[str, str | ProtectedMessage]
+
+
+def gather_rules(document: dict[str, object]) -> None:
+    """Put the rules of `[protection]` into a table `rules`, in place: the form that `MessageProtection` has."""
+    table = document.get("protection")
+    if isinstance(table, dict):
+        rules = {name: rule for name, rule in table.items() if name != "messages"}
+        document["protection"] = {"rules": rules} | {name: table[name] for name in ("messages",) if name in table}
+
+
+def place_rule_in_file(fault: str) -> str:
+    """Return the fault with its place as in the file."""
+    return fault.replace("$.protection.rules", "$.protection", 1) if fault.startswith("$.protection.rules") else fault

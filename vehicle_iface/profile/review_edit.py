@@ -100,6 +100,7 @@ def _drop_table(lines: Sequence[str]) -> list[str]:
 
 def _write_table(record: ReviewRecord) -> list[str]:
     checks = ", ".join(_quote(check) for check in record.checks)
+    has_checksums = record.checksums_sha256 is not None
     return [
         "[review]                       # written by vehicle-iface commission",
         f"date = {record.date.isoformat()}",
@@ -108,6 +109,7 @@ def _write_table(record: ReviewRecord) -> list[str]:
         f'log_sha256 = "{record.log_sha256}"',
         f'profile_sha256 = "{record.profile_sha256}"',
         f'dbc_sha256 = "{record.dbc_sha256}"',
+        *([f'checksums_sha256 = "{record.checksums_sha256}"'] if has_checksums else []),
     ]
 
 

@@ -1,4 +1,4 @@
-"""The record of a review in a profile, `[review]`: what was checked, when, and what profile and DBC were then."""
+"""The record of a review in a profile, `[review]`: what was checked, when, and hashes of the files at that time."""
 
 import hashlib
 import json
@@ -31,6 +31,8 @@ class ReviewRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """Hash of the profile's values without `reviewed` and `[review]`; comments and layout do not count."""
     dbc_sha256: Sha256
     """Hash of the DBC's bytes; of several DBCs, that of their SHA-256 in the order of their buses."""
+    checksums_sha256: Sha256 | None = None
+    """Hash of the Python files with checksums, like `dbc_sha256`; None where the profile names no such file."""
 
 
 def hash_file(path: Path) -> str:
@@ -47,17 +49,26 @@ def hash_values(text: str) -> str:
     return hashlib.sha256(json.dumps(document, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def hash_dbcs(paths: Sequence[Path]) -> str:
-    """Compute the SHA-256 of a profile's DBCs; `ConfigError` when one cannot be read."""
+def hash_files(paths: Sequence[Path]) -> str:
+    """Compute the SHA-256 of a file, or of the SHA-256 of several; `ConfigError` when one cannot be read."""
     hashes = [hash_file(path) for path in paths]
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
-def find_changes(record: ReviewRecord, *, profile: Path, dbcs: Sequence[Path]) -> list[str]:
-    """Return the files that have changed since the review."""
+def hash_checksums(paths: Sequence[Path]) -> str | None:
+    """Compute the SHA-256 of a profile's Python files with checksums; None where there are none."""
+    return hash_files(paths) if paths else None
+
+
+def find_changes(record: ReviewRecord, *, profile: Path, dbcs: Sequence[Path], checksums: Sequence[Path]) -> list[str]:
+    """Return the files that have changed since the review, or that its record does not cover."""
     try:
         is_same = hash_values(profile.read_text(encoding="utf-8")) == record.profile_sha256
     except OSError as error:
         raise ConfigError(f"{profile}: cannot be read: {error.strerror}") from None
     changed = [] if is_same else [profile.name]
-    return changed if hash_dbcs(dbcs) == record.dbc_sha256 else [*changed, "/".join(path.name for path in dbcs)]
+    if hash_files(dbcs) != record.dbc_sha256:
+        changed.append("/".join(path.name for path in dbcs))
+    if checksums and hash_checksums(checksums) != record.checksums_sha256:
+        changed.append("/".join(path.name for path in checksums))
+    return changed

@@ -250,6 +250,14 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         return [Path(bus.dbc) for bus in self.all_buses.values()]
 
     @property
+    def checksum_files(self) -> list[Path]:
+        """The Python files with checksum functions that the profile names."""
+        rules = self.protection.rules.values() if self.protection else ()
+        functions = [rule.checksum.function for rule in rules if rule.checksum and rule.checksum.function]
+        names = sorted({function.rpartition(":")[0] for function in functions})
+        return [Path(self.file).parent / name for name in names]
+
+    @property
     def only_watches(self) -> bool:
         """Whether nothing of a command is bound: the vehicle cannot be driven."""
         return self.command.signals == CommandSignals()

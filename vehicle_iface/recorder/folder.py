@@ -34,7 +34,8 @@ class RecordingRequest(msgspec.Struct, kw_only=True, frozen=True):
     """The SocketCAN interface of each bus; none where the bus has no frames on a socket."""
     profile: str
     """The profile's file."""
-    dbcs: list[str]
+    named_files: list[str]
+    """The DBCs and Python files that the profile names."""
     command_line: list[str]
 
 
@@ -52,7 +53,7 @@ def create_folder(request: RecordingRequest, info: SessionInfo) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     copies = folder / PROFILE
     copies.mkdir()
-    for file in (request.profile, *request.dbcs):
+    for file in (request.profile, *request.named_files):
         copy = copies / _relative_place(file, request.profile)
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(file, copy)
@@ -76,7 +77,7 @@ def create_folder(request: RecordingRequest, info: SessionInfo) -> Path:
 
 
 def _relative_place(file: str, profile: str) -> Path:
-    """Where a DBC lies below the profile's folder, so that the copy of the profile finds it; else its name."""
+    """Where the profile finds a file that it names, relative to its folder; the name where that is not below it."""
     place = Path(os.path.relpath(file, Path(profile).parent))
     return Path(place.name) if ".." in place.parts else place
 
