@@ -334,7 +334,7 @@ def test_the_program_accepts_every_kind_of_route_as_a_vehicle_drives_it(profile:
 @pytest.mark.parametrize("profile", ["agilex_hunter", "agilex_hunter_ins", "j1939_truck", "vbox_kart"])
 def test_the_program_rejects_every_profile_that_a_case_has_spoilt(profile: str, tmp_path: Path) -> None:
     wire = open_wire(profile)
-    for file in (*wire.path.parent.glob("*.py"), *wire.further_dbcs, wire.path, wire.dbc):
+    for file in (*wire.further_files, wire.path, wire.dbc):
         (tmp_path / file.name).write_text(file.read_text())
     load_database(load_profile(str(tmp_path / wire.path.name)))  # it is what is spoilt that is rejected
     for case in FILES:

@@ -12,11 +12,15 @@ from hil_bench.cases.companions import COMPANIONS
 from hil_bench.cases.files import FILES
 from hil_bench.device import Commands
 from hil_bench.errors import UnexpectedNodeError
+from hil_bench.peer.build import open_wire
 from hil_bench.plant import Plant
 from hil_bench.result import CaseResult, Verdict
 from hil_bench.rig import Rig
 from hil_bench.vehicle import Vehicle
 from scenes import WIRE
+
+from vehicle_iface.codec.database import load_database
+from vehicle_iface.profile import load_profile
 
 NEWS = ("on_run_start", "on_case_start", "on_case_end", "on_run_end")
 
@@ -130,3 +134,15 @@ def test_a_run_until_the_first_failure_executes_nothing_after_it(
     found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
     assert [case.verdict for case in found.cases] == [Verdict.PASS, Verdict.FAIL]
     assert found.verdict is Verdict.FAIL
+
+
+@pytest.mark.parametrize("profile", ["j1939_truck", "agilex_hunter_ins"])
+def test_the_changed_copy_of_a_profile_has_beside_it_what_it_names(profile: str, tmp_path: Path) -> None:
+    case = replace(FILES[0], profile=lambda toml, dbc: (toml + "\n# changed\n", dbc))
+    what = run_case.BenchConfig(
+        wire=open_wire(profile), channel="vcan9", commands=Commands(), folder=tmp_path, profile=profile
+    )
+    copy = Path(run_case._profile(what, case, "copy"))
+    assert copy.parent == tmp_path.resolve()
+    assert copy.read_text().endswith("# changed\n")
+    assert load_database(load_profile(copy)).profile.name == what.wire.name

@@ -59,7 +59,7 @@ def find_faults(profile: str, folder: Path, change: Callable[[Frame], list[Frame
 def test_each_message_is_on_its_bus() -> None:
     wire = open_wire(HUNTER)
     assert wire.buses == ("vehicle", "ins")
-    assert [dbc.name for dbc in (wire.dbc, *wire.further_dbcs)] == ["agilex_hunter.dbc", "oxts_ins.dbc"]
+    assert [dbc.name for dbc in (wire.dbc, *wire.further_files)] == ["agilex_hunter.dbc", "oxts_ins.dbc"]
     on = {name: wire.bus_of(name) for name in wire.ids}
     assert {name for name, bus in on.items() if bus == INS} == set(wire.sample) - {"MOTION_STATE"}
     position = wire.pack("LatitudeLongitude", 0)

@@ -52,6 +52,8 @@ class ProfileFiles:
     """Of each bus."""
     buses: tuple[str, ...]
     """Their names; of the only bus of a short form it is empty."""
+    checksum_files: tuple[Path, ...]
+    """The Python files that the profile names for checksums."""
     database: Database
     """Of the first bus."""
     messages: Messages
@@ -62,6 +64,11 @@ class ProfileFiles:
     def dbc(self) -> Path:
         """Of the first bus."""
         return self.dbcs[0]
+
+    @property
+    def further_files(self) -> tuple[Path, ...]:
+        """All that the profile names besides its first DBC."""
+        return (*self.dbcs[1:], *self.checksum_files)
 
 
 def read_files(profile: str, *, strict: bool = True) -> ProfileFiles:
@@ -79,6 +86,8 @@ def read_files(profile: str, *, strict: bool = True) -> ProfileFiles:
         dbcs = tuple(path.parent / bus["dbc"] for bus in buses.values())
         databases = {name: _load(dbc, strict=strict) for name, dbc in zip(buses, dbcs, strict=True)}
         messages = Messages(databases)
+        checksum_files = _find_checksum_files(path, tables)
+        contents = b"".join(file.read_bytes() for file in (*dbcs, *checksum_files))
         tables = messages.rename(tables)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, CantoolsError) as error:
         raise ProfileError(f"{path}: {error}") from error
@@ -87,10 +96,18 @@ def read_files(profile: str, *, strict: bool = True) -> ProfileFiles:
         profile=tables,
         dbcs=dbcs,
         buses=tuple(buses),
+        checksum_files=checksum_files,
         database=next(iter(databases.values())),
         messages=messages,
-        hash=hashlib.sha256(text + b"".join(dbc.read_bytes() for dbc in dbcs)).hexdigest(),
+        hash=hashlib.sha256(text + contents).hexdigest(),
     )
+
+
+def _find_checksum_files(path: Path, tables: Mapping[str, Any]) -> tuple[Path, ...]:
+    """Return the files of `function = "FILE.py:NAME"` in the rules of `[protection]`."""
+    rules = [rule for name, rule in tables.get("protection", {}).items() if name != "messages"]
+    functions = [rule.get("checksum", {}).get("function", "") for rule in rules]
+    return tuple(path.parent / name for name in sorted({function.partition(":")[0] for function in functions} - {""}))
 
 
 def _load(dbc: Path, *, strict: bool) -> Database:

@@ -157,7 +157,7 @@ def _profile(config: BenchConfig, case: Case, name: str) -> str:
     copy = config.folder / f"{name}.toml"
     copy.write_text(toml)
     (config.folder / config.wire.dbc.name).write_text(dbc)
-    for further in config.wire.further_dbcs:
+    for further in config.wire.further_files:
         shutil.copy(further, config.folder / further.name)
     return str(copy.resolve())
 

@@ -90,8 +90,8 @@ class Wire:
     frame_id = "map"
     buses: tuple[str, ...] = ("",)
     """Their names; the only one needs none."""
-    further_dbcs: tuple[Path, ...] = ()
-    """Of the buses after the first."""
+    further_files: tuple[Path, ...] = ()
+    """What the profile names besides its first DBC: further DBCs, and Python files with checksums."""
     loses_its_place = False
     """Its position is dead reckoning, which ends with a gap in its state."""
 

@@ -36,7 +36,7 @@ class PeerWire(Wire):
     def __init__(self, profile: str) -> None:
         files = read_files(profile, strict=False)
         self.path, self.dbc, self.profile, self.hash = files.path, files.dbc, files.profile, files.hash
-        self.buses, self.further_dbcs = files.buses, files.dbcs[1:]
+        self.buses, self.further_files = files.buses, files.further_files
         if not self.profile.get("command", {}).get("signals"):
             raise ProfileError(
                 f"{files.path}: has no [command]: the vehicle can only be watched, nothing can be judged"
