@@ -133,7 +133,7 @@ def build_loop(
     handover = Handover(ns_from_s(profile.handover.warning_s), hold_until_warned=profile.handover.hold_until_warned)
     publisher = TelemetryPublisher(telemetry, controller, counters)
     shadow = None if armed or not database.commands else _shadow(database)
-    names = {m.key: m.name for m in (*database.received, *database.sent)}
+    names = {m.key: m.dbc_name for m in (*database.received, *database.sent)}
     return Loop(
         LoopComponents(
             link=link,

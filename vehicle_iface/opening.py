@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from vehicle_iface.bus.base import Bus, add_bus_name
 from vehicle_iface.bus.several import SeveralBuses
 from vehicle_iface.bus.socketcan import SocketCanBus
-from vehicle_iface.codec.database import EXACT_ID, BoundMessage
+from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.errors import BusError, ConfigError
 from vehicle_iface.frame import IdFilter
 from vehicle_iface.profile import Profile
@@ -100,5 +100,5 @@ def _open_with_python_can(interface: str, channel: str, bus: NamedBus, received:
 def _filters(received: Iterable[BoundMessage]) -> tuple[list[int], list[IdFilter]]:
     """Exact identifiers, and those of which only some bits matter."""
     kept = tuple(received)
-    can_ids = [message.can_id for message in kept if message.id_mask == EXACT_ID]
-    return can_ids, [IdFilter(message.can_id, message.id_mask) for message in kept if message.id_mask != EXACT_ID]
+    can_ids = [message.can_id for message in kept if not message.is_masked]
+    return can_ids, [IdFilter(message.can_id, message.id_mask) for message in kept if message.is_masked]

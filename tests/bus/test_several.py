@@ -256,7 +256,7 @@ def test_a_bus_that_takes_nothing_and_one_that_lost_frames_are_named(linked: Lin
 
 def test_the_load_of_each_bus_is_known_and_the_greatest_is_the_link_s(linked: Linked) -> None:
     linked.watch_for(ms(500))
-    names = {FrameKey(0x100): "vehicle:STATUS", FrameKey(0x100, bus=1): "ins:STATUS"}
+    names = {FrameKey(0x100): "STATUS", FrameKey(0x100, bus=1): "STATUS"}
     counted = {FrameKey(0x100): 7, FrameKey(0x100, bus=1): 20}
     assert linked.link.load.now("UP", names, counted) == LinkDetails(
         state="UP",

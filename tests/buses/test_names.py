@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.buses.two_buses import BUSES, CAR, load_vehicle, write_vehicle
-from vehicle_iface.codec.database import J1939_PGN, load_database
+from vehicle_iface.codec.database import J1939_PGN, find_masked, load_database
 from vehicle_iface.codec.decoder import Decoder, DropCause
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.codec.lint import check_file
@@ -81,6 +81,9 @@ def test_the_messages_of_all_buses_are_bound_each_to_its_own(tmp_path: Path) -> 
         "ins:STATUS": FrameKey(256, bus=1),
         "CMD": FrameKey(128),
     }
+    assert {message.dbc_name for message in (*database.received, *database.sent)} == {
+        *("INS_POS", "INS_ATT", "WHEELS", "STATUS", "CMD"),
+    }
 
 
 def test_a_name_of_one_bus_may_have_it_in_front(tmp_path: Path) -> None:
@@ -109,6 +112,11 @@ def test_a_message_known_by_a_part_of_its_identifier_is_known_on_its_bus_only(tm
     other_priority = CanFrame(0x0CFEF121, bytes(8), is_extended=True, bus=1)
     assert decoder.decode(other_priority) is not None
     assert decoder.decode(other_priority._replace(bus=0)) is None
+    masked = (replace(position, can_id=0x18FEF121, is_extended=True, id_mask=J1939_PGN),)
+    assert masked[0].is_masked
+    assert not position.is_masked
+    assert find_masked(masked, 0x0CFEF133, bus=1) is masked[0]
+    assert find_masked(masked, 0x0CFEF221, bus=1) is None
 
 
 def test_a_frame_is_encoded_for_the_bus_of_its_message(tmp_path: Path) -> None:

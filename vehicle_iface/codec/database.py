@@ -4,7 +4,7 @@ Each signal of a message has its field's name beside it, so that decoder and enc
 contradictions are reported before the first frame.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -76,6 +76,24 @@ class BoundMessage:
     def key(self) -> FrameKey:
         """The key by which the decoder recognises frames of this message."""
         return FrameKey(self.can_id, self.is_extended, self.bus)
+
+    @property
+    def dbc_name(self) -> str:
+        """The name in the DBC of the message's own bus, without the bus in front of it."""
+        return self.name.rpartition(":")[2]
+
+    @property
+    def is_masked(self) -> bool:
+        """Whether frames of several extended identifiers are this message."""
+        return self.id_mask != EXACT_ID
+
+
+def find_masked(messages: Iterable[BoundMessage], can_id: int, bus: int) -> BoundMessage | None:
+    """Return the first message of this bus that matches the extended identifier in the bits of its mask."""
+    for message in messages:
+        if message.bus == bus and (can_id ^ message.can_id) & message.id_mask == 0:
+            return message
+    return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

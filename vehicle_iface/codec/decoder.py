@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from enum import Enum
 
 from vehicle_iface.codec.compiled import Value
-from vehicle_iface.codec.database import EXACT_ID, BoundMessage
+from vehicle_iface.codec.database import EXACT_ID, BoundMessage, find_masked
 from vehicle_iface.codec.e2e import CounterCheck, DamageCheck, Sequence
 from vehicle_iface.codec.protection import NO_COUNTER
 from vehicle_iface.decoded import DecodedMessage
@@ -82,12 +82,12 @@ class _Input:
 class Decoder:
     """Decodes the given messages and tracks the sequence of each."""
 
-    __slots__ = ("_by_mask", "_inputs", "accepted", "drops")
+    __slots__ = ("_inputs", "_masked", "accepted", "drops")
 
     def __init__(self, messages: Iterable[BoundMessage]) -> None:
         kept = tuple(messages)
         self._inputs = {_key(message): _Input(message) for message in kept}
-        self._by_mask = [message for message in kept if message.id_mask != EXACT_ID]
+        self._masked = [message for message in kept if message.is_masked]
         self.accepted = 0
         """Frames that became messages."""
         self.drops: dict[tuple[DropCause, str], int] = {}
@@ -114,8 +114,9 @@ class Decoder:
         if bus:
             key |= bus << _BUS
         entry = self._inputs.get(key)
-        if entry is None and self._by_mask and is_extended:
-            entry = self._find_by_mask(can_id, bus)
+        if entry is None and self._masked and is_extended:
+            message = find_masked(self._masked, can_id, bus)
+            entry = None if message is None else self._inputs[_key(message)]
         if entry is None:
             self._drop_unknown(frame)
             return None
@@ -153,13 +154,6 @@ class Decoder:
         for entry in self._inputs.values():
             if entry.counters is not None:
                 entry.counters.reset()
-
-    def _find_by_mask(self, can_id: int, bus: int) -> _Input | None:
-        """Find the message that matches the masked bits of the identifier."""
-        for message in self._by_mask:
-            if message.bus == bus and (can_id ^ message.can_id) & message.id_mask == 0:
-                return self._inputs[_key(message)]
-        return None
 
     def _drop_unknown(self, frame: CanFrame) -> None:
         """Count a frame whose identifier is not ours, or is ours in the other format."""

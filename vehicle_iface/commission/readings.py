@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from vehicle_iface.codec.binding import Binding
-from vehicle_iface.codec.database import EXACT_ID, VehicleDatabase
+from vehicle_iface.codec.database import VehicleDatabase, find_masked
 from vehicle_iface.codec.decoder import Decoder
-from vehicle_iface.frame import CanFrame, FrameKey, IdFilter
+from vehicle_iface.frame import CanFrame, FrameKey
 from vehicle_iface.review.log_frames import LoggedFrame
 from vehicle_iface.review.series import POSITION, DriveReader
 from vehicle_iface.runtime.assembly import build_state_assembler
@@ -37,7 +37,7 @@ class Readings:
         self._assembler = build_state_assembler(database)
         messages = (*database.received, *database.sent)
         self._names = {one.key: one.name for one in messages}
-        self._masked = [one for one in messages if one.id_mask != EXACT_ID]
+        self._masked = [one for one in messages if one.is_masked]
         self.labels = self._motion.labels
         """Signals of each bound field of the state."""
 
@@ -76,6 +76,5 @@ class Readings:
         name = self._names.get(FrameKey(frame.can_id, frame.is_extended, frame.bus))
         if name is not None or not frame.is_extended:
             return name
-        on_its_bus = (one for one in self._masked if one.bus == frame.bus)
-        matching = (one.name for one in on_its_bus if IdFilter(one.can_id, one.id_mask).matches(frame.can_id))
-        return next(matching, None)
+        message = find_masked(self._masked, frame.can_id, frame.bus)
+        return None if message is None else message.name

@@ -15,7 +15,9 @@ from vehicle_iface.units import NS_PER_S
 class BusLoad:
     """Adds up traffic samples of one bus. Loads are in percent of its bit rate, rates in frames per second."""
 
-    def __init__(self) -> None:
+    def __init__(self, bus: str = "") -> None:
+        """`bus` is the name in front of each identifier; empty where there is only one bus."""
+        self._bus = bus
         self._span_ns = self._busy_ns = self._frames = 0
         self._by_id: dict[FrameKey, float] = {}
         self._counted: dict[FrameKey, int] = {}
@@ -49,7 +51,7 @@ class BusLoad:
         if seconds > 0.0:
             self._exact = {can_id: count / seconds for can_id, count in since.items()}
             self._counted, self._counted_ns = dict(counted), self._span_ns
-        load_percent, frames_per_s, rates_hz = _rates(self._now, self._exact, names)
+        load_percent, frames_per_s, rates_hz = self._rates(self._now, self._exact, names)
         return LinkDetails(state=state, load_percent=load_percent, frames_per_s=frames_per_s, rates_hz=rates_hz)
 
     def whole(
@@ -64,7 +66,7 @@ class BusLoad:
             return LinkSummary(state=state, transitions=transitions)
         exact = {can_id: count * NS_PER_S / self._span_ns for can_id, count in counted.items()}
         run = TrafficSample(self._span_ns, self._frames, self._busy_ns, self._by_id)
-        load_percent, frames_per_s, rates_hz = _rates(run, exact, names)
+        load_percent, frames_per_s, rates_hz = self._rates(run, exact, names)
         return LinkSummary(
             state=state,
             transitions=transitions,
@@ -74,13 +76,34 @@ class BusLoad:
             highest_load_percent=round(self.highest_load_percent, 1),
         )
 
+    def _rates(
+        self, stretch: TrafficSample, exact: Mapping[FrameKey, float], names: Mapping[FrameKey, str]
+    ) -> tuple[float, float, dict[str, float]]:
+        """Return the load in percent, the frames per second, and those of each identifier."""
+        seconds = stretch.span_ns / NS_PER_S
+        rates = {key: count / seconds for key, count in stretch.frames_by_key.items()} | dict(exact)
+        return (
+            round(_percent(stretch.busy_ns, stretch.span_ns), 1),
+            round(stretch.frames / seconds, 1),
+            {self._label(key, names): round(rate, 1) for key, rate in sorted(rates.items()) if rate},
+        )
+
+    def _label(self, key: FrameKey, names: Mapping[FrameKey, str]) -> str:
+        """Return `0x110 POSE`, of several buses `ins 0x110 POSE`; an unknown message has no name.
+
+        An extended identifier is written as `0x0012D687x`.
+        """
+        number = f"0x{key.can_id:08X}x" if key.is_extended else f"0x{key.can_id:03X}"
+        return " ".join(word for word in (self._bus, number, names.get(key)) if word)
+
 
 class BusLoads:
     """The traffic of each bus of a vehicle; of several, the greatest load and the sum of their frames."""
 
     def __init__(self, names: Iterable[str]) -> None:
-        """The names of the buses in their order; "" of the only one."""
-        self._loads = {name: BusLoad() for name in names}
+        """`names` are those of the buses, in their order."""
+        kept = tuple(names)
+        self._loads = {name: BusLoad(name if len(kept) > 1 else "") for name in kept}
 
     def add(self, name: str, sample: TrafficSample) -> None:
         """One more stretch of time on the bus of that name."""
@@ -129,11 +152,7 @@ def _put_together(link: _Details, by_bus: Mapping[str, _Details]) -> _Details:
         load_percent=max(known.values()),
         loads_percent=known,
         frames_per_s=round(sum(of_bus.frames_per_s or 0.0 for of_bus in by_bus.values()), 1),
-        rates_hz={
-            f"{name} {label.replace(f'{name}:', '')}": rate
-            for name, of_bus in by_bus.items()
-            for label, rate in (of_bus.rates_hz or {}).items()
-        },
+        rates_hz={label: rate for of_bus in by_bus.values() for label, rate in (of_bus.rates_hz or {}).items()},
     )
 
 
@@ -141,24 +160,5 @@ def _on_bus(number: int, counted: Mapping[FrameKey, int]) -> dict[FrameKey, int]
     return {key: count for key, count in counted.items() if key.bus == number}
 
 
-def _rates(
-    stretch: TrafficSample, exact: Mapping[FrameKey, float], names: Mapping[FrameKey, str]
-) -> tuple[float, float, dict[str, float]]:
-    """The load in percent, frames per second, and those of each identifier."""
-    seconds = stretch.span_ns / NS_PER_S
-    rates = {can_id: count / seconds for can_id, count in stretch.frames_by_key.items()} | dict(exact)
-    return (
-        round(_percent(stretch.busy_ns, stretch.span_ns), 1),
-        round(stretch.frames / seconds, 1),
-        {_label(can_id, names): round(rate, 1) for can_id, rate in sorted(rates.items()) if rate},
-    )
-
-
 def _percent(busy_ns: int, span_ns: int) -> float:
     return 100.0 * busy_ns / span_ns
-
-
-def _label(key: FrameKey, names: Mapping[FrameKey, str]) -> str:
-    """`0x110 POSE`; `0x3A0` for an unknown message, `0x0012D687x` for an extended identifier."""
-    number = f"0x{key.can_id:08X}x" if key.is_extended else f"0x{key.can_id:03X}"
-    return f"{number} {names.get(key, '')}".rstrip()
