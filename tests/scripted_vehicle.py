@@ -11,6 +11,7 @@ import cantools
 from cantools.database import Database
 
 from tests.harness import START_NS, Clock, ms, pure_pursuit, straight
+from tests.inbox_bus import InboxBus
 from vehicle_iface import compose
 from vehicle_iface.codec.database import VehicleDatabase
 from vehicle_iface.frame import CanFrame
@@ -36,12 +37,13 @@ Obey = Callable[["ScriptedVehicle", Received], VehicleMode | None]
 """The mode that a frame puts the vehicle in; None where it changes nothing."""
 
 
-class ScriptedVehicle:
+class ScriptedVehicle(InboxBus):
     """A `Bus` whose other end drives along +x: a pose every 10 ms, a status every 20 ms."""
 
     description = "scripted vehicle"
 
     def __init__(self, dbc: Path, clock: Clock, obey: Obey) -> None:
+        super().__init__()
         database = cantools.database.load_file(dbc)
         assert isinstance(database, Database)
         self._database, self._clock, self._obey = database, clock, obey
@@ -52,28 +54,20 @@ class ScriptedVehicle:
         self.x_m = self.speed_mps = 0.0
         self.received: list[Received] = []
         self._accel_mps2 = 0.0
-        self._inbox: list[CanFrame] = []
         self._tick = 0
 
     def open(self) -> "ScriptedVehicle":
         return self
 
     def wait(self, until_ns: int) -> bool:
-        while not self._inbox:
+        while not self.inbox:
             due_ns = START_NS + self._tick * ms(10)
             if due_ns > until_ns:
                 self._clock.sleep_until(until_ns)
                 break
             self._clock.sleep_until(due_ns)
             self._advance()
-        return bool(self._inbox)
-
-    def drain(self) -> list[CanFrame]:
-        frames, self._inbox = self._inbox, []
-        return frames
-
-    def has_room(self) -> bool:
-        return True
+        return bool(self.inbox)
 
     def send(self, *frames: CanFrame) -> int:
         for frame in frames:
@@ -84,12 +78,6 @@ class ScriptedVehicle:
             self.mode = self._obey(self, got) or self.mode
             self._accel_mps2 = got.signals.get("ACC", self._accel_mps2)
         return len(frames)
-
-    def counters(self) -> dict[str, int]:
-        return {}
-
-    def close(self) -> None:
-        """Nothing to give back."""
 
     def _advance(self) -> None:
         if self.mode is VehicleMode.AUTONOMOUS:
@@ -106,7 +94,7 @@ class ScriptedVehicle:
     def _send(self, name: str, **signals: float) -> None:
         message = self._database.get_message_by_name(name)
         data = message.encode({signal: float(value) for signal, value in signals.items()})
-        self._inbox.append(CanFrame(message.frame_id, bytes(data), self._clock.t_ns))
+        self.inbox.append(CanFrame(message.frame_id, bytes(data), self._clock.t_ns))
 
 
 class ScriptedDrive:

@@ -3,6 +3,7 @@
 import pytest
 
 from tests.harness import Clock, ms
+from tests.inbox_bus import InboxBus
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.bus.controller_events import ControllerEvent
 from vehicle_iface.bus.traffic_monitor import TrafficSample
@@ -399,28 +400,14 @@ def test_all_traffic_is_looked_at_twice_a_second_and_added_up() -> None:
     assert (link.load_percent, link.highest_load_percent, link.frames_per_s) == (20.0, 20.0, 100.0)
 
 
-class PlainBus:
+class PlainBus(InboxBus):
     """The least that a bus can be: nobody can ask its controller, and it sees no traffic but its own."""
-
-    description = "plain"
 
     def wait(self, until_ns: int) -> bool:  # noqa: ARG002
         return False
 
-    def drain(self) -> list[CanFrame]:
-        return []
-
-    def has_room(self) -> bool:
-        return True
-
     def send(self, *frames: CanFrame) -> int:
         return len(frames)
-
-    def counters(self) -> dict[str, int]:
-        return {}
-
-    def close(self) -> None:
-        pass
 
 
 def test_a_bus_without_error_events_is_monitored_too() -> None:

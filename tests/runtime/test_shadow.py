@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 
 from tests.harness import Drive, pure_pursuit, reference, straight
+from tests.inbox_bus import InboxBus
 from tests.narrowing import at_present
 from vehicle_iface import Reason, VehicleState, compose
 from vehicle_iface.codec.encoder import Encoder
@@ -31,46 +32,33 @@ BEGIN_NS = 1_000 * PERIOD_NS
 FAR_APART = 100
 
 
-class Tap:
+class Tap(InboxBus):
     """A bus on which a second loop hears what goes over the first one's line, and from which nothing leaves."""
 
     description = "tap"
 
     def __init__(self, drive: Drive) -> None:
-        self._heard: list[CanFrame] = []
+        super().__init__()
         self._clock = drive.clock
         drain, send = drive.line.drain, drive.line.send
 
         def tapped_drain() -> list[CanFrame]:
             frames = drain()
-            self._heard += frames
+            self.inbox += frames
             return frames
 
         def tapped_send(*frames: CanFrame) -> int:
             sent = send(*frames)
-            self._heard += [frame._replace(stamp_ns=self._clock.t_ns) for frame in frames[:sent]]
+            self.inbox += [frame._replace(stamp_ns=self._clock.t_ns) for frame in frames[:sent]]
             return sent
 
         drive.line.drain, drive.line.send = tapped_drain, tapped_send  # type: ignore[method-assign]
 
     def wait(self, until_ns: int) -> bool:
-        return bool(self._heard) or until_ns < 0
-
-    def drain(self) -> list[CanFrame]:
-        frames, self._heard = self._heard, []
-        return frames
-
-    def has_room(self) -> bool:
-        return True
+        return bool(self.inbox) or until_ns < 0
 
     def send(self, *frames: CanFrame) -> int:
         raise AssertionError(f"a shadow sends {frames}")
-
-    def counters(self) -> dict[str, int]:
-        return {}
-
-    def close(self) -> None:
-        pass
 
 
 def beside(drive: Drive, source: TrajectorySource) -> Loop:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.harness import START_NS, Clock, pure_pursuit
+from tests.inbox_bus import InboxBus
 from tests.vehicles.independent.peer import Sedan
 from vehicle_iface import compose
 from vehicle_iface.codec.database import load_database
@@ -22,43 +23,30 @@ REFERENCE = (Path(__file__).parents[2] / "dbc/reference.toml").read_text(encodin
 FIGURE = make_route("figure8", RouteConfig(half_width_m=12.0))
 
 
-class Line:
+class Line(InboxBus):
     """The bus: the vehicle moves while the loop waits."""
 
     description = "an independent vehicle"
 
     def __init__(self, sedan: Sedan, clock: Clock) -> None:
+        super().__init__()
         self._sedan, self._clock = sedan, clock
-        self._inbox: list[CanFrame] = []
 
     def open(self) -> "Line":
         return self
 
     def wait(self, until_ns: int) -> bool:
-        while not self._inbox and self._clock.t_ns < until_ns:
+        while not self.inbox and self._clock.t_ns < until_ns:
             next_ns = START_NS + (self._sedan.now_ms + 1) * NS_PER_MS
             self._clock.sleep_until(min(until_ns, next_ns))
             if self._clock.t_ns >= next_ns:
-                self._inbox += (frame._replace(stamp_ns=next_ns) for frame in self._sedan.advance_ms())
-        return bool(self._inbox)
-
-    def drain(self) -> list[CanFrame]:
-        frames, self._inbox = self._inbox, []
-        return frames
-
-    def has_room(self) -> bool:
-        return True
+                self.inbox += (frame._replace(stamp_ns=next_ns) for frame in self._sedan.advance_ms())
+        return bool(self.inbox)
 
     def send(self, *frames: CanFrame) -> int:
         for frame in frames:
             self._sedan.receive(frame)
         return len(frames)
-
-    def counters(self) -> dict[str, int]:
-        return {}
-
-    def close(self) -> None:
-        self._inbox = []
 
 
 class Drive:
