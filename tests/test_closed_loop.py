@@ -931,7 +931,7 @@ def test_a_position_that_stays_where_it_jumped_to_stops_the_vehicle_and_ends_in_
     assert drive.loop.details().implausible["jumped"] == pytest.approx(100, abs=2)  # then it is believed
 
 
-def test_frozen_values_with_live_counters_stop_a_vehicle_that_moves() -> None:
+def test_frozen_values_with_running_counters_stop_a_moving_vehicle() -> None:
     drive = cruising()
     drive.say("freeze on")
     took_s = drive.run_until(lambda: drive.last()["SAFE_STOP"], 1.0)

@@ -34,7 +34,7 @@ JUDGED_FIXTURES = {"bus", "programs", "loop_end", "cable_programs"}
 JUDGED_BY_ITSELF = {
     "tests/vcan/test_drive.py::test_a_viewer_that_is_killed_and_restarted_changes_nothing_on_the_bus",
     "tests/vcan/test_fd.py::test_frames_of_another_kind_or_a_wrong_checksum_change_nothing",
-    "tests/vcan/test_two_buses.py::test_a_lost_bus_of_two_silences_the_loop_and_is_named_and_the_vehicle_stops",
+    "tests/vcan/test_two_buses.py::test_the_loss_of_one_of_two_buses_silences_the_loop_names_the_bus_and_stops_the_vehicle",
 }
 """A part of one long drive, and tests on the layout for CAN FD and on two buses."""
 ALLOWED_MS = 150.0
@@ -176,11 +176,8 @@ def test_a_row_that_breaks_its_word_is_found(row: str, found: list[str]) -> None
             ["B1: no test tests/test_failures.py::test_nothing"],
         ),
         (
-            "`tests/vcan/test_contract.py::test_a_faultless_record_is_found_faultless`",
-            [
-                "B1: not judged by the bus contract: "
-                "tests/vcan/test_contract.py::test_a_faultless_record_is_found_faultless"
-            ],
+            "`tests/vcan/test_contract.py::test_a_correct_record_has_no_findings`",
+            ["B1: not judged by the bus contract: tests/vcan/test_contract.py::test_a_correct_record_has_no_findings"],
         ),
         ("`tests/test_none.py::test_a`", ["B1: no test tests/test_none.py::test_a"]),
         ("`tests/test_failures.py::page_of`", ["B1: no test tests/test_failures.py::page_of"]),

@@ -174,7 +174,7 @@ def test_unmeasured_wheels_are_not_compared(tmp_path: Path) -> None:
     assert (judged(hang)["dynamics"], judged(hang, wire=wire)["dynamics"]) == (Verdict.FAIL, Verdict.PASS)
 
 
-def test_coarse_steering_steps_are_no_swerve(tmp_path: Path) -> None:
+def test_coarse_steering_steps_are_not_reported_as_a_swerve(tmp_path: Path) -> None:
     fine = re.search(r"SG_ FRONT_WHEEL_ANGLE_REQUEST : .*", WIRE.dbc.read_text())
     assert fine is not None
     wire = other_wire(tmp_path, dbc=(fine[0], fine[0].replace("(0.0001,0)", "(0.01,0)")))
@@ -204,7 +204,7 @@ def test_an_injection_into_a_vehicle_that_is_not_driven_fails() -> None:
     assert [check.verdict for check in good] == [Verdict.PASS]
 
 
-def test_a_device_that_never_engages_fails_for_that() -> None:
+def test_a_device_that_never_engages_fails_with_that_reason() -> None:
     rig = SimpleNamespace(wire=WIRE, touched_ns=0)
     for history, verdict in (([at(1.0, 0.0, READY)], Verdict.FAIL), ([at(1.0, 0.0)], Verdict.PASS)):
         (check,) = judges.check_preparation(named("drive-step"), observed(history=history), rig)  # type: ignore[arg-type]

@@ -91,7 +91,7 @@ def test_bits_are_written_where_they_are_read() -> None:
         (None, 1.0),
     ],
 )
-def test_units_are_known_by_their_spellings(unit: str | None, size: float) -> None:
+def test_units_are_recognised_by_their_spellings(unit: str | None, size: float) -> None:
     assert size_of(unit) == pytest.approx(size)
     assert size_of("furlong") is None
 
@@ -115,7 +115,9 @@ def number_of(_signal: str, number: object) -> float:
 
 @pytest.mark.parametrize("wanted", [True, False])
 @pytest.mark.parametrize("condition", CONDITIONS, ids=str)
-def test_a_condition_is_met_in_every_way_that_there_is(condition: str | Mapping[str, object], wanted: bool) -> None:
+def test_a_signal_value_is_chosen_for_every_form_of_condition(
+    condition: str | Mapping[str, object], wanted: bool
+) -> None:
     values = {"A": (0.0, 1.0, 2.0), "B": (0.0, -4.0, 4.0)}
     every = [{"A": a, "B": b} for a, b in itertools.product(*values.values())]
     found = list(satisfy_all([(condition, wanted)], {}, values.__getitem__, number_of))
@@ -161,7 +163,7 @@ def test_modes_are_reported_by_the_values_of_conditions() -> None:
 
 
 @pytest.mark.parametrize(("slope_mps2", "is_stop"), [(0.0, False), (-0.3, False), (-1.2, True), (0.8, False)])
-def test_a_commanded_speed_that_falls_as_in_a_stop_is_one(slope_mps2: float, is_stop: bool) -> None:
+def test_a_commanded_speed_that_falls_as_in_a_stop_counts_as_a_stop(slope_mps2: float, is_stop: bool) -> None:
     wire = open_wire("agilex_hunter")
     assert isinstance(wire, PeerWire)
     stop = InferredStop(wire)
@@ -176,7 +178,7 @@ def test_a_commanded_speed_that_falls_as_in_a_stop_is_one(slope_mps2: float, is_
 # Which cases apply
 
 
-def test_everything_applies_to_the_reference_vehicle_as_it_is_written() -> None:
+def test_every_case_applies_to_the_reference_vehicle_unchanged() -> None:
     assert frozenset(Part) - parts_of(WIRE) == {Part.FURTHER_STATE}  # it has one bus
     for case in CATALOGUE:
         assert find_inapplicable(case, WIRE) == "", case.name
@@ -282,7 +284,7 @@ def test_a_smaller_vehicle_drives_smaller_and_slower_routes_in_its_own_frame() -
     assert wire.frame_id == "odom"
 
 
-def test_a_vehicle_that_reacts_later_is_given_the_time_and_odometry_is_armed_again() -> None:
+def test_a_slower_vehicle_gets_longer_limits_and_odometry_is_armed_again() -> None:
     wire, case = open_wire("agilex_hunter"), named("state-lost")
     driven = adapt(case, wire)
     assert driven.for_s == pytest.approx(case.for_s + wire.later_s[Wait.STATE])
@@ -312,7 +314,7 @@ def test_a_vehicle_with_odometry_that_need_not_stop_is_armed_again_only_if_it_ha
         ("lateral_jerk_mps3", "# lateral_jerk_mps3", "lateral_jerk_mps3 is missing"),
     ],
 )
-def test_a_profile_that_the_bench_cannot_play_is_refused_with_the_reason(
+def test_a_profile_that_the_bench_cannot_simulate_is_rejected_with_the_reason(
     old: str, new: str, why: str, tmp_path: Path
 ) -> None:
     files = open_wire("agilex_hunter")
@@ -332,7 +334,7 @@ def test_the_program_accepts_every_kind_of_route_as_a_vehicle_drives_it(profile:
 
 
 @pytest.mark.parametrize("profile", ["agilex_hunter", "agilex_hunter_ins", "j1939_truck", "vbox_kart"])
-def test_the_program_rejects_every_profile_that_a_case_has_spoilt(profile: str, tmp_path: Path) -> None:
+def test_the_program_rejects_every_profile_that_a_case_has_broken(profile: str, tmp_path: Path) -> None:
     wire = open_wire(profile)
     for file in (*wire.further_files, wire.path, wire.dbc):
         (tmp_path / file.name).write_text(file.read_text())
@@ -346,7 +348,7 @@ def test_the_program_rejects_every_profile_that_a_case_has_spoilt(profile: str, 
                 load_database(load_profile(str(tmp_path / "mine.toml")))
 
 
-def test_the_list_says_what_does_not_apply(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_list_names_cases_that_do_not_apply(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["--list", "--profile", "agilex_hunter"]) == 0
     said = capsys.readouterr().out
     assert "NOT APPLICABLE to agilex_hunter: needs a gear on its bus" in said
@@ -364,7 +366,7 @@ def test_a_speed_that_nothing_confirms_is_limited() -> None:
     assert limits == {"fs_ai_ads_dv": 3.0, "pacmod3": 10.0}
 
 
-def test_a_j1939_message_is_known_whatever_its_priority(tmp_path: Path) -> None:
+def test_a_j1939_message_is_recognised_at_any_priority(tmp_path: Path) -> None:
     text = ROVER.read_text() + "\n[messages.STATUS]\nj1939 = { source_address = 0x10 }\n"
     (tmp_path / "rover.dbc").write_text(ROVER.with_name("rover.dbc").read_text())
     (tmp_path / "rover.toml").write_text(text)
@@ -377,7 +379,7 @@ def test_a_j1939_message_is_known_whatever_its_priority(tmp_path: Path) -> None:
     assert wire.name_of(Frame(0, 0x123, b"")) is None
 
 
-def test_a_command_has_the_signals_of_its_branch_only() -> None:
+def test_a_command_contains_only_the_signals_of_its_branch() -> None:
     wire = open_wire("new_eagle_raptor")
     told = [wire.intact(wire.pack("AKit_AccelPdlRequest", 0, **{f"AKit_AccelPdlRequest.{name}": value}))
             for name, value in (("AKit_AccelReqType", 0.0), ("AKit_AccelReqType", 1.0))]  # fmt: skip
@@ -416,7 +418,7 @@ def test_a_speed_without_can_control_is_found_once_the_message_must_have_come() 
     assert not examine(wire, late).violations
 
 
-def test_commands_that_end_with_a_release_are_no_silence() -> None:
+def test_commands_that_end_with_a_release_do_not_count_as_silence() -> None:
     wire = open_wire("agilex_hunter")
     driven, again = hunter_frames(1, 0.5), hunter_frames(1, 0.5, from_ms=3000, to_ms=4000)
     released = hunter_frames(0, 0.0, from_ms=1000, to_ms=3000)

@@ -43,7 +43,7 @@ def cruising(profile: str, folder: Path, change: Change = lambda frame: [frame])
 
 
 @pytest.mark.parametrize("profile", ["reference", *ALL])
-def test_the_program_drives_the_benchs_vehicle_and_nothing_is_found(profile: str, tmp_path: Path) -> None:
+def test_the_program_drives_the_benchs_vehicle_without_findings(profile: str, tmp_path: Path) -> None:
     drive = VirtualDrive(profile, bend(), tmp_path)
     drive.run_until(lambda: drive.vehicle.has_arrived, 60.0)
     record, moving = drive.record(), [i for i in drive.vehicle.history if i.mode == AUTONOMOUS]
@@ -77,7 +77,7 @@ def test_a_vehicle_that_lacks_a_message_beside_the_commands_does_not_engage(tmp_
     assert drive.vehicle.mode == READY
 
 
-def test_the_driver_gets_the_vehicle(tmp_path: Path) -> None:
+def test_the_driver_takes_over_the_vehicle(tmp_path: Path) -> None:
     drive = cruising("pacmod3", tmp_path)
     drive.vehicle.driver_brake = True
     drive.run_s(0.3)
@@ -86,7 +86,7 @@ def test_the_driver_gets_the_vehicle(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("profile", PEERS)
-def test_a_stop_is_seen_where_no_signal_says_so_and_only_there(profile: str, tmp_path: Path) -> None:
+def test_a_stop_is_inferred_only_where_no_signal_reports_it(profile: str, tmp_path: Path) -> None:
     drive = VirtualDrive(profile, routes.straight(120.0), tmp_path)
     drive.run_until(lambda: drive.vehicle.plant.speed_mps > 0.6 * 5.0 * drive.wire.speed_share, 15.0)
     begin_ns = drive.bus.now_ns

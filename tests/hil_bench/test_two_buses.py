@@ -80,7 +80,7 @@ SAME_NAME = (
 """The INS has a message MOTION_STATE, too; one name has a bus that it does not need."""
 
 
-def test_two_messages_of_one_name_and_identifier_are_told_apart_and_the_vehicle_is_driven(tmp_path: Path) -> None:
+def test_messages_with_the_same_name_and_identifier_are_distinguished_by_bus(tmp_path: Path) -> None:
     same_id = (("BO_ 1542 AccelLevel", "BO_ 545 MOTION_STATE"), ("BO_ 1542 10", "BO_ 545 10"))
     profile = copied(tmp_path, *SAME_NAME, ins=same_id)
     drive = VirtualDrive(profile, routes.straight(30.0), tmp_path)
@@ -93,7 +93,7 @@ def test_two_messages_of_one_name_and_identifier_are_told_apart_and_the_vehicle_
     assert not record.faults()
 
 
-def test_a_name_that_several_buses_have_needs_that_of_the_bus(tmp_path: Path) -> None:
+def test_a_name_on_several_buses_must_include_the_bus(tmp_path: Path) -> None:
     same_name = [("AccelLevel", "MOTION_STATE")]
     text = "MOTION_STATE is on the buses vehicle and ins; write vehicle:MOTION_STATE or ins:MOTION_STATE"
     with pytest.raises(ProfileError, match=text):
@@ -209,7 +209,7 @@ def test_a_silent_further_bus_stops_the_vehicle_and_a_device_that_drives_on_fail
         assert not record.pairs[-1].is_stop
 
 
-def test_the_cases_of_several_buses_are_those_of_such_vehicles_only(capsys: pytest.CaptureFixture[str]) -> None:
+def test_cases_for_several_buses_apply_only_to_vehicles_with_several(capsys: pytest.CaptureFixture[str]) -> None:
     assert catalogue_of(1) == CATALOGUE
     assert catalogue_of(2) == (*CATALOGUE, *BUSES)
     wire = open_wire(HUNTER)
@@ -219,7 +219,7 @@ def test_the_cases_of_several_buses_are_those_of_such_vehicles_only(capsys: pyte
     assert f"{len(CATALOGUE) + len(BUSES)} cases" in capsys.readouterr().out
 
 
-def test_each_bus_has_an_interface_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_bus_has_its_own_interface(monkeypatch: pytest.MonkeyPatch) -> None:
     wire = open_wire(HUNTER)
     monkeypatch.setattr(buses, "is_virtual", lambda _: False)
     channels = buses.read_channels(["ins=can1", "vehicle=can0"], wire)

@@ -411,7 +411,7 @@ def test_silence_stays_when_samples_come_back() -> None:
 
 
 @pytest.mark.parametrize(("after_ns", "then"), [(3000 * MS, Mode.ENGAGING), (3000 * MS + 1, Mode.FAULT)])
-def test_a_vehicle_that_does_not_engage_is_given_up_after_three_seconds(after_ns: int, then: Mode) -> None:
+def test_engaging_is_aborted_after_three_seconds_without_the_vehicle(after_ns: int, then: Mode) -> None:
     run = Run().for_ms(500, status()).for_ms(10, status())
     assert run.mode() is Mode.ENGAGING
     begun_ns = run.engagement.transitions[-1][0]

@@ -41,7 +41,7 @@ def missing(record: Record, name: str) -> int:
 
 
 @pytest.mark.usefixtures("far_vehicle")
-def test_one_state_frame_in_a_hundred_that_is_lost_is_counted_and_the_vehicle_drives_on(
+def test_one_percent_of_lost_state_frames_is_counted_and_driving_continues(
     cable_programs: Programs, cable: Cable, loop_end: Observer
 ) -> None:
     loop, moving = driven(cable_programs, loop_end)
@@ -58,7 +58,7 @@ def test_one_state_frame_in_a_hundred_that_is_lost_is_counted_and_the_vehicle_dr
 
 
 @pytest.mark.usefixtures("far_vehicle")
-def test_state_frames_that_come_twice_are_dropped_as_repeated_and_answered_once(
+def test_duplicated_state_frames_are_dropped_as_repeated_and_answered_once(
     cable_programs: Programs, cable: Cable, loop_end: Observer
 ) -> None:
     loop, moving = driven(cable_programs, loop_end)
@@ -75,7 +75,7 @@ def test_state_frames_that_come_twice_are_dropped_as_repeated_and_answered_once(
 
 
 @pytest.mark.usefixtures("far_vehicle")
-def test_state_frames_that_overtake_each_other_are_dropped_as_out_of_sequence(
+def test_reordered_state_frames_are_dropped_as_out_of_sequence(
     cable_programs: Programs, cable: Cable, loop_end: Observer
 ) -> None:
     loop, moving = driven(cable_programs, loop_end)
@@ -95,7 +95,7 @@ def test_state_frames_that_overtake_each_other_are_dropped_as_out_of_sequence(
 
 
 @pytest.mark.usefixtures("far_vehicle")
-def test_damaged_state_frames_are_dropped_by_cause_and_the_vehicle_drives_on(
+def test_damaged_state_frames_are_dropped_by_cause_and_driving_continues(
     cable_programs: Programs, cable: Cable, loop_end: Observer
 ) -> None:
     loop, moving = driven(cable_programs, loop_end)
@@ -116,7 +116,7 @@ def test_damaged_state_frames_are_dropped_by_cause_and_the_vehicle_drives_on(
         assert shapes == malformed[name]
 
 
-def test_commands_that_are_lost_doubled_and_damaged_on_their_way_are_made_up_for_by_the_next_ones(
+def test_lost_duplicated_and_damaged_commands_are_compensated_by_the_next_ones(
     cable_programs: Programs, cable: Cable, loop_end: Observer, vehicle_end: Observer, far_vehicle: Vehicle
 ) -> None:
     loop, moving = driven(cable_programs, vehicle_end)
@@ -135,7 +135,7 @@ def test_commands_that_are_lost_doubled_and_damaged_on_their_way_are_made_up_for
     assert loop.ends() == 0
 
 
-def test_a_cable_cut_for_60_ms_costs_a_moments_stop_and_one_cut_for_600_ms_silences_until_armed_again(
+def test_a_cable_cut_of_60_ms_stops_briefly_and_one_of_600_ms_silences_until_armed(
     cable_programs: Programs, cable: Cable, loop_end: Observer, far_vehicle: Vehicle
 ) -> None:
     loop, moving = driven(cable_programs, loop_end)

@@ -108,7 +108,7 @@ def liar(bus: Observer) -> Iterator[Liar]:
     vehicle.close()
 
 
-def test_other_data_ids_impossible_values_early_wraps_and_jitter_are_driven_through_and_counted(
+def test_wrong_data_ids_impossible_values_early_wraps_and_jitter_are_counted_and_driving_continues(
     programs: Programs, bus: Observer, liar: Liar
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -141,7 +141,7 @@ def test_other_data_ids_impossible_values_early_wraps_and_jitter_are_driven_thro
     }
 
 
-def test_a_whole_round_of_the_counter_lost_and_parts_of_different_samples_stop_the_vehicle_as_long_as_it_lasts(
+def test_a_lost_counter_cycle_and_mixed_sample_parts_stop_the_vehicle_while_they_last(
     programs: Programs, bus: Observer, liar: Liar
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -163,7 +163,7 @@ def test_a_whole_round_of_the_counter_lost_and_parts_of_different_samples_stop_t
     assert found["drops"] == {}
 
 
-def test_samples_with_gaps_engage_nobody_and_wheels_that_hang_are_not_led_away_from(
+def test_samples_with_gaps_prevent_engaging_and_commands_stay_near_stuck_wheels(
     programs: Programs, bus: Observer, liar: Liar
 ) -> None:
     liar.hangs_at_rad = 0.0
@@ -224,7 +224,7 @@ def with_an_axle(folder: Path) -> str:
     return str(folder / "axle.toml")
 
 
-def test_floats_that_are_no_numbers_and_branches_that_there_are_not_are_dropped_and_stop_the_vehicle_if_they_stay(
+def test_nan_floats_and_unknown_branches_are_dropped_and_stop_the_vehicle_if_they_persist(
     programs: Programs, bus: Observer
 ) -> None:
     vehicle = Axle()

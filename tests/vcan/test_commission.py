@@ -9,7 +9,7 @@ from .observer import Observer
 VEHICLE_IDS = {0x100, 0x110, 0x111, 0x112}
 
 
-def test_a_walk_reads_the_vehicle_and_sends_nothing(programs: Programs, bus: Observer) -> None:
+def test_commissioning_reads_the_vehicle_and_sends_nothing(programs: Programs, bus: Observer) -> None:
     programs.start("sim", "--driver-socket", str(programs.folder / "pedals.sock"))
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     report, record = programs.folder / "report.json", programs.folder / "walk.log"

@@ -164,7 +164,7 @@ def test_the_worked_example_of_the_contract_is_met() -> None:
     assert pack("VEHICLE_STATUS", 2)[1][:2].hex(" ") == "e5 02"
 
 
-def test_a_faultless_record_is_found_faultless() -> None:
+def test_a_correct_record_has_no_findings() -> None:
     record = examine(steady())
     assert record.faults() == []
     assert len(record.samples) == len(record.pairs) == 300
@@ -230,28 +230,28 @@ BREACHES: dict[str, tuple[Callable[[Frames], None], str]] = {
 
 
 @pytest.mark.parametrize(("breach", "said"), BREACHES.values(), ids=BREACHES)
-def test_each_breach_of_the_controllers_is_found(breach: Callable[[Frames], None], said: str) -> None:
+def test_each_violation_by_the_controller_is_found(breach: Callable[[Frames], None], said: str) -> None:
     frames = steady()
     breach(frames)
     found = breaches(frames)
     assert any(said in text for text in found), found
 
 
-def test_a_clock_that_is_set_back_and_forth_is_no_breach_and_hides_none() -> None:
+def test_clock_steps_are_not_violations_and_hide_none() -> None:
     hours_ago = [Frame(frame.stamp_ns - 3600 * S, frame.can_id, frame.data) for frame in steady()]
     assert breaches([*steady(), *hours_ago, *steady()]) == []
     lose_a_pair(hours_ago)
     assert len(breaches([*steady(), *hours_ago, *steady()])) == 2
 
 
-def test_what_the_vehicle_does_wrong_is_no_breach_of_the_controllers() -> None:
+def test_the_vehicles_faults_are_not_violations_by_the_controller() -> None:
     frames = steady()
     for fault in (corrupt, shorten, lose_a_frame, lose_answers):
         fault(frames)
     assert breaches(frames) == []
 
 
-def test_late_answers_are_neither_missing_nor_doubled() -> None:
+def test_late_commands_are_neither_missing_nor_duplicated() -> None:
     commands = {pack(name, 0)[0] for name in CONTENT}
     late = [
         Frame(frame.stamp_ns + 35 * MS, frame.can_id, frame.data)
@@ -263,7 +263,7 @@ def test_late_answers_are_neither_missing_nor_doubled() -> None:
     assert found == []
 
 
-def test_parts_of_different_samples_never_make_one() -> None:
+def test_parts_of_different_samples_are_never_combined() -> None:
     frames = [
         _frame(BEGIN_NS + i * MS, name, i % COUNTERS)
         for i in range(60)
@@ -280,7 +280,7 @@ def test_the_distance_from_a_path_follows_the_branch_that_is_driven_on() -> None
     assert max(errors_m) == pytest.approx(0.5, abs=1e-6)
 
 
-def test_check_drive_reads_a_log_and_says_what_is_wrong_with_it(tmp_path: Path) -> None:
+def test_check_drive_reports_what_is_wrong_in_a_log(tmp_path: Path) -> None:
     good, bad = steady(), steady()
     corrupt(bad)
     statuses, worst = [], []
@@ -296,14 +296,14 @@ def test_check_drive_reads_a_log_and_says_what_is_wrong_with_it(tmp_path: Path) 
     assert worst[1]["wrong"][0].startswith("CRC: MOTION at 1.50")
 
 
-def test_check_drive_refuses_what_is_no_log_with_the_line(tmp_path: Path) -> None:
+def test_check_drive_rejects_a_file_that_is_not_a_log_and_names_the_line(tmp_path: Path) -> None:
     (tmp_path / "no.log").write_text("(1700000000.000001) vcan0 080#0011223344556677\nhello\n")
     done = run_module("drive_checks.check_drive", str(tmp_path / "no.log"))
     assert done.returncode == 2
     assert "line 2" in done.stderr
 
 
-def test_a_log_written_here_is_what_candump_writes(bus: Observer, tmp_path: Path) -> None:
+def test_a_written_log_has_the_format_of_candump(bus: Observer, tmp_path: Path) -> None:
     bus.is_strangers = lambda _: True  # nobody drives here
     candump, before, log = shutil.which("candump"), mtu(), tmp_path / "log.candump"
     assert candump is not None

@@ -57,13 +57,13 @@ def interface(vcan0: None) -> Iterator[str]:  # noqa: ARG001
         ip(f"link set {CHANNEL} {line}")
 
 
-def test_an_interface_that_is_up_lacks_nothing(interface: str) -> None:
+def test_an_interface_that_is_up_has_no_findings(interface: str) -> None:
     answer = doctor("--channel", interface)
     assert answer.status == 0
     assert {answer.verdict(what) for what in ("SocketCAN", interface, "MTU", "bit rate", "txqueuelen")} == {"ok"}
 
 
-def test_an_interface_that_is_down_is_missing_and_its_command_brings_it_up(interface: str) -> None:
+def test_an_interface_that_is_down_is_reported_with_the_command_that_brings_it_up(interface: str) -> None:
     ip(f"link set {interface} down")
     answer = doctor("--channel", interface)
     assert answer.status == 2
@@ -72,7 +72,7 @@ def test_an_interface_that_is_down_is_missing_and_its_command_brings_it_up(inter
     assert doctor("--channel", interface).status == 0
 
 
-def test_an_interface_that_is_not_there_is_missing_and_its_command_makes_it(vcan0: None) -> None:  # noqa: ARG001
+def test_an_absent_virtual_interface_is_reported_with_the_command_that_creates_it(vcan0: None) -> None:  # noqa: ARG001
     answer = doctor("--channel", "vcan7")
     assert answer.status == 2
     assert answer.verdict("vcan7") == "missing"
@@ -85,19 +85,19 @@ def test_an_interface_that_is_not_there_is_missing_and_its_command_makes_it(vcan
         ip("link del vcan7")
 
 
-def test_a_real_interface_that_is_not_there_sends_to_the_adapter(vcan0: None) -> None:  # noqa: ARG001
+def test_an_absent_hardware_interface_points_to_the_adapter(vcan0: None) -> None:  # noqa: ARG001
     answer = doctor("--channel", "can7")
     assert answer.status == 2
     run(answer["can7"]["fix"])
 
 
-def test_an_interface_without_can_is_none(vcan0: None) -> None:  # noqa: ARG001
+def test_an_interface_of_another_type_is_rejected(vcan0: None) -> None:  # noqa: ARG001
     answer = doctor("--channel", "lo")
     assert answer.status == 2
     assert "carries no CAN" in answer["lo"]["text"]
 
 
-def test_an_mtu_of_classical_frames_is_enough_for_a_classical_vehicle_only(interface: str) -> None:
+def test_a_classical_mtu_suffices_only_for_a_classical_vehicle(interface: str) -> None:
     ip(f"link set {interface} down")
     ip(f"link set {interface} mtu 16")
     ip(f"link set {interface} up")
@@ -109,7 +109,7 @@ def test_an_mtu_of_classical_frames_is_enough_for_a_classical_vehicle_only(inter
     assert doctor("--channel", interface, "--profile", "reference_fd").status == 0
 
 
-def test_a_long_transmit_queue_is_warned_of_and_its_command_shortens_it(interface: str) -> None:
+def test_a_long_transmit_queue_is_a_warning_with_the_command_that_shortens_it(interface: str) -> None:
     subprocess.run(["tc", "qdisc", "add", "dev", interface, "root", "pfifo"], check=True)
     answer = doctor("--channel", interface)
     assert answer.status == 0
@@ -120,7 +120,7 @@ def test_a_long_transmit_queue_is_warned_of_and_its_command_shortens_it(interfac
     assert "one pass sends up to" in doctor("--channel", interface)["txqueuelen"]["text"]
 
 
-def test_a_small_receive_buffer_is_warned_of_and_its_command_enlarges_it(vcan0: None) -> None:  # noqa: ARG001
+def test_a_small_receive_buffer_is_a_warning_with_the_command_that_enlarges_it(vcan0: None) -> None:  # noqa: ARG001
     limit = Path("/proc/sys/net/core/rmem_max")
     before = limit.read_text()
     try:
@@ -133,7 +133,7 @@ def test_a_small_receive_buffer_is_warned_of_and_its_command_enlarges_it(vcan0: 
         limit.write_text(before)
 
 
-def test_without_rights_it_says_the_same_of_the_bus(interface: str) -> None:
+def test_without_privileges_the_findings_about_the_bus_are_the_same(interface: str) -> None:
     # Once before, so that all is imported while there still is a right to read where Python may be installed.
     code = f"""
 import contextlib, io, os, sys

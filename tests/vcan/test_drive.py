@@ -107,7 +107,7 @@ def test_three_processes_drive_the_figure_of_eight_for_a_lap_within_30_cm(lap: R
     assert way_m > route.length_m
 
 
-def test_in_a_lap_there_is_not_one_crc_error_and_not_one_counter_gap(lap: Record) -> None:
+def test_a_lap_has_no_crc_error_and_no_counter_gap(lap: Record) -> None:
     assert lap.crc_errors == []
     assert lap.counter_gaps == []
     assert set(lap.frames) == set(NAMES.values())
@@ -132,7 +132,7 @@ def test_a_viewer_that_is_killed_and_restarted_changes_nothing_on_the_bus(drive:
     assert record.faults() == []
 
 
-def test_after_the_drive_the_vehicle_stands_and_the_loop_ends_well(drive: Drive) -> None:
+def test_after_the_drive_the_vehicle_is_at_standstill_and_the_loop_exits_with_0(drive: Drive) -> None:
     record = drive.bus.record(drive.over)
     assert drive.status == 0
     assert not own_faults(record)

@@ -24,7 +24,7 @@ DRIVERS: dict[str, Callable[[Vehicle], None]] = {
 
 
 @pytest.mark.parametrize("mode", [[], ["--shadow"]], ids=["by default", "--shadow"])
-def test_without_arm_not_one_frame_leaves(programs: Programs, bus: Observer, vehicle: Vehicle, mode: list[str]) -> None:
+def test_without_arm_no_frame_is_sent(programs: Programs, bus: Observer, vehicle: Vehicle, mode: list[str]) -> None:
     loop = programs.run("--route", "figure8", *mode)
     loop.says("shadow")
     bus.wait_samples(150)
@@ -40,7 +40,7 @@ def test_without_arm_not_one_frame_leaves(programs: Programs, bus: Observer, veh
 
 
 @pytest.mark.parametrize("act", DRIVERS.values(), ids=DRIVERS)
-def test_the_driver_takes_over_with_the_next_sample_and_for_good(
+def test_a_driver_override_acts_with_the_next_sample_and_is_latched(
     programs: Programs, bus: Observer, vehicle: Vehicle, act: Callable[[Vehicle], None]
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -60,7 +60,7 @@ def test_the_driver_takes_over_with_the_next_sample_and_for_good(
     wait_until_driven(bus, since=end)
 
 
-def test_a_vehicle_fault_makes_the_controller_let_go_and_ends_in_status_4(
+def test_a_vehicle_fault_releases_the_vehicle_and_exits_with_status_4(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -98,9 +98,7 @@ def test_a_second_commander_silences_the_controller_until_it_is_armed_again(
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_of_two_armed_loops_the_second_never_says_a_word_and_the_first_drives_on(
-    programs: Programs, bus: Observer
-) -> None:
+def test_of_two_armed_loops_the_second_never_sends_and_the_first_drives_on(programs: Programs, bus: Observer) -> None:
     _, moving = driven(programs, bus)
     telemetry = str(programs.folder / "second")
     summary_file = programs.folder / "second.json"
@@ -153,7 +151,7 @@ def test_a_vehicle_in_another_frame_is_driven_in_that_frame_and_stopped_outside_
     assert bus.record(moving, index).of("VEHICLE_STATUS")[-1]["MODE"] == AUTONOMOUS
 
 
-def test_a_vehicle_that_drops_out_by_itself_is_let_go_within_200_ms_and_for_good(
+def test_a_vehicle_that_disengages_is_released_within_200_ms_and_stays_released(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop, moving = driven(programs, bus)

@@ -19,7 +19,7 @@ SLACK_NS = 60 * MS
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_told_to_end_the_loop_stops_the_vehicle_and_then_lets_go(
+def test_an_end_request_stops_the_vehicle_and_then_releases_it(
     programs: Programs, bus: Observer, vehicle: Vehicle, number: signal.Signals
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -40,7 +40,7 @@ def test_told_to_end_the_loop_stops_the_vehicle_and_then_lets_go(
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_told_twice_the_loop_lets_go_at_once_with_one_pair(
+def test_a_second_end_request_releases_at_once_with_one_pair(
     programs: Programs, bus: Observer, vehicle: Vehicle, number: signal.Signals
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -56,7 +56,7 @@ def test_told_twice_the_loop_lets_go_at_once_with_one_pair(
 
 
 @pytest.mark.parametrize("is_told", [False, True], ids=["alone", "told once meanwhile"])
-def test_when_its_time_is_over_the_loop_stops_the_vehicle_and_ends(
+def test_the_end_of_the_duration_stops_the_vehicle_and_ends_the_loop(
     programs: Programs, bus: Observer, is_told: bool
 ) -> None:
     programs.start("sim", "--driver-socket", str(programs.folder / "pedals.sock"))
@@ -72,7 +72,9 @@ def test_when_its_time_is_over_the_loop_stops_the_vehicle_and_ends(
     assert not record.faults()
 
 
-def test_a_killed_loop_sends_nothing_more_and_the_vehicle_brakes_by_itself(programs: Programs, bus: Observer) -> None:
+def test_after_the_loop_is_killed_nothing_is_sent_and_the_vehicles_watchdog_brakes(
+    programs: Programs, bus: Observer
+) -> None:
     programs.start("sim", "--driver-socket", str(programs.folder / "pedals.sock"))
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     loop, moving = driven(programs, bus)
@@ -87,7 +89,7 @@ def test_a_killed_loop_sends_nothing_more_and_the_vehicle_brakes_by_itself(progr
     assert WATCHDOG_NS - STATUS_PERIOD_NS <= watched_ns <= WATCHDOG_NS + STATUS_PERIOD_NS + SLACK_NS
 
 
-def test_a_killed_vehicle_makes_the_loop_stop_fall_silent_and_end_in_status_4(
+def test_after_the_vehicle_is_killed_the_loop_stops_goes_silent_and_exits_with_4(
     programs: Programs, bus: Observer
 ) -> None:
     sim = programs.start("sim", "--driver-socket", str(programs.folder / "pedals.sock"))
@@ -137,14 +139,14 @@ def test_a_link_that_goes_down_silences_the_loop_and_it_drives_again_only_when_a
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
 
 
-def test_without_the_interface_the_loop_refuses_with_the_mending_command(programs: Programs) -> None:
+def test_an_absent_interface_is_rejected_with_the_command_that_creates_it(programs: Programs) -> None:
     loop = programs.start("run", "--channel", "vcan7", "--route", "figure8", "--arm")
     assert loop.ends() == 3
     assert "sudo ip link add dev vcan7 type vcan" in loop.text
     assert len(loop.lines) == 1
 
 
-def test_with_the_interface_down_the_loop_refuses_with_the_mending_command(programs: Programs) -> None:
+def test_an_interface_that_is_down_is_rejected_with_the_command_that_brings_it_up(programs: Programs) -> None:
     set_link("down")
     loop = programs.run("--route", "figure8", "--arm")
     assert loop.ends() == 3
@@ -171,7 +173,7 @@ def bad_csv(folder: Path) -> list[str]:
 @pytest.mark.parametrize(
     ("bad", "told"), [(bad_profile, "wheelbas_m"), (bad_csv, "bad.csv, line 3, column 3")], ids=["profile", "csv"]
 )
-def test_a_bad_file_is_refused_before_the_first_frame(
+def test_a_bad_file_is_rejected_before_the_first_frame(
     programs: Programs, bus: Observer, bad: Callable[[Path], list[str]], told: str
 ) -> None:
     loop = programs.run("--arm", *bad(programs.folder))
@@ -181,7 +183,7 @@ def test_a_bad_file_is_refused_before_the_first_frame(
     assert bus.sent_by_controller() == []
 
 
-def test_a_vehicle_that_does_not_engage_is_given_up_after_three_seconds(
+def test_engaging_is_aborted_after_three_seconds_without_the_vehicle(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     vehicle.engages = False

@@ -50,7 +50,7 @@ def test_a_controller_that_goes_bus_off_silences_the_loop_and_latches(programs: 
     assert summary(programs)["link_events"]["bus off"] == 1
 
 
-def test_warnings_of_the_controller_are_counted_and_the_vehicle_drives_on(programs: Programs, bus: Observer) -> None:
+def test_can_controller_warnings_are_counted_and_driving_continues(programs: Programs, bus: Observer) -> None:
     loop, moving = driven(programs, bus)
     report(0x4, controller=0x08)
     report(0x4, controller=0x20)
@@ -67,7 +67,7 @@ def test_warnings_of_the_controller_are_counted_and_the_vehicle_drives_on(progra
     assert 0 <= counters["sent"] - counters["send_confirmed"] < 40  # the last ones come after the last look
 
 
-def test_every_class_of_error_frame_is_counted_under_its_own_name_and_none_of_them_is_taken_for_state(
+def test_each_class_of_error_frame_is_counted_by_name_and_never_decoded_as_state(
     programs: Programs, bus: Observer
 ) -> None:
     loop, moving = driven(programs, bus)

@@ -35,7 +35,7 @@ def latency_ns(record: Record) -> float:
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_flood_of_strangers_frames_loses_no_sample_and_every_one_is_answered_in_time(
+def test_a_flood_of_foreign_frames_loses_no_sample_and_delays_no_command(
     programs: Programs, bus: Observer, listener: Observer
 ) -> None:
     loop, moving = driven(programs, listener)

@@ -92,7 +92,7 @@ def bench(
     return done.returncode, result.read(report), done.stdout + done.stderr
 
 
-def test_there_is_a_case_for_every_defect() -> None:
+def test_every_defect_has_a_case() -> None:
     assert DEFECTS.keys() == defects.DEFECTS.keys()
 
 
@@ -174,7 +174,7 @@ def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> Non
 
 
 @pytest.mark.timeout(LONGEST_S)
-def test_the_program_passes_with_another_makers_vehicle_and_what_does_not_apply_is_said(tmp_path: Path) -> None:
+def test_the_program_passes_with_another_vendors_vehicle_and_inapplicable_cases_are_listed(tmp_path: Path) -> None:
     cases, left, said = ["state-lost", "gear-contradicts"], ["state-lost"], ""
     for attempt in range(ATTEMPTS):
         if left:

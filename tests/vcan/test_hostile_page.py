@@ -18,7 +18,7 @@ assert main(["--port", sys.argv[1]]) == main(["--port", "0", "--host", "0.0.0.0"
 """
 
 
-def test_a_page_that_is_attacked_flooded_and_told_nonsense_changes_nothing_on_the_bus(
+def test_attacks_floods_and_invalid_input_to_the_page_change_nothing_on_the_bus(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     connected = ("view", "--connect", programs.telemetry)

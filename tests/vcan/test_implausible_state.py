@@ -73,7 +73,7 @@ def frozen_ns(record: Record) -> int:
 
 
 @pytest.mark.parametrize("jumps", [1, 2])
-def test_a_position_that_jumps_and_comes_back_is_dropped_and_the_vehicle_drives_on(
+def test_a_position_that_jumps_and_returns_is_dropped_and_driving_continues(
     programs: Programs, bus: Observer, doubtful: Doubtful, jumps: int
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -88,7 +88,7 @@ def test_a_position_that_jumps_and_comes_back_is_dropped_and_the_vehicle_drives_
     assert summary(programs)["implausible"]["jumped"] == jumps
 
 
-def test_a_position_that_stays_where_it_jumped_to_stops_the_vehicle_then_silence_and_it_drives_there_when_armed_again(
+def test_a_permanent_position_jump_stops_then_silences_until_armed_at_the_new_position(
     programs: Programs, bus: Observer, doubtful: Doubtful
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -108,7 +108,7 @@ def test_a_position_that_stays_where_it_jumped_to_stops_the_vehicle_then_silence
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
 
 
-def test_frozen_values_with_live_counters_stop_a_vehicle_that_moves(
+def test_frozen_values_with_running_counters_stop_a_moving_vehicle(
     programs: Programs, bus: Observer, doubtful: Doubtful
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -126,7 +126,7 @@ def test_frozen_values_with_live_counters_stop_a_vehicle_that_moves(
     assert summary(programs)["implausible"]["frozen"] >= 3
 
 
-def test_a_vehicle_that_sends_at_half_its_rate_is_driven_and_what_lacks_is_counted(
+def test_a_vehicle_that_sends_at_half_its_rate_is_driven_and_missing_samples_are_counted(
     programs: Programs, bus: Observer, doubtful: Doubtful
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -142,7 +142,7 @@ def test_a_vehicle_that_sends_at_half_its_rate_is_driven_and_what_lacks_is_count
 
 
 @pytest.mark.parametrize("status_frames_lost", [0, ALWAYS], ids=["by its status", "by its place"])
-def test_a_second_vehicle_on_the_bus_is_not_taken_for_the_first_and_the_drive_ends(
+def test_a_second_vehicle_on_the_bus_is_not_mistaken_for_the_first_and_the_drive_ends(
     programs: Programs, bus: Observer, vehicle: Vehicle, status_frames_lost: int
 ) -> None:
     _, moving = driven(programs, bus)

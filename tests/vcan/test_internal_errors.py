@@ -41,9 +41,7 @@ WINDOW_NS, MOST_IN_WINDOW = 250 * MS, 4
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_frames_that_are_not_ours_to_send_or_too_many_stay_here_and_nothing_else_changes(
-    programs: Programs, bus: Observer
-) -> None:
+def test_unlisted_and_excess_frames_are_not_sent_and_nothing_else_changes(programs: Programs, bus: Observer) -> None:
     what = ["run", "--arm", "--channel", "vcan0", "--trajectory", line_file(programs.folder)]
     with open_socket(CHANNEL, can_ids=[0x7FF]) as ear:
         told = ["--summary", str(programs.folder / "summary.json"), "--telemetry", programs.telemetry]
@@ -82,7 +80,7 @@ def test_without_permission_for_real_time_it_drives_and_reports_the_remedy(progr
     assert not own_faults(record)
 
 
-def test_whatever_order_the_vehicles_modes_come_in_nobody_is_driven_without_a_new_arming(
+def test_no_order_of_vehicle_modes_enables_driving_without_a_new_arming(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -105,7 +103,7 @@ def test_whatever_order_the_vehicles_modes_come_in_nobody_is_driven_without_a_ne
 
 
 @pytest.mark.parametrize("where", [("--channel", "lo"), ("--interface", "slcan", "--channel", "/dev/ttyACM0")])
-def test_a_bus_that_may_be_real_is_refused_by_a_profile_that_nobody_has_reviewed(
+def test_a_possibly_real_bus_is_rejected_with_an_unreviewed_profile(
     programs: Programs, bus: Observer, where: tuple[str, ...]
 ) -> None:
     loop = programs.start("run", "--arm", *where, "--route", "circle", "--telemetry", programs.telemetry)

@@ -79,7 +79,7 @@ def states(found: dict[str, Any]) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", ["blip", "down"])
-def test_a_link_that_goes_down_is_noticed_at_once_even_if_it_is_up_again_at_once(
+def test_a_link_loss_is_detected_at_once_even_if_the_link_returns_at_once(
     programs: Programs, bus: Observer, vehicle: Vehicle, kind: str
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -101,7 +101,7 @@ def test_a_link_that_goes_down_is_noticed_at_once_even_if_it_is_up_again_at_once
 
 
 @pytest.mark.parametrize("absent_s", [0.0, 1.0], ids=["at-once", "after-1-s"])
-def test_an_interface_that_is_deleted_and_made_anew_under_its_name_is_driven_on_by_the_same_process_when_armed(
+def test_a_recreated_interface_is_reopened_by_the_same_process_and_driven_when_armed(
     programs: Programs, bus: Observer, vehicle: Vehicle, absent_s: float
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -128,9 +128,7 @@ def test_an_interface_that_is_deleted_and_made_anew_under_its_name_is_driven_on_
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_loop_whose_interface_never_comes_back_stays_and_ends_in_status_4_when_told(
-    programs: Programs, bus: Observer
-) -> None:
+def test_a_loop_without_its_interface_waits_and_exits_with_4_on_request(programs: Programs, bus: Observer) -> None:
     loop, _ = driven(programs, bus)
     delete()
     try:
@@ -146,7 +144,7 @@ def test_a_loop_whose_interface_never_comes_back_stays_and_ends_in_status_4_when
     assert found["link"]["state"] == "GONE"
 
 
-def test_an_arming_while_the_interface_is_gone_does_not_make_the_loop_drive_when_it_is_back(
+def test_an_arming_while_the_interface_is_absent_does_not_count_when_it_returns(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop, _ = driven(programs, bus)

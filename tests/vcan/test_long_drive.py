@@ -68,7 +68,7 @@ def drive(request: pytest.FixtureRequest, vcan0: None, tmp_path_factory: pytest.
 
 
 @pytest.mark.timeout(180)
-def test_a_drive_is_recorded_and_found_clean(drive: Drive) -> None:
+def test_a_drive_is_recorded_and_has_no_findings(drive: Drive) -> None:
     assert drive.status == 0, drive.text
     assert {path.name for path in drive.folder.iterdir()} >= {"log.candump", "summary.json", "verdict.json", "loop.txt"}
     verdict = drive.verdict
@@ -137,7 +137,7 @@ def begun(programs: Programs, bus: Observer) -> tuple[Program, Path]:
 
 
 @pytest.mark.timeout(180)
-def test_ctrl_c_stops_the_vehicle_first_and_the_drive_counts_for_nothing(programs: Programs, bus: Observer) -> None:
+def test_ctrl_c_stops_the_vehicle_first_and_the_drive_is_not_counted(programs: Programs, bus: Observer) -> None:
     program, folder = begun(programs, bus)
     program.tell(signal.SIGINT)
     assert program.ends(60.0) == 130
@@ -149,7 +149,9 @@ def test_ctrl_c_stops_the_vehicle_first_and_the_drive_counts_for_nothing(program
 
 
 @pytest.mark.timeout(180)
-def test_a_viewer_that_dies_ends_the_drive_in_order_and_the_verdict_names_it(programs: Programs, bus: Observer) -> None:
+def test_a_viewer_that_exits_ends_the_drive_in_order_and_is_named_in_the_verdict(
+    programs: Programs, bus: Observer
+) -> None:
     program, folder = begun(programs, bus)
     os.kill(child(program, "vehicle_iface_viewer"), signal.SIGKILL)
     assert program.ends(60.0) == 1

@@ -29,7 +29,7 @@ def gap(record: Record) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("samples", [8, 20, 35])
-def test_a_stop_is_commanded_while_no_sample_comes_and_driving_goes_on_after_it(
+def test_a_stop_is_commanded_while_samples_are_missing_and_driving_resumes_after_it(
     programs: Programs, bus: Observer, vehicle: Vehicle, samples: int
 ) -> None:
     _, moving = driven(programs, bus)
@@ -50,7 +50,7 @@ def test_a_stop_is_commanded_while_no_sample_comes_and_driving_goes_on_after_it(
     assert not own_faults(record)
 
 
-def test_after_half_a_second_without_state_there_is_silence_until_armed_again(
+def test_half_a_second_without_state_silences_the_loop_until_armed_again(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -92,7 +92,9 @@ def test_a_frame_with_a_wrong_crc_is_dropped_and_counted_and_nothing_else_happen
     assert [drops[f"bad CRC {name}"] for name in SAMPLE] == [1, 3, 1]
 
 
-def test_four_wrong_crcs_in_a_row_cost_a_moment_at_most(programs: Programs, bus: Observer, vehicle: Vehicle) -> None:
+def test_four_wrong_crcs_in_a_row_cause_at_most_a_brief_stop(
+    programs: Programs, bus: Observer, vehicle: Vehicle
+) -> None:
     _, moving = driven(programs, bus)
     bus.wait_samples(30, since=moving)
     vehicle.faults.crc["POSE"] = 4
@@ -139,7 +141,7 @@ def test_repeated_and_jumping_counters_are_dropped_and_lost_ones_are_only_counte
         assert found["lost"][name] == 2
 
 
-def test_a_counter_that_stands_still_stops_the_vehicle(programs: Programs, bus: Observer, vehicle: Vehicle) -> None:
+def test_a_frozen_counter_stops_the_vehicle(programs: Programs, bus: Observer, vehicle: Vehicle) -> None:
     _, moving = driven(programs, bus)
     bus.wait_samples(30, since=moving)
     vehicle.faults.repeated = ALWAYS
@@ -151,7 +153,7 @@ def test_a_counter_that_stands_still_stops_the_vehicle(programs: Programs, bus: 
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_frames_of_the_wrong_kind_or_length_with_our_ids_are_dropped_and_counted(
+def test_frames_with_our_ids_and_a_wrong_kind_or_length_are_dropped_and_counted(
     programs: Programs, bus: Observer
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -178,9 +180,7 @@ def test_frames_of_the_wrong_kind_or_length_with_our_ids_are_dropped_and_counted
         assert drops[f"wrong type {name}"] == 3 * COUNTERS
 
 
-def test_a_status_that_stays_away_stops_the_vehicle_after_100_ms(
-    programs: Programs, bus: Observer, vehicle: Vehicle
-) -> None:
+def test_a_missing_status_stops_the_vehicle_after_100_ms(programs: Programs, bus: Observer, vehicle: Vehicle) -> None:
     _, moving = driven(programs, bus)
     bus.wait_samples(30, since=moving)
     vehicle.faults.muted["VEHICLE_STATUS"] = ALWAYS
@@ -201,7 +201,7 @@ HALVES: dict[str, Callable[[Vehicle], None]] = {
 
 
 @pytest.mark.parametrize("says_half", HALVES.values(), ids=HALVES)
-def test_samples_that_are_never_whole_stop_the_vehicle_and_then_there_is_silence(
+def test_samples_that_stay_incomplete_stop_the_vehicle_and_then_silence_the_loop(
     programs: Programs, bus: Observer, vehicle: Vehicle, says_half: Callable[[Vehicle], None]
 ) -> None:
     _, moving = driven(programs, bus)

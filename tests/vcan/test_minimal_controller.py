@@ -48,7 +48,9 @@ def way_file(folder: Path) -> str:
     return str(path)
 
 
-def test_it_drives_the_simulated_vehicle_ahead_and_back_and_nothing_is_wrong(programs: Programs, bus: Observer) -> None:
+def test_it_drives_the_simulated_vehicle_forwards_and_backwards_without_findings(
+    programs: Programs, bus: Observer
+) -> None:
     programs.start("sim")
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     controller = minimal(programs, "--route", way_file(programs.folder))
@@ -68,7 +70,7 @@ def test_it_drives_the_simulated_vehicle_ahead_and_back_and_nothing_is_wrong(pro
     assert bus.record(over, end).of("BODY_COMMAND")[-1]["HAZARD_LIGHTS"] == 0
 
 
-def test_the_driver_takes_over_and_hands_back_only_by_the_operators_word(
+def test_after_a_driver_override_only_the_operator_arms_again(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     controller = minimal(programs, "--route", line_file(programs.folder))
@@ -87,7 +89,7 @@ def test_the_driver_takes_over_and_hands_back_only_by_the_operators_word(
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_every_defect_is_taken_by_its_name_and_starts(programs: Programs, bus: Observer) -> None:
+def test_every_defect_can_be_selected_by_name(programs: Programs, bus: Observer) -> None:
     route = line_file(programs.folder)
     started = [
         programs.start_python(CONTROLLER, "--channel", programs.channel, "--route", route, "--defect", name, name=name)

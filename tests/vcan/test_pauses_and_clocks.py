@@ -73,7 +73,7 @@ def test_after_a_pause_of_two_seconds_no_command_is_enabled_until_armed_again_an
 
 
 @pytest.mark.parametrize("samples", [470, 30], ids=["all of it", "so little of it that the kernel keeps every frame"])
-def test_after_a_pause_of_five_seconds_without_a_watchdog_the_old_state_is_not_answered_but_by_stops(
+def test_after_a_pause_of_five_seconds_without_a_watchdog_old_state_causes_only_stops(
     programs: Programs, bus: Observer, vehicle: Vehicle, samples: int
 ) -> None:
     vehicle.watches = False
@@ -95,7 +95,7 @@ def test_after_a_pause_of_five_seconds_without_a_watchdog_the_old_state_is_not_a
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
 
 
-def test_a_receive_queue_that_overflows_during_a_pause_is_counted_and_what_is_left_in_it_is_not_answered(
+def test_an_overflow_of_the_receive_queue_in_a_pause_is_counted_and_old_samples_get_no_command(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop, moving = driven(programs, bus)
@@ -123,7 +123,7 @@ def test_a_receive_queue_that_overflows_during_a_pause_is_counted_and_what_is_le
 
 
 @pytest.mark.usefixtures("vehicle", "wall_clock")
-def test_a_wall_clock_that_is_set_by_an_hour_and_by_ten_seconds_changes_nothing_and_each_step_is_counted(
+def test_wall_clock_steps_of_an_hour_and_ten_seconds_are_counted_and_change_nothing(
     programs: Programs, bus: Observer
 ) -> None:
     loop, moving = driven(programs, bus)

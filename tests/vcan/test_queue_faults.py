@@ -24,7 +24,7 @@ def whole_pairs(frames: list[Frame]) -> list[Frame]:
 
 
 @pytest.mark.parametrize("mend", ["changed", "deleted"])
-def test_a_queue_that_does_not_empty_silences_the_loop_and_hands_over_at_most_one_old_pair_when_it_does(
+def test_a_stuck_queue_silences_the_loop_and_releases_at_most_one_old_pair_later(
     cable_programs: Programs, cable: Cable, vehicle_end: Observer, far_vehicle: Vehicle, mend: str
 ) -> None:
     loop, moving = driven(cable_programs, vehicle_end)
@@ -59,7 +59,7 @@ def test_a_queue_that_does_not_empty_silences_the_loop_and_hands_over_at_most_on
 
 
 @pytest.mark.usefixtures("far_vehicle")
-def test_a_queue_that_empties_slowly_gets_stops_with_unbroken_counters_and_driving_goes_on_when_it_is_fast(
+def test_a_slow_queue_gets_stops_with_unbroken_counters_and_driving_resumes_when_it_is_fast(
     cable_programs: Programs, cable: Cable, vehicle_end: Observer
 ) -> None:
     loop, moving = driven(cable_programs, vehicle_end)

@@ -34,7 +34,7 @@ def recorded_file(folder: Path) -> str:
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_recorded_file_with_steps_back_is_cleaned_and_driven_past_them(programs: Programs, bus: Observer) -> None:
+def test_a_recorded_file_with_backward_steps_is_cleaned_and_driven(programs: Programs, bus: Observer) -> None:
     loop, moving = driven(programs, bus, "--trajectory", recorded_file(programs.folder))
     loop.says(r"recorded\.csv: 31 of 629 points left out and 1 moved .* the first is point 1, line 3")
     is_far = lambda told: told.name == "CONTROLLER_STATUS" and told["REF_SPATIAL_INDEX"] > FAR  # noqa: E731

@@ -121,7 +121,7 @@ def test_every_frame_on_the_bus_is_in_the_log_and_can_utils_reads_it(
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_full_disk_costs_the_recording_and_nothing_else(
+def test_a_full_disk_ends_only_the_recording(
     programs: Programs, bus: Observer, memory: Path, disk: Callable[[str], Path]
 ) -> None:
     folder = disk("size=400k") / "drive"
@@ -150,7 +150,7 @@ def test_a_full_disk_costs_the_recording_and_nothing_else(
         ("size=8k", r"No space left on device; make room there"),
     ],
 )
-def test_a_disk_that_takes_nothing_is_refused_before_anything_drives(
+def test_a_full_disk_at_the_start_is_rejected_before_driving(
     programs: Programs, bus: Observer, disk: Callable[[str], Path], options: str, complaint: str
 ) -> None:
     place = disk(options)
@@ -163,7 +163,7 @@ def test_a_disk_that_takes_nothing_is_refused_before_anything_drives(
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_recorder_that_is_held_up_loses_what_it_missed_and_a_killed_one_what_came_after(
+def test_a_paused_recorder_loses_the_frames_of_the_pause_and_a_killed_one_all_later_frames(
     programs: Programs, bus: Observer, memory: Path
 ) -> None:
     folder = memory / "drive"

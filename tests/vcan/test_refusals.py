@@ -84,7 +84,7 @@ def cases(tmp_path: Path) -> dict[str, tuple[list[str], str]]:
     return found
 
 
-def test_bad_databases_profiles_and_trajectories_are_each_refused_by_name_before_the_first_frame(
+def test_bad_databases_profiles_and_trajectories_are_rejected_by_name_before_the_first_frame(
     programs: Programs, bus: Observer, vehicle: Vehicle, cases: dict[str, tuple[list[str], str]]
 ) -> None:
     file, telemetry = programs.folder / "cases.json", programs.telemetry

@@ -82,7 +82,7 @@ def test_the_log_of_a_whole_bus_silences_the_loop_at_the_first_command_in_it(
     bus.is_strangers = lambda frame: frame.stamp_ns > before_ns
 
 
-def test_the_log_of_a_vehicle_alone_is_obeyed_no_longer_than_it_lasts_and_not_again_without_arming(
+def test_a_replayed_vehicle_log_is_followed_only_once_and_only_until_its_end(
     programs: Programs, bus: Observer, log: list[Frame]
 ) -> None:
     loop = armed(programs)
@@ -102,7 +102,7 @@ def test_the_log_of_a_vehicle_alone_is_obeyed_no_longer_than_it_lasts_and_not_ag
     assert loop.ends() == 4
 
 
-def test_the_log_of_a_vehicle_that_is_driven_is_never_taken_over_however_often_it_comes(
+def test_a_replayed_log_of_a_driven_vehicle_is_never_engaged(
     programs: Programs, bus: Observer, log: list[Frame]
 ) -> None:
     loop = armed(programs)

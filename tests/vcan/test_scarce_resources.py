@@ -39,7 +39,7 @@ POSTER = str(ROOT / "tests" / "vcan" / "poster.py")
 
 
 @pytest.mark.parametrize("late_s", [0.03, 0.1])
-def test_one_late_pass_is_counted_and_only_young_samples_are_answered_after_it(
+def test_one_late_pass_is_counted_and_only_fresh_samples_get_a_command_after_it(
     programs: Programs, bus: Observer, vehicle: Vehicle, late_s: float
 ) -> None:
     vehicle.watches = False  # its 100 ms would be over
@@ -65,7 +65,7 @@ def test_one_late_pass_is_counted_and_only_young_samples_are_answered_after_it(
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_with_more_than_1024_descriptors_open_the_loop_drives_as_ever(programs: Programs, bus: Observer) -> None:
+def test_the_loop_drives_with_more_than_1024_open_descriptors(programs: Programs, bus: Observer) -> None:
     what = ["run", "--arm", "--trajectory", line_file(programs.folder), "--summary"]
     telemetry, report = programs.telemetry, str(programs.folder / "summary.json")
     loop = programs.start_python("-c", WITH_MANY_FILES, *what, report, "--telemetry", telemetry, name="run")
@@ -79,7 +79,7 @@ def test_with_more_than_1024_descriptors_open_the_loop_drives_as_ever(programs: 
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_loop_that_is_given_no_more_memory_drives_on_and_refuses_what_does_not_fit(
+def test_without_more_memory_the_loop_drives_on_and_rejects_trajectories_that_do_not_fit(
     programs: Programs, bus: Observer
 ) -> None:
     file = str(programs.folder / "posted")
@@ -111,9 +111,7 @@ def test_a_loop_that_is_given_no_more_memory_drives_on_and_refuses_what_does_not
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_loop_that_has_too_little_memory_to_begin_with_ends_before_its_first_frame(
-    programs: Programs, bus: Observer
-) -> None:
+def test_too_little_memory_at_the_start_ends_the_loop_before_its_first_frame(programs: Programs, bus: Observer) -> None:
     what = ["run", "--arm", "--trajectory", line_file(programs.folder)]
     loop = programs.start_python("-c", WITH_LITTLE_MEMORY, *what, name="run")
     assert loop.ends() != 0

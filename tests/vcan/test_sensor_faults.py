@@ -143,7 +143,7 @@ FLAPS: Mapping[str, tuple[str, Callable[[WrongSensors, int], None]]] = {
 
 
 @pytest.mark.parametrize("name", FLAPS)
-def test_an_input_that_comes_and_goes_brakes_as_hard_as_one_that_is_away(
+def test_an_intermittent_input_brakes_as_hard_as_a_missing_one(
     programs: Programs, bus: Observer, sensors: WrongSensors, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reason, flap = FLAPS[name]
@@ -166,7 +166,7 @@ def test_an_input_that_comes_and_goes_brakes_as_hard_as_one_that_is_away(
     assert all(pair.is_stop for pair in bus.pairs(rest, stayed))
 
 
-def test_a_pose_that_is_invalid_again_and_again_latches_the_stop_until_armed_again(
+def test_a_pose_that_is_repeatedly_invalid_latches_the_stop_until_armed_again(
     programs: Programs, bus: Observer, sensors: WrongSensors
 ) -> None:
     loop, _ = driven(programs, bus)
@@ -199,7 +199,7 @@ def test_a_gear_in_which_the_vehicle_cannot_be_driven_stops_it(
     assert summary(programs)["disagreements"]["gear and motion disagree"] == 1
 
 
-def test_frames_that_are_held_up_for_300_ms_and_released_at_once_get_no_burst_of_commands(
+def test_frames_delayed_by_300_ms_and_released_together_cause_no_burst_of_commands(
     programs: Programs, bus: Observer, sensors: WrongSensors
 ) -> None:
     driven(programs, bus)
@@ -217,7 +217,7 @@ def test_frames_that_are_held_up_for_300_ms_and_released_at_once_get_no_burst_of
     assert max(gaps_ns[len(gaps_ns) // 2 :]) <= 20 * MS + SLACK_NS
 
 
-def test_a_flood_of_requests_to_arm_is_logged_once_a_second_and_costs_no_answer(
+def test_a_flood_of_requests_to_arm_is_logged_once_a_second_and_delays_no_command(
     programs: Programs, bus: Observer, sensors: WrongSensors
 ) -> None:
     loop, _ = driven(programs, bus)
@@ -231,7 +231,7 @@ def test_a_flood_of_requests_to_arm_is_logged_once_a_second_and_costs_no_answer(
     assert sensors.mode == AUTONOMOUS
 
 
-def test_a_vehicle_whose_speed_nothing_confirms_is_driven_slowly(
+def test_a_vehicle_with_an_unconfirmed_speed_is_driven_slowly(
     programs: Programs, bus: Observer, sensors: WrongSensors
 ) -> None:
     """No acceleration, and a position in the frame of odometry."""

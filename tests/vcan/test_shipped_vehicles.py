@@ -208,7 +208,7 @@ class Driven:
         return end
 
 
-def test_every_shipped_vehicle_that_can_be_driven_is_driven_here() -> None:
+def test_every_drivable_shipped_vehicle_is_tested() -> None:
     """The one with two buses is driven in `test_two_buses`."""
     profiles = {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in DBC.glob("*.toml")}
     drivable = {name for name, profile in profiles.items() if "command" in profile and "buses" not in profile}

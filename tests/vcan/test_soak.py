@@ -12,7 +12,7 @@ FLAPS = 2
 
 
 @pytest.mark.timeout(180)
-def test_a_drive_over_a_bad_cable_whose_link_goes_down_twice_is_found_clean(programs: Programs) -> None:
+def test_a_drive_with_a_bad_cable_and_two_link_losses_has_no_findings(programs: Programs) -> None:
     path = programs.folder / "soak.json"
     timing = ["--duration", "37", "--flap-every", "13"]  # the last flap well before the last ten seconds
     soak = programs.start_python(*SOAK, *timing, "--json", str(path), name="soak")
@@ -30,7 +30,7 @@ def test_a_drive_over_a_bad_cable_whose_link_goes_down_twice_is_found_clean(prog
     assert "nothing is wrong" in soak.text
 
 
-def test_a_soak_that_is_interrupted_stops_the_vehicle_and_proves_nothing(programs: Programs) -> None:
+def test_an_interrupted_soak_stops_the_vehicle_and_does_not_pass(programs: Programs) -> None:
     soak = programs.start_python(*SOAK, "--duration", "600", name="soak")
     soak.says("soaking circle for 600 s: loss 1%")
     soak.tell(signal.SIGINT)

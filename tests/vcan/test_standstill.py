@@ -12,7 +12,7 @@ from .peer import Vehicle
 from .standstill import Witness
 
 
-def test_the_witness_says_for_how_long_it_could_not_wake_and_nothing_can_keep_it_from_waking() -> None:
+def test_the_witness_reports_how_long_it_could_not_run_and_cannot_be_preempted() -> None:
     witness = Witness()
     try:
         end_s = time.monotonic() + 0.3
@@ -30,7 +30,7 @@ def test_the_witness_says_for_how_long_it_could_not_wake_and_nothing_can_keep_it
     assert max(busy, default=0.0) < max(stopped)
 
 
-def test_many_short_standstills_add_up() -> None:
+def test_many_short_pauses_add_up() -> None:
     witness = Witness()
     try:
         witness.news()
@@ -45,7 +45,7 @@ def test_many_short_standstills_add_up() -> None:
         witness.close()
 
 
-def test_a_vehicle_of_the_test_itself_says_when_it_was_late(vehicle: Vehicle) -> None:
+def test_the_tests_own_vehicle_reports_when_it_was_late(vehicle: Vehicle) -> None:
     hold_s, held = 0.2, threading.Event()
     peer.news()
 

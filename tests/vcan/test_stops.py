@@ -34,7 +34,7 @@ def stops(bus: Observer, reason: str, since: int, *, hazard_lights: bool) -> int
     return end
 
 
-def test_without_a_trajectory_the_vehicle_is_taken_over_and_held(
+def test_without_a_trajectory_the_vehicle_is_engaged_and_held(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     programs.run("--arm", "--trajectory-mailbox", str(programs.folder / "nothing-here"))
@@ -53,7 +53,7 @@ def test_an_empty_trajectory_from_another_process_stops_the_vehicle(programs: Pr
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_past_the_end_in_space_the_vehicle_stops_without_alarm(programs: Programs, bus: Observer) -> None:
+def test_past_the_spatial_end_the_vehicle_stops_without_an_alarm(programs: Programs, bus: Observer) -> None:
     file = str(programs.folder / "posted")
     programs.start_python(POSTER, file, "line", "6", "60", name="poster")
     _, moving = driven(programs, bus, "--trajectory-mailbox", file)
@@ -62,7 +62,7 @@ def test_past_the_end_in_space_the_vehicle_stops_without_alarm(programs: Program
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_past_the_end_in_time_the_vehicle_stops_without_alarm(programs: Programs, bus: Observer) -> None:
+def test_past_the_temporal_end_the_vehicle_stops_without_an_alarm(programs: Programs, bus: Observer) -> None:
     _, moving = driven(programs, bus, "--trajectory", line_file(programs.folder, last_s=2.0))
     end = stops(bus, "PAST_END_TIME", moving, hazard_lights=False)
     assert bus.record(end - 40, end).samples[-1].x_m < 50.0
@@ -102,7 +102,7 @@ def test_trajectories_from_another_process_at_10_hz_do_not_disturb_the_drive(pro
     assert loop.is_running
 
 
-def test_on_the_bus_the_brake_comes_on_by_its_jerk_and_is_let_up_with_the_speed(
+def test_on_the_bus_the_brake_ramps_up_by_its_jerk_and_is_released_with_the_speed(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     _, moving = driven(programs, bus)

@@ -80,9 +80,7 @@ def test_a_bad_or_unwanted_trajectory_changes_nothing_and_a_long_one_is_driven(
     assert counts["trajectories"] >= 2
 
 
-def test_a_hairpin_that_another_process_tells_anew_ten_times_a_second_is_driven_without_a_late_command(
-    programs: Programs, bus: Observer
-) -> None:
+def test_a_hairpin_republished_at_10_hz_is_driven_without_a_late_command(programs: Programs, bus: Observer) -> None:
     vehicle, route = Vehicle(x_m=14.0), make_route("u_turn")
     vehicle.start()
     try:

@@ -37,7 +37,7 @@ def vcan1(vcan0: None) -> Iterator[None]:  # noqa: ARG001
 
 
 @pytest.mark.usefixtures("vcan1")
-def test_a_lost_bus_of_two_silences_the_loop_and_is_named_and_the_vehicle_stops(
+def test_the_loss_of_one_of_two_buses_silences_the_loop_names_the_bus_and_stops_the_vehicle(
     tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     watched, programs = Watched("agilex_hunter"), Programs(tmp_path)

@@ -53,7 +53,7 @@ def arguments(programs: Programs, mood: str) -> list[str]:
 @pytest.mark.parametrize(
     "mood", ["raise ZeroDivisionError('a mistake')", "return replace(wish, front_wheel_angle_rad=float('nan'))"]
 )
-def test_a_controller_that_raises_or_says_no_number_stops_the_vehicle_and_is_named_once(
+def test_a_controller_that_raises_or_returns_a_non_number_stops_the_vehicle_and_is_logged_once(
     programs: Programs, bus: Observer, mood: str
 ) -> None:
     loop, moving = driven(programs, bus, *arguments(programs, mood))
@@ -122,7 +122,7 @@ def test_a_controller_that_is_always_slow_stops_the_vehicle(
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_controller_that_is_slow_once_costs_a_moments_stop(programs: Programs, bus: Observer) -> None:
+def test_a_controller_that_is_slow_once_causes_a_brief_stop(programs: Programs, bus: Observer) -> None:
     mood = "self.is_in_the_mood = False\ntime.sleep(0.06)"
     loop, moving = driven(programs, bus, *arguments(programs, mood))
     index, _ = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="DEADLINE_MISSED", since=moving)
@@ -139,7 +139,7 @@ def test_a_controller_that_is_slow_once_costs_a_moments_stop(programs: Programs,
 @pytest.mark.parametrize(
     ("mood", "leaves_time"), [("time.sleep(1000.0)", True), ("while True: pass", False)], ids=["waits", "computes"]
 )
-def test_a_controller_that_hangs_leaves_silence_and_the_process_ends_saying_where(
+def test_a_controller_that_hangs_silences_the_loop_and_the_process_ends_with_its_place(
     programs: Programs, bus: Observer, mood: str, leaves_time: bool
 ) -> None:
     loop, moving = driven(programs, bus, *arguments(programs, mood))

@@ -14,9 +14,7 @@ NO_BUS = 3
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_link_that_is_down_at_the_start_is_waited_for_and_then_the_vehicle_is_driven(
-    programs: Programs, bus: Observer
-) -> None:
+def test_the_loop_waits_for_a_link_that_is_down_at_the_start_and_then_drives(programs: Programs, bus: Observer) -> None:
     set_link("down")
     loop = programs.run("--arm", "--wait", "--trajectory", line_file(programs.folder))
     loop.says(r"waiting \(\d s so far\): .*sudo ip link set vcan0 up")
@@ -28,7 +26,7 @@ def test_a_link_that_is_down_at_the_start_is_waited_for_and_then_the_vehicle_is_
     assert loop.ends() == 0
 
 
-def test_waiting_goes_on_being_said_and_ends_with_its_time_in_status_3_or_when_told(programs: Programs) -> None:
+def test_waiting_is_reported_repeatedly_and_ends_with_status_3_or_on_request(programs: Programs) -> None:
     def start(*wait: str) -> Program:
         return programs.start("run", "--channel", "vcan7", "--route", "line", "--arm", "--wait", *wait)
 
@@ -45,9 +43,7 @@ def test_waiting_goes_on_being_said_and_ends_with_its_time_in_status_3_or_when_t
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_told_to_end_when_the_bus_has_come_and_the_recorder_begins_it_sends_nothing(
-    programs: Programs, bus: Observer
-) -> None:
+def test_an_end_request_while_the_recorder_starts_sends_nothing(programs: Programs, bus: Observer) -> None:
     set_link("down")
     loop = programs.run("--arm", "--wait", "--route", "line", "--record", str(programs.folder / "drive"))
     loop.says(r"waiting \(0 s so far\)")
