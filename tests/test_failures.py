@@ -17,10 +17,9 @@ PAGE = (ROOT / "vehicle_iface" / "FAILURES.md").read_text(encoding="utf-8")
 FAULTS = {
     *(
         f"{letter}{i + 1}"
-        for letter, count in {"B": 17, "F": 8, "S": 10, "T": 6, "P": 7, "W": 8}.items()
+        for letter, count in {"B": 18, "F": 8, "S": 10, "T": 6, "C": 8, "V": 4, "P": 7, "W": 8}.items()
         for i in range(count)
     ),
-    *("C1", "C2", "V1", "V2"),
 }
 """The list of faults to survive."""
 NONE = "–"

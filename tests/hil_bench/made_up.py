@@ -25,8 +25,8 @@ FAULTS = """
     B13 bus_off B14 one_percent_loss B15 second_commander B16 replay_of_an_old_log F1 short_frames F2 wrong_crc
     F3 counter_stuck F4 foreign_data_id F5 out_of_range F6 mixed_cycles F9 unknown_enum S1 silence_50_ms
     S1 silence_500_ms S2 half_the_rate S3 jump_once S3 jump_three_times S4 frozen_values S5 pose_invalid S5 other_frame
-    S6 old_sample T1 end_in_space T1 end_in_time T4 set_again_at_10_hz C2 deviation C2 overspeed C2 roll_back
-    V1 driver_brakes V1 driver_steers V1 driver_throttles V2 never_engages V2 drops_out V2 reports_a_fault
+    S6 old_sample T1 end_in_space T1 end_in_time T4 set_again_at_10_hz C2 deviation C7 overspeed C8 roll_back
+    V1 driver_brakes V1 driver_steers V1 driver_throttles V2 never_engages V3 drops_out V4 reports_a_fault
     P1 stopped_2_s P2 terminated P2 interrupted_twice P3 killed P4 wall_clock_steps P5 late_pass
 """
 MANOEUVRES = "straight circle slalom figure8 hairpin brake_to_standstill reverse parking lane_change step_steer"

@@ -21,7 +21,7 @@ TOOLS = ROOT / "tools"
 
 PROFILE = load_profile("reference")
 EVERY_CASE = catalogue_of(2)
-NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "F9", "S11", *(f"W{n}" for n in range(2, 9))}
+NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "C3", "C4", "C5", "F9", "S11", *(f"W{n}" for n in range(2, 9))}
 """Rows that are inside a controller or not on a bus; F9 and S11 need a vehicle without
 counters or a position."""
 

@@ -119,7 +119,7 @@ BUS = (
     ),
     Case(
         name="second-vehicle",
-        fault="B12",
+        fault="B18",
         tags=("bus", "e2e"),
         proves="The samples of a second vehicle are not mixed with those of the first: the vehicle is stopped.",
         injected="samples of a vehicle 40 m away between the vehicle's own",

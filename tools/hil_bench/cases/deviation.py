@@ -36,7 +36,7 @@ DEVIATION = (
     ),
     Case(
         name="rolling-back",
-        fault="C2",
+        fault="C8",
         tags=("state", "deviation"),
         proves="A vehicle that rolls against its direction of travel is stopped.",
         injected="a slope accelerates the vehicle backwards at 7 m/s²",
@@ -51,7 +51,7 @@ DEVIATION = (
     ),
     Case(
         name="overspeed",
-        fault="C2",
+        fault="C7",
         tags=("state", "deviation", "slow"),
         proves="A vehicle pushed above its speed limit is stopped.",
         injected="the vehicle is towed forward against its brakes until far above the limit",

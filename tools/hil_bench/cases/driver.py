@@ -85,7 +85,7 @@ DRIVER = (
     ),
     Case(
         name="vehicle-drops-out",
-        fault="V2",
+        fault="V3",
         tags=("driver", "engagement"),
         proves="A vehicle that leaves AUTONOMOUS without a reason is released within 200 ms.",
         injected="the vehicle changes to MANUAL by itself",
@@ -100,7 +100,7 @@ DRIVER = (
     ),
     Case(
         name="vehicle-reports-a-fault",
-        fault="V2",
+        fault="V4",
         tags=("driver", "engagement"),
         proves="A vehicle that reports a fault is released until the device is armed again.",
         injected="fault code 5, and mode FAULT",
@@ -115,7 +115,7 @@ DRIVER = (
     ),
     Case(
         name="emergency-stop-button",
-        fault="V2",
+        fault="V4",
         tags=("driver", "engagement"),
         proves="The vehicle is released when its emergency stop is pressed.",
         injected="mode EMERGENCY_STOP",

@@ -9,7 +9,7 @@ from hil_bench.parts import Part
 TRAJECTORY = (
     Case(
         name="end-of-space",
-        fault="T1",
+        fault="T1 C6",
         tags=("trajectory", "quick"),
         proves="At the end of the trajectory the vehicle is stopped and held, without hazard lights.",
         route=lambda: routes.route("short", [(12.0, 0.0)], 4.0),
@@ -19,7 +19,7 @@ TRAJECTORY = (
     ),
     Case(
         name="end-of-time",
-        fault="T1",
+        fault="T1 C6",
         tags=("trajectory",),
         proves="At the end of the trajectory's time the vehicle is stopped, wherever it is.",
         injected="a trajectory whose time ends long before the vehicle can reach its end",
