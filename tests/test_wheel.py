@@ -104,11 +104,11 @@ from hil_bench import bench, places, wire
 from hil_bench.report import html
 
 sys.path.append(sys.argv[1])
-import made_up
+import example_run
 
 assert places.CHECKOUT is None
 assert wire.Wire("reference").name == "reference"
-print(bench.environment(["vcan0"], "SocketCAN vcan0")["revision"], html.write(made_up.run(), Path(".")))
+print(bench.environment(["vcan0"], "SocketCAN vcan0")["revision"], html.write(example_run.run(), Path(".")))
 """
     (tmp_path / "program.py").write_text(program)
     arguments = ("program.py", str(ROOT / "tests" / "hil_bench"))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-import made_up
+import example_run
 import msgspec
 import pytest
 from hil_bench.report import html
@@ -27,7 +27,7 @@ def quiet_page(page: Page) -> Iterator[Page]:
 
 @pytest.fixture
 def run() -> Run:
-    return made_up.run()
+    return example_run.run()
 
 
 def rows(page: Page) -> int:
@@ -35,7 +35,7 @@ def rows(page: Page) -> int:
 
 
 def test_the_cases_are_filtered_by_verdict_and_tag_and_searched(quiet_page: Page, run: Run, tmp_path: Path) -> None:
-    quiet_page.goto(html.write(run, tmp_path, made_up.run(slower=0.7)).as_uri())
+    quiet_page.goto(html.write(run, tmp_path, example_run.run(slower=0.7)).as_uri())
     expect(quiet_page.get_by_role("heading", level=1)).to_have_text("✕ FAIL")
     expect(quiet_page.locator("#shown")).to_have_text("65 of 65 cases")
     quiet_page.get_by_role("button", name="NOT EXECUTED").click()
@@ -62,7 +62,7 @@ def test_no_width_makes_the_page_scroll_sideways(width: int, quiet_page: Page, r
     text = "x" * 3000
     worst = msgspec.structs.replace(run.cases[0], name=text, why=text, fault=text, proves=text, tags=[text])
     quiet_page.set_viewport_size({"width": width, "height": 700})
-    quiet_page.goto(html.write(made_up.run_of([worst, *run.cases[1:12]]), tmp_path).as_uri())
+    quiet_page.goto(html.write(example_run.run_of([worst, *run.cases[1:12]]), tmp_path).as_uri())
     quiet_page.get_by_role("button", name="Open all").click()
     assert quiet_page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0
 
@@ -70,7 +70,7 @@ def test_no_width_makes_the_page_scroll_sideways(width: int, quiet_page: Page, r
 def test_markup_in_a_result_neither_runs_nor_shows_as_markup(page: Page, run: Run, tmp_path: Path) -> None:
     text = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>"
     hostile = msgspec.structs.replace(run.cases[0], name=text, why=text, injected=text, proves=text)
-    page.goto(html.write(made_up.run_of([hostile]), tmp_path).as_uri())
+    page.goto(html.write(example_run.run_of([hostile]), tmp_path).as_uri())
     page.get_by_role("button", name="Open all").click()
     expect(page.locator("details.case summary b")).to_have_text(text)
     assert page.locator("img").count() == 0

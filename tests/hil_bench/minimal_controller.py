@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""A second controller for the reference vehicle's bus: raw sockets and the standard library.
+"""A second controller for the reference vehicle's bus, made from raw sockets and the standard library.
 
-Written from the bus contract's page alone and sharing no code with the program or its tools, so that what judges
-controllers from outside can be tried on a stranger. It is sound; `--defect` breaks it in one place (`defects`).
+It was written from the bus contract alone and shares no code with the program or its tools, so that the bench is tested
+with an independent controller. It is correct; `--defect` breaks it in one place (see `defects`).
+
 Exit status: 0 done, 2 bad usage or route, 3 the bus cannot be used, 4 ended in a latched fault.
 """
 
@@ -24,7 +25,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from defects import DEFECTS
-from minimal_diary import Diary
+from minimal_recorder import Recorder
 from minimal_route import FRAMES, Route, read_route
 from minimal_view import View
 
@@ -34,7 +35,7 @@ DRIVE_COMMAND, STEER_COMMAND, BODY_COMMAND, CONTROLLER_STATUS = 0x080, 0x081, 0x
 VEHICLE_STATUS, POSE, MOTION, CHASSIS = 0x100, 0x110, 0x111, 0x112
 OURS = (DRIVE_COMMAND, STEER_COMMAND, BODY_COMMAND, CONTROLLER_STATUS)
 SAMPLE = (POSE, MOTION, CHASSIS)
-HEARD = (VEHICLE_STATUS, *SAMPLE, *OURS)
+RECEIVED = (VEHICLE_STATUS, *SAMPLE, *OURS)
 MANUAL, READY, AUTONOMOUS, FAULT, EMERGENCY_STOP = range(5)
 REVERSE, DRIVE, NO_REQUEST = 1, 3, 7
 Reason = IntEnum(
@@ -70,7 +71,7 @@ _CRC = bytes(map(_divided, range(256)))
 
 
 def crc8(can_id: int, data: bytes) -> int:
-    """Polynomial 0x1D over the data id, low byte first, and everything after the CRC."""
+    """Compute the CRC with polynomial 0x1D over the data id, low byte first, and everything after the CRC."""
     rest = _CRC[_CRC[can_id & 0xFF] ^ can_id >> 8]
     for byte in data[1:]:
         rest = _CRC[rest ^ byte]
@@ -79,7 +80,7 @@ def crc8(can_id: int, data: bytes) -> int:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One sample of the vehicle's, SI units."""
+    """One sample of the vehicle in SI units."""
 
     stamp_ns: int
     counter: int
@@ -95,7 +96,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """What VEHICLE_STATUS says."""
+    """The content of VEHICLE_STATUS."""
 
     mode: int
     gear: int
@@ -103,7 +104,7 @@ class Status:
 
 
 def ready(raw: socket.socket | None, event: int, within_s: float) -> bool:
-    """Whether the socket is; by `poll`, because `select` knows no descriptor above 1023."""
+    """Whether the socket is ready. It uses `poll`, because `select` supports no descriptor above 1023."""
     poll = select.poll()
     if raw is not None:
         poll.register(raw, event)
@@ -111,14 +112,14 @@ def ready(raw: socket.socket | None, event: int, within_s: float) -> bool:
 
 
 class Bus:
-    """A raw socket that hears the identifiers of the contract, and none of its own frames."""
+    """A raw socket that receives the identifiers of the contract, without its own frames."""
 
     def __init__(self, channel: str) -> None:
         """Raises `OSError` when there is no such interface, or it is down."""
         self.raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         try:
             exactly = socket.CAN_SFF_MASK | socket.CAN_EFF_FLAG | socket.CAN_RTR_FLAG
-            filters = b"".join(struct.pack("=II", can_id, exactly) for can_id in HEARD)
+            filters = b"".join(struct.pack("=II", can_id, exactly) for can_id in RECEIVED)
             self.raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
             self.raw.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, struct.pack("=I", CAN_ERR_BUSOFF))
             self.raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 0)  # the least there is: nothing old may wait
@@ -132,7 +133,7 @@ class Bus:
             raise
 
     def received(self) -> list[tuple[int, bytes]]:
-        """All data frames that wait; raises `OSError` when the link is, or was, down, and when it is bus-off."""
+        """Return all queued data frames; raises `OSError` when the link is or was down, or is bus off."""
         frames = []
         for _ in range(1000):
             try:
@@ -147,11 +148,11 @@ class Bus:
         return frames
 
     def has_room(self) -> bool:
-        """Whether hardly anything of ours still waits to leave."""
+        """Whether the socket has sent nearly all earlier frames."""
         return ready(self.raw, select.POLLOUT, 0.0)
 
     def send(self, can_id: int, data: bytes) -> bool:
-        """Whether there was room for it."""
+        """Send a frame; return false if there was no room."""
         try:
             self.raw.send(struct.pack("=IB3x", can_id, len(data)) + data)
         except BlockingIOError:
@@ -163,13 +164,13 @@ class Bus:
         return True
 
 
-class Ear:
-    """Frames in, whole samples and statuses out: CRC, counters, values, then what can be true of a vehicle."""
+class Receiver:
+    """Turns frames into whole samples and statuses. It checks CRC, counters and values, then physical plausibility."""
 
     def __init__(self, defect: str) -> None:
         self.checks_crc = defect != "crc_unchecked"
         self._counters: dict[int, int] = {}
-        self._damaged = {can_id: deque[bool](maxlen=16) for can_id in HEARD}
+        self._damaged = {can_id: deque[bool](maxlen=16) for can_id in RECEIVED}
         self._parts: dict[int, tuple[int, dict[int, bytes]]] = {}
         self._last: State | None = None
         self._still_m = 0.0
@@ -177,7 +178,8 @@ class Ear:
         """Samples in a row that cannot be true."""
 
     def is_whole(self, can_id: int, data: bytes) -> bool:
-        """CRC good, counter 1 to 3 steps on; most of the message's last frames undamaged."""
+        """Whether the CRC is right, the counter is 1 to 3 steps on, and most recent frames of the message were
+        undamaged."""
         damaged = self._damaged[can_id]
         damaged.append(self.checks_crc and data[0] != crc8(can_id, data))
         counter = data[1] & 0xF
@@ -188,7 +190,7 @@ class Ear:
         return (before is None or 1 <= (counter - before) % 15 <= 3) and sum(damaged) <= 8
 
     def status(self, data: bytes) -> Status | None:
-        """None when a value is impossible."""
+        """Decode the status; None when a value is impossible."""
         gear, mode = data[1] >> 4 & 7, data[2] & 7
         torque_nm, rear_raw = struct.unpack_from("<bh", data, 3)
         if gear > 3 or mode > EMERGENCY_STOP or abs(rear_raw) > 10_000:
@@ -197,7 +199,7 @@ class Ear:
         return Status(mode, gear, acts)
 
     def sample(self, can_id: int, data: bytes, now_ns: int) -> State | None:
-        """The sample that this part completes."""
+        """Return the sample that this part completes, or None."""
         if not _is_possible(can_id, data):
             return None
         counter = data[1] & 0xF
@@ -223,8 +225,8 @@ class Ear:
             wheel_rad=struct.unpack_from("<h", parts[CHASSIS], 6)[0] * 0.0001,
         )
 
-    def believes(self, state: State) -> bool:
-        """Whether the sample can be true after the last one that was."""
+    def is_plausible(self, state: State) -> bool:
+        """Whether the sample is plausible after the last plausible one."""
         last, dt_s = self._last, 0.01
         if last is not None:
             dt_s = max((state.stamp_ns - last.stamp_ns) / 1e9, (state.counter - last.counter) % 15 * 0.01)
@@ -235,7 +237,7 @@ class Ear:
         return True
 
     def forget(self) -> None:
-        """Whatever comes next cannot be compared with what was."""
+        """Forget the last sample: the next one is not compared with it."""
         self._last, self._still_m = None, 0.0
 
     def _contradicts(self, state: State, last: State | None, dt_s: float) -> bool:
@@ -265,13 +267,13 @@ def _is_possible(can_id: int, data: bytes) -> bool:
 
 
 class Controller:
-    """Hears samples, answers each of them, and stops, lets go or falls silent when something is wrong.
+    """Receives samples and answers each; stops, releases the vehicle or goes silent when something is wrong.
 
-    `phase` is standby, engaging, engaged, out (latched: lets go with each answer) or silent (latched: sends nothing).
+    `phase` is standby, engaging, engaged, out (latched: releases with each answer) or silent (latched: sends nothing).
     """
 
     def __init__(self, channel: str, route: Route, *, is_armed: bool, defect: str = "") -> None:
-        self.diary: Diary | None = None
+        self.recorder: Recorder | None = None
         self.view: View | None = None
         self.channel, self.route, self.is_armed, self.defect = channel, route, is_armed, defect
         self.phase, self.latched = "standby", Reason.NOT_ENGAGED
@@ -282,11 +284,11 @@ class Controller:
         self.ending_ns = 0
         self.sent = dict.fromkeys(OURS, 14)
         self.reopen_ns = self.pairs = 0
-        self.begin_anew()
+        self.reset()
 
-    def begin_anew(self) -> None:
-        """Forget everything that came over the link."""
-        self.ear = Ear(self.defect)
+    def reset(self) -> None:
+        """Forget everything that was received over the link."""
+        self.receiver = Receiver(self.defect)
         self.state: State | None = None
         self.status: Status | None = None
         self.answers: deque[tuple[int, State, bool]] = deque()
@@ -300,11 +302,11 @@ class Controller:
 
     @property
     def commands(self) -> bool:
-        """Whether the vehicle is, or is to be, driven."""
+        """Whether the vehicle is being engaged or driven."""
         return self.phase in ("engaging", "engaged")
 
     def enter(self, phase: str, reason: Reason = Reason.NOMINAL) -> None:
-        """Into another phase, and say so."""
+        """Enter another phase and print it."""
         self.phase, self.latched, self.phase_ns = phase, reason, time.monotonic_ns()
         if phase == "standby":
             self.refused = self.refused_ns = 0
@@ -314,7 +316,7 @@ class Controller:
         print(f"{phase.upper()} ({Reason(reason).name})", flush=True)
 
     def run(self) -> int:
-        """Until told to end; the exit status."""
+        """Run until told to end; return the exit status."""
         while not self.is_over:
             self.wait()
             now_ns = time.monotonic_ns()
@@ -329,20 +331,20 @@ class Controller:
                 self.lose_link(now_ns, error)
         if self.bus is not None:
             self.bus.raw.close()
-        if self.diary is not None:
-            self.diary.close()
+        if self.recorder is not None:
+            self.recorder.close()
         if self.view is not None:
             self.view.close()
         is_fault = self.phase == "silent" or (self.phase == "out" and self.latched != Reason.DRIVER_OVERRIDE)
         return 4 if is_fault else 0
 
     def wait(self) -> None:
-        """For frames, a period at most."""
+        """Wait for frames, at most one period."""
         until_ns = self.answers[0][0] if self.answers else time.monotonic_ns() + PERIOD_NS
         ready(self.bus.raw if self.bus is not None else None, select.POLLIN, (until_ns - time.monotonic_ns()) / 1e9)
 
     def obey(self, now_ns: int) -> None:
-        """The operator's signals."""
+        """Process the operator's signals."""
         while self.orders:
             order = self.orders.pop(0)
             if order == signal.SIGUSR1:
@@ -379,7 +381,7 @@ class Controller:
         self.reopen_ns = now_ns + REOPEN_NS
         self.bus = Bus(self.channel)
         print(f"{self.channel}: open again", flush=True)
-        self.begin_anew()
+        self.reset()
 
     def hear(self, now_ns: int) -> None:
         """Everything that waits, before anything is answered.
@@ -393,22 +395,22 @@ class Controller:
             if can_id in OURS:
                 if self.is_armed and self.phase != "silent":
                     self.enter("silent", Reason.DUPLICATE_COMMANDER)
-            elif not self.ear.is_whole(can_id, data):
+            elif not self.receiver.is_whole(can_id, data):
                 continue
             elif can_id == VEHICLE_STATUS:
-                status = self.ear.status(data)
+                status = self.receiver.status(data)
                 if status is not None:
                     self.status, self.status_ns = status, self.status_ns if is_old else now_ns
                     self.follow(status)
             elif not is_old:
-                state = self.ear.sample(can_id, data, now_ns)
+                state = self.receiver.sample(can_id, data, now_ns)
                 if state is not None:
                     self.take(state)
 
     def take(self, state: State) -> None:
         """A complete sample: the state, if it can be true, and to be answered."""
         self.heard_ns = state.stamp_ns
-        is_true = self.ear.believes(state)
+        is_true = self.receiver.is_plausible(state)
         if is_true:
             if self.state is None or state.stamp_ns - self.state.stamp_ns > STALE_NS:
                 self.fresh_ns = state.stamp_ns
@@ -435,9 +437,9 @@ class Controller:
         watches = self.defect != "timeout_removed"
         age_ns = now_ns - self.state.stamp_ns if self.state is not None else 0
         if age_ns >= SILENT_NS:
-            self.ear.forget()
+            self.receiver.forget()
             if self.commands and watches:
-                self.enter("silent", Reason.STATE_INVALID if self.ear.doubts >= 3 else Reason.STATE_STALE)
+                self.enter("silent", Reason.STATE_INVALID if self.receiver.doubts >= 3 else Reason.STATE_STALE)
         if self.refused_ns and now_ns - self.refused_ns >= QUEUE_FULL_NS and self.phase != "silent":
             self.enter("silent", Reason.LINK_DOWN)
         if self.phase == "engaging" and now_ns - self.phase_ns >= GIVE_UP_NS:
@@ -472,7 +474,7 @@ class Controller:
                 self.send_pair(0, Reason.SHUTDOWN)
             else:
                 self.command(state, reason, now_ns)
-        elif self.state is not None and self.ear.doubts >= 3:
+        elif self.state is not None and self.receiver.doubts >= 3:
             self.command(self.state, Reason.STATE_INVALID, now_ns)
 
     def reason(self, state: State, now_ns: int) -> Reason:
@@ -573,7 +575,7 @@ class Controller:
         return min(most_mps2, max(least_mps2, led_mps2))
 
     def send_pair(self, enable: int, reason: Reason, speed_mps: float = 0.0, gear: int = NO_REQUEST) -> None:
-        """DRIVE_COMMAND and STEER_COMMAND, and what is due besides; a counter is used up only by a frame that left."""
+        """Send DRIVE_COMMAND, STEER_COMMAND and whatever else is due. Only a sent frame uses up a counter value."""
         is_stop = enable and reason != Reason.NOMINAL
         if not enable:
             self.accel_mps2, self.wheel_rad = 0.0, 0.0
@@ -589,8 +591,8 @@ class Controller:
         drive = struct.pack("<BhhBB", flags, accel_raw, speed_raw, said, gear)
         steer = struct.pack("<Bhh2x", enable << 4, round(self.wheel_rad / 0.0001), 0)
         step = 0 if is_repeated else 1
-        if self.diary is not None:
-            self.diary.note(now_ns / 1e9, enable, reason, self.accel_mps2, self.wheel_rad, speed_mps)
+        if self.recorder is not None:
+            self.recorder.write(now_ns / 1e9, enable, reason, self.accel_mps2, self.wheel_rad, speed_mps)
         if self.view is not None:
             self.view.show(now_ns / 1e9, enable, reason, self.accel_mps2, self.wheel_rad, speed_mps)
         assert self.bus is not None
@@ -605,7 +607,7 @@ class Controller:
             self.send_slow(said, is_enabled=bool(enable), is_stop=bool(is_stop), now_ns=now_ns)
 
     def send_slow(self, reason: Reason, *, is_enabled: bool, is_stop: bool, now_ns: int) -> None:
-        """Lights, and what we say about ourselves."""
+        """Send lights and the controller's own status."""
         has_hazard = is_stop and reason not in (Reason.PAST_END_SPACE, Reason.PAST_END_TIME)
         self.send(BODY_COMMAND, struct.pack("<B6x", has_hazard << 4))
         named = {"standby": 1, "engaging": 2, "engaged": 4 if is_stop else 3, "out": 5}
@@ -615,7 +617,7 @@ class Controller:
         self.send(CONTROLLER_STATUS, struct.pack("<BBHHB", state << 4, reason, *(min(65535, i) for i in indices), 0))
 
     def send(self, can_id: int, content: bytes, step: int = 1) -> bool:
-        """With counter and CRC; whether it left."""
+        """Add counter and CRC and send; return whether the frame was sent."""
         assert self.bus is not None
         counter = (self.sent[can_id] + step) % 15
         data = bytes((0, content[0] | counter)) + content[1:]
@@ -626,7 +628,7 @@ class Controller:
 
 
 def _at(x: float, table: Sequence[tuple[float, float]]) -> float:
-    """On the straight lines between the table's rows."""
+    """Interpolate linearly between the rows of the table."""
     for (x0, y0), (x1, y1) in pairwise(table):
         if x <= x1:
             return y0 + (x - x0) / (x1 - x0) * (y1 - y0)
@@ -634,13 +636,15 @@ def _at(x: float, table: Sequence[tuple[float, float]]) -> float:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Parse the command line and run the controller."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--channel", required=True, help="SocketCAN interface")
     parser.add_argument("--route", required=True, type=Path, help="CSV: time_s,x_m,y_m,heading_rad,speed_mps")
-    parser.add_argument("--arm", action="store_true", help="drive; without it not one frame leaves")
-    parser.add_argument("--record", type=Path, metavar="DIR", help="write each pair down in this new folder")
-    parser.add_argument("--show", type=int, metavar="PORT", help="tell the page at this port (minimal_view.py)")
+    parser.add_argument("--arm", action="store_true", help="drive; without it no frame is sent")
+    parser.add_argument("--record", type=Path, metavar="DIR", help="record each pair in this new folder")
+    parser.add_argument(
+        "--show", type=int, metavar="PORT", help="send each pair to the page at this port (minimal_view.py)"
+    )
     parser.add_argument("--defect", choices=DEFECTS, default="", metavar="NAME", help=", ".join(DEFECTS))
     given = parser.parse_args(arguments)
     try:
@@ -650,11 +654,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         controller = Controller(given.channel, route, is_armed=given.arm, defect=given.defect)
         if given.record is not None:
-            blocks, matters = given.defect == "diary_blocks", given.defect == "diary_matters"
-            controller.diary = Diary(given.record, blocks=blocks, matters=matters)
+            blocks, is_required = given.defect == "recorder_blocks", given.defect == "recorder_required"
+            controller.recorder = Recorder(given.record, blocks=blocks, is_required=is_required)
         if given.show is not None:
-            blocks, matters = given.defect == "view_blocks", given.defect == "view_matters"
-            controller.view = View(given.show, blocks=blocks, matters=matters)
+            blocks, is_required = given.defect == "view_blocks", given.defect == "view_required"
+            controller.view = View(given.show, blocks=blocks, is_required=is_required)
     except OSError as error:
         print(f"{given.channel}: {error}", file=sys.stderr)
         return 3

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Shows the minimal controller's drive to browsers: `minimal_view.py PORT`, until SIGTERM; `View` is the other end.
+"""Shows the minimal controller's drive in browsers: `minimal_view.py PORT`, until SIGTERM. `View` is the controller's
+end.
 
-A page of its own process, which is told of each pair by datagrams: nobody's browser holds the controller up.
+The page is a process of its own and receives each pair in a datagram, so that no browser delays the controller.
 """
 
 import asyncio
@@ -10,22 +11,22 @@ import sys
 
 PATIENCE_S = 5.0
 BUFFER_BYTES = 4608
-"""So little is under way that whoever waits for a page that stands still waits at once."""
+"""Size of the send buffer. It is so small that a controller that waits for a stopped page waits at once."""
 
 
 def name_of(port: int) -> str:
-    """Where a page at this port is told of pairs: a name without a file."""
+    """Return the socket address of the page at this port: an abstract name without a file."""
     return f"\0minimal-view-{port}"
 
 
 class View:
-    """The controller's end. What the page does not take is lost; where it `blocks`, it is waited for.
+    """The controller's end. A pair that the page does not accept is lost; with `blocks`, sending waits instead.
 
-    Where the view `matters`, it is an `OSError` that there is no page.
+    With `is_required`, sending raises `OSError` after the page has ended.
     """
 
-    def __init__(self, port: int, *, blocks: bool, matters: bool) -> None:
-        self._name, self._matters = name_of(port), matters
+    def __init__(self, port: int, *, blocks: bool, is_required: bool) -> None:
+        self._name, self._is_required = name_of(port), is_required
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
         self._socket.setblocking(blocks)
@@ -33,7 +34,7 @@ class View:
         self.lost = 0
 
     def show(self, *values: float) -> None:
-        """One pair, or nothing."""
+        """Send one pair, or count it as lost."""
         try:
             self._socket.sendto(",".join(f"{value:.6f}" for value in values).encode(), self._name)
             self._was_seen = True
@@ -41,22 +42,22 @@ class View:
             self.lost += 1
         except ConnectionRefusedError:
             self.lost += 1
-            if self._matters and self._was_seen:
+            if self._is_required and self._was_seen:
                 raise
 
     def close(self) -> None:
-        """Nothing more is shown."""
+        """Close the socket."""
         self._socket.close()
 
 
 class _Newest(asyncio.DatagramProtocol):
-    """What was told last."""
+    """Keeps the newest datagram."""
 
     def __init__(self) -> None:
         self.text = b""
 
     def datagram_received(self, data: bytes, _address: object) -> None:
-        """Takes the place of the one before."""
+        """Replace the previous datagram."""
         self.text = data
 
 
@@ -82,7 +83,7 @@ async def _serve(port: int) -> None:
 
 
 async def _serve_when_it_is_free(port: int) -> None:
-    """One that was killed may still be on its way out."""
+    """Retry until the port is free: a killed page may still be ending."""
     deadline_s = asyncio.get_running_loop().time() + PATIENCE_S
     while True:
         try:

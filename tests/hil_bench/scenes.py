@@ -1,4 +1,4 @@
-"""Observations, commands and drives that the tests of the bench are made of."""
+"""Builders of observations, commands and drives for the tests of the bench."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -31,7 +31,7 @@ SHIPPED = (
 
 
 def other_wire(folder: Path, *, profile: tuple[str, str] = ("", ""), dbc: tuple[str, str] = ("", "")) -> Wire:
-    """The reference vehicle with a text of its profile, or of its DBC, in place of another."""
+    """Return the reference vehicle with one text of its profile or DBC replaced."""
     for text, (old, new) in ((WIRE.path.read_text(), profile), (WIRE.dbc.read_text(), dbc)):
         assert old in text
         name = "reference.dbc" if text.startswith("VERSION") else "mine.toml"
@@ -39,8 +39,8 @@ def other_wire(folder: Path, *, profile: tuple[str, str] = ("", ""), dbc: tuple[
     return Wire(str(folder / "mine.toml"))
 
 
-class Ride:
-    """The bench's vehicle with somebody who commands it, in made-up time."""
+class CommandedVehicle:
+    """The bench's vehicle and a commander, in virtual time."""
 
     def __init__(self) -> None:
         self.vehicle = Vehicle(WIRE, Plant(wheelbase_m=2.7))
@@ -51,16 +51,16 @@ class Ride:
     ) -> None:
         self.counter = (self.counter + 1) % 15
         drive = {"ENABLE": enable, "SAFE_STOP": stop, "ACCEL_REQUEST": accel, "GEAR_REQUEST": gear}
-        self.say(WIRE.pack("DRIVE_COMMAND", self.counter, **drive))
-        self.say(WIRE.pack("STEER_COMMAND", self.counter, ENABLE=enable, FRONT_WHEEL_ANGLE_REQUEST=wheel))
+        self.send(WIRE.pack("DRIVE_COMMAND", self.counter, **drive))
+        self.send(WIRE.pack("STEER_COMMAND", self.counter, ENABLE=enable, FRONT_WHEEL_ANGLE_REQUEST=wheel))
 
-    def say(self, frame: Frame) -> None:
+    def send(self, frame: Frame) -> None:
         self.vehicle.receive(frame, self.now_ns)
 
-    def tick(self, count: int = 1, **wish: float) -> None:
+    def tick(self, count: int = 1, **command: float) -> None:
         for _ in range(count):
-            if wish:
-                self.pair(**wish)
+            if command:
+                self.pair(**command)
             self.vehicle.move(0.01, self.now_ns)
             self.now_ns += 10 * MS
 
@@ -78,7 +78,7 @@ def pair(at_s: float, *, enable: int = 1, stop: int = 0, reason: str = "NOMINAL"
 def observed(
     *pairs: Pair, samples: Sequence[float] = (), history: Sequence[Instant] = (), status: int | None = 0
 ) -> Observation:
-    """A case of 10 s, with something injected from 5 s to 6 s, and the operator at 8 s."""
+    """Build the observation of a case of 10 s: an injection from 5 s to 6 s, and the operator's action at 8 s."""
     return Observation(
         begin_ns=0,
         inject_ns=5 * S,
@@ -115,5 +115,5 @@ def at(at_s: float, speed_mps: float, mode: int = AUTONOMOUS, x_m: float = 7.0) 
 DRIVES, STOPS, SILENT = [*steady(0, 10)], [*steady(0, 5.06), *steady(5.06, 6, stop), *steady(6, 10)], [*steady(0, 5.05)]
 
 
-def named(name: str) -> Case:
+def find_case(name: str) -> Case:
     return next(case for case in CATALOGUE if case.name == name)

@@ -17,7 +17,7 @@ from hil_bench.errors import UnexpectedNodeError
 from hil_bench.faults import frames, process, traffic
 from hil_bench.plant import Plant
 from hil_bench.vehicle import Vehicle
-from scenes import WIRE, Ride, named
+from scenes import WIRE, CommandedVehicle, find_case
 from vehicle_bus_contract.reference import AUTONOMOUS, MANUAL, MS, READY, Frame, S
 
 KINDS = {"frames", "state", "driver"}
@@ -84,17 +84,17 @@ def test_missing_bus_load_is_an_error_of_the_bench(share_of_it: float, monkeypat
 
 
 def test_a_brief_override_leaves_the_vehicle_ready() -> None:
-    ride = Ride()
-    ride.tick(20, accel=1.0)
-    rig = SimpleNamespace(vehicle=ride.vehicle)
-    inject = named("driver-brakes-briefly").inject
+    commanded = CommandedVehicle()
+    commanded.tick(20, accel=1.0)
+    rig = SimpleNamespace(vehicle=commanded.vehicle)
+    inject = find_case("driver-brakes-briefly").inject
     assert inject is not None
     with inject(rig):  # type: ignore[arg-type]
-        ride.tick(2, accel=1.0)
-        assert ride.vehicle.mode == MANUAL
-    ride.tick(2)
-    assert ride.vehicle.mode == READY
-    assert not ride.vehicle.driver_brake
+        commanded.tick(2, accel=1.0)
+        assert commanded.vehicle.mode == MANUAL
+    commanded.tick(2)
+    assert commanded.vehicle.mode == READY
+    assert not commanded.vehicle.driver_brake
 
 
 def test_rejected_browsers_connect_again() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
-import made_up
+import example_run
 import msgspec
 import pytest
 from hil_bench import cli, result
@@ -59,7 +59,7 @@ def structure_faults(element: ElementTree.Element) -> Iterator[str]:
 @pytest.mark.parametrize("began", ["2026-11-22T07:12:09+05:00", "no date"])
 @pytest.mark.parametrize("host", ["bench", ""])
 def test_the_junit_file_has_the_structure_that_strict_readers_accept(began: str, host: str, tmp_path: Path) -> None:
-    run = msgspec.structs.replace(made_up.run(), began=began, environment={"host": host})
+    run = msgspec.structs.replace(example_run.run(), began=began, environment={"host": host})
     junit.write(run, tmp_path / "junit.xml")
     root = ElementTree.parse(tmp_path / "junit.xml").getroot()
     assert list(structure_faults(root)) == []
@@ -112,7 +112,7 @@ def schema_faults(value: object, schema: dict[str, object], parts: dict[str, dic
 
 
 def test_a_file_of_results_has_the_published_schema(tmp_path: Path) -> None:
-    result.write(made_up.run(), tmp_path / "results.json")
+    result.write(example_run.run(), tmp_path / "results.json")
     schema = json.loads(result.SCHEMA.read_text(encoding="utf-8"))
     written = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     assert schema_faults(written, schema, schema["$defs"], "run") == []

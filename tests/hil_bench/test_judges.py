@@ -18,7 +18,7 @@ from hil_bench.result import Verdict
 from hil_bench.wire import Wire
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import DRIVES, WIRE, at, named, observed, other_wire, pair, steady, stop
+from scenes import DRIVES, WIRE, at, find_case, observed, other_wire, pair, steady, stop
 from vehicle_bus_contract.judge import Pair, Record, examine
 from vehicle_bus_contract.reference import AUTONOMOUS, READY, Frame, S
 from virtual_drive import VirtualDrive
@@ -71,7 +71,7 @@ def judged(tell: Lie, *, case: Case = CATALOGUE[0], wire: Wire = WIRE) -> dict[s
     counters: dict[str, int] = {}
     said: list[Frame] = []
 
-    def say(at_s: float, name: str, tick: int, **values: float) -> None:
+    def send(at_s: float, name: str, tick: int, **values: float) -> None:
         for told in tell(name, tick, values):
             counters[name] = counters.get(name, -1) + 1
             frame = wire.pack(name, counters[name] % 15, **told)
@@ -81,16 +81,16 @@ def judged(tell: Lie, *, case: Case = CATALOGUE[0], wire: Wire = WIRE) -> dict[s
         at_s, is_stop = tick / 100, tick >= STOPPED_FROM
         number = wire.number("REASON", "STATE_INVALID" if is_stop else "NOMINAL")
         for name in wire.sample:
-            say(at_s, name, tick, **({"SPEED": SPEED_MPS} if name == "MOTION" else {}))
+            send(at_s, name, tick, **({"SPEED": SPEED_MPS} if name == "MOTION" else {}))
         braked = max(-3.0, -0.3 * (tick - STOPPED_FROM + 1)) * is_stop
         drive = {"ENABLE": 1, "SAFE_STOP": is_stop, "REASON": number, "ACCEL_REQUEST": braked, "GEAR_REQUEST": 7}
         if tick % 2 == 0:
-            say(at_s, "VEHICLE_STATUS", tick, MODE=AUTONOMOUS)
-        say(at_s + 0.001, "DRIVE_COMMAND", tick, **drive)
-        say(at_s + 0.001, "STEER_COMMAND", tick, ENABLE=1)
+            send(at_s, "VEHICLE_STATUS", tick, MODE=AUTONOMOUS)
+        send(at_s + 0.001, "DRIVE_COMMAND", tick, **drive)
+        send(at_s + 0.001, "STEER_COMMAND", tick, ENABLE=1)
         if tick % 10 == 0:
-            say(at_s + 0.002, "BODY_COMMAND", tick, HAZARD_LIGHTS=is_stop)
-            say(at_s + 0.002, "CONTROLLER_STATUS", tick, STATE=4 if is_stop else 3, REASON=number)
+            send(at_s + 0.002, "BODY_COMMAND", tick, HAZARD_LIGHTS=is_stop)
+            send(at_s + 0.002, "CONTROLLER_STATUS", tick, STATE=4 if is_stop else 3, REASON=number)
     record = examine(said, wire)
     history = [at(1.0 + tick / 100, SPEED_MPS) for tick in range(400)]
     rig = SimpleNamespace(wire=wire, touched_ns=0, healthy_ns=0)
@@ -187,7 +187,7 @@ def test_a_few_unanswered_samples_after_a_bad_cable_are_tolerated() -> None:
     rig = SimpleNamespace(wire=WIRE, touched_ns=S, healthy_ns=0)
     for count, verdict in ((10, Verdict.PASS), (11, Verdict.FAIL)):
         record = Record(unanswered=[f"sample at {9.0 + i / 100:.3f} s" for i in range(count)])
-        checks = judges.check_protocol(named("cable-loses-5-percent"), rig, record, observed())  # type: ignore[arg-type]
+        checks = judges.check_protocol(find_case("cable-loses-5-percent"), rig, record, observed())  # type: ignore[arg-type]
         assert {check.text: check.verdict for check in checks}[judges.KINDS["unanswered"]] is verdict
 
 
@@ -198,22 +198,22 @@ def test_an_injection_into_a_vehicle_that_is_not_driven_fails() -> None:
         ("state-lost", [at(4.9, 3.0, READY)]),
         ("state-lost", []),
     ):
-        checks = judges.check_preparation(named(name), observed(history=instants), rig)  # type: ignore[arg-type]
+        checks = judges.check_preparation(find_case(name), observed(history=instants), rig)  # type: ignore[arg-type]
         assert [check.verdict for check in checks] == [Verdict.FAIL], name
-    good = judges.check_preparation(named("state-lost"), observed(history=[at(4.9, 2.5)]), rig)  # type: ignore[arg-type]
+    good = judges.check_preparation(find_case("state-lost"), observed(history=[at(4.9, 2.5)]), rig)  # type: ignore[arg-type]
     assert [check.verdict for check in good] == [Verdict.PASS]
 
 
 def test_a_device_that_never_engages_fails_with_that_reason() -> None:
     rig = SimpleNamespace(wire=WIRE, touched_ns=0)
     for history, verdict in (([at(1.0, 0.0, READY)], Verdict.FAIL), ([at(1.0, 0.0)], Verdict.PASS)):
-        (check,) = judges.check_preparation(named("drive-step"), observed(history=history), rig)  # type: ignore[arg-type]
+        (check,) = judges.check_preparation(find_case("drive-step"), observed(history=history), rig)  # type: ignore[arg-type]
         assert (check.text, check.verdict) == ("the device engages", verdict)
 
 
 def test_health_requires_motion_hold_or_survival_as_the_case_demands() -> None:
     rig = SimpleNamespace(wire=WIRE, healthy_ns=9 * S)
-    drives, holds, waits = named("half-the-rate"), named("rolling-back"), named("not-armed")
+    drives, holds, waits = find_case("half-the-rate"), find_case("rolling-back"), find_case("not-armed")
     moves, stands = [at(7.9, 2.0)], [at(7.9, 0.0)]
     for case, sound, broken in (
         (drives, observed(*DRIVES, history=moves), observed(*DRIVES, history=stands)),
@@ -250,14 +250,14 @@ def test_a_device_that_ends_before_its_first_frame_is_reported_with_its_last_lin
     log.write_text("begun\nno such option: --arm\n")
     rig = SimpleNamespace(device=SimpleNamespace(log=log))
     dead = replace(observed(status=2), exit_ns=1 * S)
-    found = judges.check_alive(named("state-lost"), dead, rig)  # type: ignore[arg-type]
+    found = judges.check_alive(find_case("state-lost"), dead, rig)  # type: ignore[arg-type]
     assert [(c.verdict, c.found) for c in found] == [
         (Verdict.FAIL, ["it ended with status 2 before its first frame; its last line: no such option: --arm"])
     ]
     for case, what in (
         (FILES[0], dead),
-        (named("state-lost"), observed(status=None)),
-        (named("state-lost"), observed(pair(1))),
+        (find_case("state-lost"), observed(status=None)),
+        (find_case("state-lost"), observed(pair(1))),
     ):
         assert judges.check_alive(case, what, rig) == []  # type: ignore[arg-type]
 
@@ -308,5 +308,5 @@ def test_a_stop_may_end_in_silence_at_rest_in_the_case_for_it_only(
     case: str, commands: Sequence[Pair], speed_mps: float, verdict: Verdict
 ) -> None:
     seen = observed(*commands, history=[at(tick / 100, speed_mps) for tick in range(1000)], status=4)
-    checks = judges.check_health(named(case), seen, SimpleNamespace(), [])  # type: ignore[arg-type]
+    checks = judges.check_health(find_case(case), seen, SimpleNamespace(), [])  # type: ignore[arg-type]
     assert next(c.verdict for c in checks if c.text == "the stop is held") is verdict

@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from minimal_controller import MOTION, POSE, STALE_NS, VEHICLE_STATUS, Ear, State, crc8
+from minimal_controller import MOTION, POSE, STALE_NS, VEHICLE_STATUS, Receiver, State, crc8
 from minimal_route import read_route
 
 HERE = Path(__file__).resolve().parent
-FILES = ("minimal_controller.py", "minimal_route.py", "minimal_diary.py", "minimal_view.py", "defects.py")
+FILES = ("minimal_controller.py", "minimal_route.py", "minimal_recorder.py", "minimal_view.py", "defects.py")
 SQUARE_BACK = """time_s,x_m,y_m,heading_rad,speed_mps
 # there, and back in reverse
 0,0,0,0,2
@@ -48,46 +48,46 @@ def test_the_worked_example_of_the_contract_is_met() -> None:
 
 @pytest.mark.parametrize(("step", "is_taken"), [(0, False), (1, True), (3, True), (4, False), (14, False)])
 def test_a_counter_may_step_by_one_to_three(step: int, is_taken: bool) -> None:
-    ear = Ear("")
-    assert ear.is_whole(POSE, part(POSE, 13))
-    assert ear.is_whole(POSE, part(POSE, (13 + step) % 15)) is is_taken
+    receiver = Receiver("")
+    assert receiver.is_whole(POSE, part(POSE, 13))
+    assert receiver.is_whole(POSE, part(POSE, (13 + step) % 15)) is is_taken
 
 
 def test_every_flipped_bit_is_detected_unless_the_crc_is_unchecked() -> None:
     good = part(MOTION, 5)
     for bit in range(64):
         bad = (int.from_bytes(good, "little") ^ 1 << bit).to_bytes(8, "little")
-        assert not Ear("").is_whole(MOTION, bad)
-    assert Ear("crc_unchecked").is_whole(MOTION, bytes((good[0] ^ 1,)) + good[1:])
+        assert not Receiver("").is_whole(MOTION, bad)
+    assert Receiver("crc_unchecked").is_whole(MOTION, bytes((good[0] ^ 1,)) + good[1:])
 
 
 def test_a_sample_is_three_parts_with_one_counter_within_50_ms() -> None:
-    ear = Ear("")
-    assert ear.sample(POSE, part(POSE, 0x52), 0) is None
-    assert ear.sample(MOTION, part(MOTION, 0x03), 1) is None
-    assert ear.sample(0x112, part(0x112, 0x02), 2) is None
-    assert ear.sample(MOTION, part(MOTION, 0x02), STALE_NS + 1) is None  # the first two are too old
-    assert ear.sample(POSE, part(POSE, 0x52), STALE_NS + 2) is None
-    whole = ear.sample(0x112, part(0x112, 0x02), STALE_NS + 3)
+    receiver = Receiver("")
+    assert receiver.sample(POSE, part(POSE, 0x52), 0) is None
+    assert receiver.sample(MOTION, part(MOTION, 0x03), 1) is None
+    assert receiver.sample(0x112, part(0x112, 0x02), 2) is None
+    assert receiver.sample(MOTION, part(MOTION, 0x02), STALE_NS + 1) is None  # the first two are too old
+    assert receiver.sample(POSE, part(POSE, 0x52), STALE_NS + 2) is None
+    whole = receiver.sample(0x112, part(0x112, 0x02), STALE_NS + 3)
     assert whole is not None
     assert (whole.counter, whole.frame, whole.is_valid) == (2, 1, True)
 
 
 def test_a_position_jump_is_flagged_but_not_the_return() -> None:
-    ear = Ear("")
-    assert ear.believes(state())
-    assert not ear.believes(state(5.0, stamp_ns=10_000_000, counter=1))
-    assert not ear.believes(state(5.0, stamp_ns=20_000_000, counter=2))
-    assert ear.doubts == 2
-    assert ear.believes(state(0.09, stamp_ns=30_000_000, counter=3))
-    assert ear.doubts == 0
+    receiver = Receiver("")
+    assert receiver.is_plausible(state())
+    assert not receiver.is_plausible(state(5.0, stamp_ns=10_000_000, counter=1))
+    assert not receiver.is_plausible(state(5.0, stamp_ns=20_000_000, counter=2))
+    assert receiver.doubts == 2
+    assert receiver.is_plausible(state(0.09, stamp_ns=30_000_000, counter=3))
+    assert receiver.doubts == 0
 
 
 def test_a_frozen_position_is_flagged_after_half_a_metre() -> None:
-    ear = Ear("")
-    verdicts = [ear.believes(state(stamp_ns=i * 10_000_000, counter=i % 15)) for i in range(30)]
+    receiver = Receiver("")
+    verdicts = [receiver.is_plausible(state(stamp_ns=i * 10_000_000, counter=i % 15)) for i in range(30)]
     assert verdicts.index(False) == 17  # 17 × 3 m/s × 10 ms = 0.51 m
-    assert ear.doubts >= 3
+    assert receiver.doubts >= 3
 
 
 def test_a_route_is_driven_in_legs_and_ends_at_its_last_point(tmp_path: Path) -> None:

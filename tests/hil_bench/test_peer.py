@@ -29,7 +29,7 @@ from hil_bench.peer.wire import PeerWire
 from hil_bench.profile import ProfileError
 from hil_bench.vocabulary import Wait
 from hil_bench.wire import Wire
-from scenes import ROOT, SHIPPED, WIRE, named
+from scenes import ROOT, SHIPPED, WIRE, find_case
 from vehicle_bus_contract.reference import AUTONOMOUS, DRIVE, MS, Frame, S
 
 from vehicle_iface.codec.database import load_database
@@ -200,11 +200,11 @@ def test_a_case_that_needs_what_a_vehicle_lacks_does_not_apply(profile: str) -> 
         lacking = [part for part in case.about if part not in there]
         assert all(part.value in why for part in lacking)
         assert why or not lacking
-    assert not find_inapplicable(named("state-lost"), wire)
-    assert not find_inapplicable(named("killed"), wire)
+    assert not find_inapplicable(find_case("state-lost"), wire)
+    assert not find_inapplicable(find_case("killed"), wire)
 
 
-class _Ride(SimpleNamespace):
+class _DrivenVehicle(SimpleNamespace):
     """A rig in virtual time, with a vehicle that drives in a bend and is not commanded."""
 
     def __init__(self, profile: str) -> None:
@@ -235,7 +235,7 @@ def test_each_fault_of_the_state_that_applies_to_a_vehicle_changes_what_it_sends
     for case in CATALOGUE:
         if case.inject is None or "state" not in case.tags or case.at_mps < 0.0 or find_inapplicable(case, wire):
             continue
-        faulty, sound = _Ride(profile), _Ride(profile)
+        faulty, sound = _DrivenVehicle(profile), _DrivenVehicle(profile)
         assert faulty.tick() == sound.tick()
         try:
             with case.inject(faulty):  # type: ignore[arg-type]
@@ -249,7 +249,7 @@ def test_each_fault_of_the_state_that_applies_to_a_vehicle_changes_what_it_sends
 
 @pytest.mark.parametrize("profile", SHIPPED)
 def test_a_frozen_state_has_a_frozen_position(profile: str) -> None:
-    ride = _Ride(profile)
+    ride = _DrivenVehicle(profile)
     wire = ride.wire
     messages = {wire.part_of(name) for name in ("POS_X", "POS_Y", "SPEED") if wire.has(name)}
     assert messages <= set(wire.sample)
@@ -273,7 +273,7 @@ def test_the_hunter_has_neither_position_nor_protection() -> None:
 def test_a_smaller_vehicle_drives_smaller_and_slower_routes_in_its_own_frame() -> None:
     wire = open_wire("agilex_hunter")
     for name in ("drive-u-turn", "drive-reverse-bay", "state-lost-at-speed", "overspeed", "many-points"):
-        route = named(name).route()
+        route = find_case(name).route()
         driven = scale_for(route, wire)
         assert max(map(abs, driven.speed_mps)) <= 0.9 * wire.profile["limits"]["speed_max_mps"] + 1e-9
         assert driven.heading_rad == route.heading_rad
@@ -285,16 +285,16 @@ def test_a_smaller_vehicle_drives_smaller_and_slower_routes_in_its_own_frame() -
 
 
 def test_a_slower_vehicle_gets_longer_limits_and_odometry_is_armed_again() -> None:
-    wire, case = open_wire("agilex_hunter"), named("state-lost")
+    wire, case = open_wire("agilex_hunter"), find_case("state-lost")
     driven = adapt(case, wire)
     assert driven.for_s == pytest.approx(case.for_s + wire.later_s[Wait.STATE])
     assert (case.then, driven.then) == (Then.GOES_ON, Then.REARM)
     assert Need.REARM in driven.needs
-    assert adapt(named("half-the-rate"), wire).then is Then.GOES_ON
+    assert adapt(find_case("half-the-rate"), wire).then is Then.GOES_ON
 
 
 def test_a_vehicle_with_odometry_that_need_not_stop_is_armed_again_only_if_it_has_stopped() -> None:
-    driven = adapt(named("paused-30-ms"), open_wire("pacmod3"))
+    driven = adapt(find_case("paused-30-ms"), open_wire("pacmod3"))
     assert driven.then is Then.MAY_GO_ON
     assert Need.REARM in driven.needs
     assert [one.most_s for one in driven.see if isinstance(one, MomentaryAtMost)] == [math.inf]
@@ -329,7 +329,7 @@ def test_a_profile_that_the_bench_cannot_simulate_is_rejected_with_the_reason(
 def test_the_program_accepts_every_kind_of_route_as_a_vehicle_drives_it(profile: str, tmp_path: Path) -> None:
     wire, own = open_wire(profile), cap_unconfirmed_speed(load_profile(profile))
     for name in ("drive-slalom", "drive-double-lane-change", "drive-u-turn", "state-lost", "state-lost-at-speed"):
-        path = scale_for(named(name).route(), wire).write(tmp_path / "route.csv", wire.frame_id)
+        path = scale_for(find_case(name).route(), wire).write(tmp_path / "route.csv", wire.frame_id)
         assert not find_violation(load_csv(path), own.limits, own.geometry.wheelbase_m)
 
 

@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
-import made_up
+import example_run
 import msgspec
 import pytest
 from hil_bench import result
@@ -72,7 +72,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    return made_up.run()
+    return example_run.run()
 
 
 def page_of(run: Run, folder: Path, compared_with: Run | None = None) -> Page:
@@ -114,7 +114,7 @@ def hostile_run(text: str) -> Run:
         candump=text,
         device_log=text,
     )
-    run = made_up.run_of([one, msgspec.structs.replace(one, repetition=2)])
+    run = example_run.run_of([one, msgspec.structs.replace(one, repetition=2)])
     texts = dict.fromkeys(("began", "command", "channel", "profile", "profile_hash", "device"), text)
     return msgspec.structs.replace(run, **texts, environment={text: text})
 
@@ -147,27 +147,27 @@ def test_a_measured_threshold_is_shown_beside_that_of_the_profile(
 ) -> None:
     one = threshold(acts_at)
     assert one.verdict is verdict
-    page = page_of(made_up.run_of([case("drifting", measured=[one])]), tmp_path)
+    page = page_of(example_run.run_of([case("drifting", measured=[one])]), tmp_path)
     assert f"lateral deviation to the left {shown} 3 m 2.9 m to 3.2 m drifting" in page.text
     assert formatting.describe_threshold(one) == f"lateral deviation, to the left: acts at {shown}, profile 3 m"
 
 
 def test_missed_thresholds_come_first_and_one_that_may_be_lower_has_no_lower_end(tmp_path: Path) -> None:
     kept = msgspec.structs.replace(threshold(0.1, "wheel angle"), lowest=None)
-    page = page_of(made_up.run_of([case("a", measured=[kept]), case("b", measured=[threshold(5.0)])]), tmp_path)
+    page = page_of(example_run.run_of([case("a", measured=[kept]), case("b", measured=[threshold(5.0)])]), tmp_path)
     assert page.text.index("5 m 3 m") < page.text.index("0.1 m 3 m at most 3.2 m")
-    assert "Measured thresholds" not in page_of(made_up.run_of([case()]), tmp_path).text
+    assert "Measured thresholds" not in page_of(example_run.run_of([case()]), tmp_path).text
 
 
 def test_measured_thresholds_are_kept_in_the_results(tmp_path: Path) -> None:
-    run = made_up.run_of([case(measured=[threshold(3.04)])])
+    run = example_run.run_of([case(measured=[threshold(3.04)])])
     result.write(run, tmp_path / "results.json")
     assert result.read(tmp_path / "results.json").cases[0].measured == [threshold(3.04)]
 
 
 @pytest.mark.parametrize("evidence", list(Evidence))
 def test_each_class_of_evidence_states_its_limits(evidence: Evidence, tmp_path: Path) -> None:
-    text = page_of(msgspec.structs.replace(made_up.run_of([case()]), evidence=evidence), tmp_path).text
+    text = page_of(msgspec.structs.replace(example_run.run_of([case()]), evidence=evidence), tmp_path).text
     assert evidence in text
     assert "hows nothing about" in text
     assert ("is never evidence about hardware" in text) is (evidence is Evidence.VIRTUAL_BUS)
@@ -204,12 +204,12 @@ def test_failed_cases_come_first_and_are_open(run: Run, tmp_path: Path) -> None:
 def test_repetitions_are_one_row_and_the_worst_is_shown(tmp_path: Path) -> None:
     times_s = (0.03, 0.11, 0.02)
     cases = [case(repetition=n, checks=[stop(s)]) for n, s in enumerate(times_s, start=1)]
-    text = page_of(made_up.run_of(cases), tmp_path).text
+    text = page_of(example_run.run_of(cases), tmp_path).text
     assert "3/3 PASS" in text
     assert "Repetition 2 ✓ PASS" in text
     assert "Repetition 1" not in text
     failed = case(verdict=Verdict.FAIL, why="late", repetition=4, checks=[stop(0.2)])
-    text = page_of(made_up.run_of([*cases, failed]), tmp_path).text
+    text = page_of(example_run.run_of([*cases, failed]), tmp_path).text
     assert "3/4 PASS" in text
     assert "Repetition 4 ✕ FAIL" in text
 
@@ -250,7 +250,7 @@ def test_nan_and_infinity_are_never_shown_as_numbers(value: float, tmp_path: Pat
         ],
         path=Path2D(wanted_x_m=values, wanted_y_m=values, driven_x_m=values[::-1], driven_y_m=values),
     )  # fmt: skip
-    run = msgspec.structs.replace(made_up.run_of([one]), duration_s=value)
+    run = msgspec.structs.replace(example_run.run_of([one]), duration_s=value)
     page = page_of(run, tmp_path)
     shown = f"{page.text} {[found for _, found in page.elements]}".lower().split()
     assert not [word for word in shown if word.strip("[]{}'\",;:%−-") in {"nan", "inf", "infinity"}]
@@ -265,8 +265,8 @@ def test_nan_and_infinity_are_never_shown_as_numbers(value: float, tmp_path: Pat
 
 def test_an_empty_run_has_a_page(tmp_path: Path) -> None:
     for cases in ([], [case()], [case(verdict=Verdict.NOT_EXECUTED, why="no adapter")]):
-        page_of(made_up.run_of(cases), tmp_path)
-        words_of(made_up.run_of(cases))
+        page_of(example_run.run_of(cases), tmp_path)
+        words_of(example_run.run_of(cases))
 
 
 def test_what_does_not_apply_is_shown_with_its_reason_and_never_counts_as_passed(tmp_path: Path) -> None:
@@ -278,7 +278,7 @@ def test_what_does_not_apply_is_shown_with_its_reason_and_never_counts_as_passed
         ([absent, case(verdict=Verdict.FAIL)], Verdict.FAIL),
     ):
         assert result.verdict_of(cases) is verdict
-    run = made_up.run_of([absent, case("other")])
+    run = example_run.run_of([absent, case("other")])
     assert "1 passed, 0 failed, 0 not executed, 1 not applicable" in words_of(run)
     page = page_of(run, tmp_path)
     assert "1 NOT APPLICABLE" in page.text
@@ -314,7 +314,7 @@ def test_the_page_stays_small_however_long_the_recordings_are(tmp_path: Path) ->
     times = [index / 1000 for index in range(60_000)]
     series = Series(name="noise", at_s=times, values=[math.sin(index * index) for index in range(60_000)])
     plots = [Plot(title="angle", unit="rad", series=[series, series])] * 3
-    written = html.write(made_up.run_of([case(name="one", plots=plots)]), tmp_path)
+    written = html.write(example_run.run_of([case(name="one", plots=plots)]), tmp_path)
     assert written.stat().st_size < 6e6 / 60
 
 
@@ -427,8 +427,8 @@ def test_a_run_compared_with_itself_has_no_differences(run: Run) -> None:
 
 
 def test_changed_verdicts_come_first_worse_before_better(tmp_path: Path) -> None:
-    old = made_up.run_of([case("a", Verdict.FAIL, why="late"), case("b"), case("gone"), case("c")])
-    new = made_up.run_of([case("a"), case("b", Verdict.NOT_EXECUTED, why="no adapter"), case("new"), case("c")])
+    old = example_run.run_of([case("a", Verdict.FAIL, why="late"), case("b"), case("gone"), case("c")])
+    new = example_run.run_of([case("a"), case("b", Verdict.NOT_EXECUTED, why="no adapter"), case("new"), case("c")])
     found = compare.differences(old, new)
     assert [(change.name, change.is_worse) for change in found.verdicts] == [("b", True), ("a", False)]
     assert (found.new_cases, found.gone_cases) == (["new"], ["gone"])
@@ -455,17 +455,17 @@ def test_changed_verdicts_come_first_worse_before_better(tmp_path: Path) -> None
 def test_a_time_has_changed_if_it_grew_by_a_quarter_and_by_more_than_a_period(
     old_s: float, new_s: float, is_notable: bool, tmp_path: Path
 ) -> None:
-    old, new = (made_up.run_of([case(checks=[stop(measured)])]) for measured in (old_s, new_s))
+    old, new = (example_run.run_of([case(checks=[stop(measured)])]) for measured in (old_s, new_s))
     found = compare.differences(old, new)
     assert [(moved.old, moved.new) for moved in found.moved] == ([(old_s, new_s)] if is_notable else [])
     assert ("measurements changed notably" in page_of(new, tmp_path, old).text) is is_notable
 
 
 def test_the_worst_of_all_repetitions_is_compared(run: Run) -> None:
-    old = made_up.run_of([case(checks=[stop(0.02)], repetition=n) for n in (1, 2)])
-    new = made_up.run_of([case(checks=[stop(0.02 * n)], repetition=n) for n in (1, 2)])
+    old = example_run.run_of([case(checks=[stop(0.02)], repetition=n) for n in (1, 2)])
+    new = example_run.run_of([case(checks=[stop(0.02 * n)], repetition=n) for n in (1, 2)])
     assert [moved.new for moved in compare.differences(old, new).moved] == [0.04]
-    slower = compare.differences(run, made_up.run(slower=1.5))
+    slower = compare.differences(run, example_run.run(slower=1.5))
     assert {"state to command p99", "state to command max"} <= {moved.what for moved in slower.moved}
     assert all(moved.is_worse and moved.ratio == pytest.approx(1.5) for moved in slower.moved)
 
@@ -563,14 +563,14 @@ def test_a_run_goes_to_json_and_back(run: Run, tmp_path: Path) -> None:
 
 def test_a_gap_in_a_curve_goes_to_json_and_back(tmp_path: Path) -> None:
     series = Series(name="angle", at_s=[0.0, 1.0], values=[math.nan, 1.0])
-    run = made_up.run_of([case(plots=[Plot(title="", unit="", series=[series])])])
+    run = example_run.run_of([case(plots=[Plot(title="", unit="", series=[series])])])
     result.write(run, tmp_path / "run.json")
     assert result.read(tmp_path / "run.json").cases[0].plots[0].series[0].values == [None, 1.0]
 
 
 def test_a_result_that_could_not_be_read_back_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(msgspec.ValidationError, match="duration_s"):
-        result.write(made_up.run_of([case(duration_s=math.nan)]), tmp_path / "run.json")
+        result.write(example_run.run_of([case(duration_s=math.nan)]), tmp_path / "run.json")
     assert not (tmp_path / "run.json").exists()
 
 
@@ -584,7 +584,7 @@ def test_a_result_that_could_not_be_read_back_is_not_written(tmp_path: Path) -> 
     ],
 )
 def test_another_format_is_rejected_with_the_field(change: dict[str, object], complaint: str, tmp_path: Path) -> None:
-    written = {**msgspec.to_builtins(made_up.run_of([case()])), **change}
+    written = {**msgspec.to_builtins(example_run.run_of([case()])), **change}
     (tmp_path / "run.json").write_bytes(msgspec.json.encode(written))
     with pytest.raises(msgspec.ValidationError, match=complaint):
         result.read(tmp_path / "run.json")
@@ -593,7 +593,7 @@ def test_another_format_is_rejected_with_the_field(change: dict[str, object], co
 def test_the_terminal_does_not_list_what_an_interruption_left_out() -> None:
     why = "interrupted in case 2 of 3"
     names = {"silence": "no adapter", "jitter": why, "killed": why}
-    run = made_up.run_of([case(name, Verdict.NOT_EXECUTED, why=text) for name, text in names.items()])
+    run = example_run.run_of([case(name, Verdict.NOT_EXECUTED, why=text) for name, text in names.items()])
     words = words_of(msgspec.structs.replace(run, interrupted=why))
     assert "no adapter" in words
     assert words.partition("Not passed")[2].count(why) == 1

@@ -13,7 +13,7 @@ from hil_bench.expect import ReachesEnd
 from hil_bench.peer.build import open_wire
 from hil_bench.routes import Route
 from hil_bench.wire import Wire
-from scenes import SHIPPED, named
+from scenes import SHIPPED, find_case
 from virtual_drive import VirtualDrive
 
 BEGINNING_S = 4.0
@@ -88,22 +88,22 @@ def test_stretches_are_counted_from_stop_to_stop() -> None:
 def test_a_straight_stretch_is_longer_than_a_controller_looks_ahead_at_a_crawl(profile: str) -> None:
     wire = open_wire(profile)
     for name in ("end-of-space", "end-of-time", "drive-stop-and-go", "drive-from-the-side", "state-lost"):
-        route = scale_for(named(name).route(), wire)
+        route = scale_for(find_case(name).route(), wire)
         assert route.is_straight
         assert route.shortest_stretch_m() > 0.99 * applicable.SHORTEST_STRETCH_M, name
 
 
 @pytest.mark.parametrize("profile", SHIPPED)
 def test_the_program_is_at_the_end_in_space_well_before_the_end_in_time(profile: str, tmp_path: Path) -> None:
-    drive = VirtualDrive(profile, named("end-of-space").route(), tmp_path)
-    lasts_s = scale_for(named("end-of-space").route(), drive.wire).time_s[-1]
+    drive = VirtualDrive(profile, find_case("end-of-space").route(), tmp_path)
+    lasts_s = scale_for(find_case("end-of-space").route(), drive.wire).time_s[-1]
     drive.run_until(lambda: drive.vehicle.has_arrived, 0.8 * lasts_s)
     assert not drive.wire.tells_reasons or drive.loop.reason.name == "PAST_END_SPACE"
 
 
 @pytest.mark.parametrize("profile", SHIPPED)
 def test_the_program_is_under_way_at_the_end_in_time(profile: str, tmp_path: Path) -> None:
-    drive, case = VirtualDrive(profile, named("end-of-time").route(), tmp_path), named("end-of-time")
+    drive, case = VirtualDrive(profile, find_case("end-of-time").route(), tmp_path), find_case("end-of-time")
     route = adapt(case, drive.wire).route()
     for attribute, value in case.setup.items():
         setattr(drive.vehicle.plant, attribute, value)

@@ -7,67 +7,67 @@ import pytest
 from hil_bench.plant import Plant
 from hil_bench.vehicle import Vehicle
 from hil_bench.wire import Wire
-from scenes import WIRE, Ride
+from scenes import WIRE, CommandedVehicle
 from vehicle_bus_contract.reference import AUTONOMOUS, FAULT, MANUAL, READY, DecodedFrame, S
 
 
 def test_vehicle_engages_with_the_third_intact_pair_and_disengages_with_enable_0() -> None:
-    ride = Ride()
+    commanded = CommandedVehicle()
     for _ in range(2):
-        ride.pair()
-    assert ride.vehicle.mode == READY
-    ride.pair()
-    assert ride.vehicle.mode == AUTONOMOUS
-    ride.pair(enable=0)
-    assert ride.vehicle.mode == READY
+        commanded.pair()
+    assert commanded.vehicle.mode == READY
+    commanded.pair()
+    assert commanded.vehicle.mode == AUTONOMOUS
+    commanded.pair(enable=0)
+    assert commanded.vehicle.mode == READY
 
 
 def test_vehicle_executes_commands_and_its_watchdog_stops_it_after_100_ms_of_silence() -> None:
-    ride = Ride()
-    ride.tick(200, accel=2.0)
-    assert ride.vehicle.plant.speed_mps == pytest.approx(3.8, abs=0.2)
-    ride.tick(10)
-    assert ride.vehicle.mode == AUTONOMOUS
-    ride.tick(2)
-    assert ride.vehicle.mode == FAULT
-    ride.tick(200)
-    assert ride.vehicle.plant.speed_mps == 0.0
+    commanded = CommandedVehicle()
+    commanded.tick(200, accel=2.0)
+    assert commanded.vehicle.plant.speed_mps == pytest.approx(3.8, abs=0.2)
+    commanded.tick(10)
+    assert commanded.vehicle.mode == AUTONOMOUS
+    commanded.tick(2)
+    assert commanded.vehicle.mode == FAULT
+    commanded.tick(200)
+    assert commanded.vehicle.plant.speed_mps == 0.0
 
 
 def test_repeated_counters_do_not_feed_the_watchdog() -> None:
-    ride = Ride()
-    ride.tick(50, accel=2.0)
+    commanded = CommandedVehicle()
+    commanded.tick(50, accel=2.0)
     for _ in range(15):
-        ride.say(WIRE.pack("DRIVE_COMMAND", ride.counter, ENABLE=1))
-        ride.say(WIRE.pack("STEER_COMMAND", ride.counter, ENABLE=1))
-        ride.tick()
-    assert ride.vehicle.mode == FAULT
+        commanded.send(WIRE.pack("DRIVE_COMMAND", commanded.counter, ENABLE=1))
+        commanded.send(WIRE.pack("STEER_COMMAND", commanded.counter, ENABLE=1))
+        commanded.tick()
+    assert commanded.vehicle.mode == FAULT
 
 
 @pytest.mark.parametrize(
     ("attribute", "value"), [("driver_brake", True), ("driver_throttle", True), ("driver_torque_nm", -3.0)]
 )
 def test_driver_override_acts_at_once(attribute: str, value: object) -> None:
-    ride = Ride()
-    ride.tick(20, accel=1.0)
-    setattr(ride.vehicle, attribute, value)
-    ride.tick(1, accel=1.0)
-    assert ride.vehicle.mode == MANUAL
-    ride.tick(10, accel=1.0)
-    assert ride.vehicle.mode == MANUAL
+    commanded = CommandedVehicle()
+    commanded.tick(20, accel=1.0)
+    setattr(commanded.vehicle, attribute, value)
+    commanded.tick(1, accel=1.0)
+    assert commanded.vehicle.mode == MANUAL
+    commanded.tick(10, accel=1.0)
+    assert commanded.vehicle.mode == MANUAL
 
 
 def test_a_stop_never_moves_the_vehicle_backwards_and_gears_change_only_at_rest() -> None:
-    ride = Ride()
-    ride.tick(150, accel=2.0)
-    ride.tick(20, accel=-3.0, gear=1)
-    assert ride.vehicle.gear == 3
-    ride.tick(300, accel=-3.0, stop=1, gear=7)
-    assert ride.vehicle.plant.speed_mps == 0.0
-    assert min(instant.speed_mps for instant in ride.vehicle.history) >= 0.0
-    ride.tick(100, accel=-1.0, gear=1)
-    assert ride.vehicle.gear == 1
-    assert ride.vehicle.plant.speed_mps < -0.5
+    commanded = CommandedVehicle()
+    commanded.tick(150, accel=2.0)
+    commanded.tick(20, accel=-3.0, gear=1)
+    assert commanded.vehicle.gear == 3
+    commanded.tick(300, accel=-3.0, stop=1, gear=7)
+    assert commanded.vehicle.plant.speed_mps == 0.0
+    assert min(instant.speed_mps for instant in commanded.vehicle.history) >= 0.0
+    commanded.tick(100, accel=-1.0, gear=1)
+    assert commanded.vehicle.gear == 1
+    assert commanded.vehicle.plant.speed_mps < -0.5
 
 
 def test_a_vehicle_without_lights_and_report_can_be_tested(tmp_path: Path) -> None:

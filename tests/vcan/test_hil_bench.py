@@ -42,10 +42,10 @@ DEFECTS = {
     "stop_without_reason": ("state-lost", "a stop with STATE_STALE"),
     "late_by_30_ms": ("latency-at-0-percent-load", "a dropped sample"),
     "commands_after_override": ("driver-brakes", "ENABLE = 0 with DRIVER_OVERRIDE"),
-    "diary_blocks": ("recorder-stopped", "drives on: no stop"),
-    "diary_matters": ("recorder-disk-full", "drives on: no stop"),
+    "recorder_blocks": ("recorder-stopped", "drives on: no stop"),
+    "recorder_required": ("recorder-disk-full", "drives on: no stop"),
     "view_blocks": ("viewer-stopped", "drives on: no stop"),
-    "view_matters": ("viewer-killed", "drives on: no stop"),
+    "view_required": ("viewer-killed", "drives on: no stop"),
     "frame_ignored": ("other-frame-of-reference", "a stop with FRAME_MISMATCH"),
 }
 """Defect → the case that is there for it, and what of it fails."""

@@ -33,7 +33,7 @@ def test_attacks_floods_and_invalid_input_to_the_page_change_nothing_on_the_bus(
     programs.start_python(str(VCAN / "poster.py"), str(posted), "far", name="poster")
     loop, moving = driven(programs, bus, "--trajectory-mailbox", str(posted))
 
-    attacker = programs.start_python(str(VCAN / "hostile.py"), port, TOKEN, name="hostile")
+    attacker = programs.start_python(str(VCAN / "hostile_client.py"), port, TOKEN, name="hostile")
     assert attacker.ends(60.0) == 0
     assert attacker.lines == ["another host name: 403", "a foreign Origin: 403", "no token: 401", "done"]
     attacked = bus.wait_samples(10)

@@ -10,7 +10,7 @@ from .conftest import ROOT, Programs
 from .observer import Observer
 from .peer import Vehicle
 
-REFUSED = str(ROOT / "tests" / "vcan" / "refused.py")
+STARTS = str(ROOT / "tests" / "vcan" / "rejected_starts.py")
 BAD_USAGE = 2
 HEADER = "time_s,x_m,y_m,heading_rad,speed_mps\n"
 
@@ -90,7 +90,7 @@ def test_bad_databases_profiles_and_trajectories_are_rejected_by_name_before_the
     file, telemetry = programs.folder / "cases.json", programs.telemetry
     usual = ["run", "--arm", "--duration", "1", "--telemetry", telemetry]
     file.write_text(json.dumps([[*usual, *arguments] for arguments, _ in cases.values()]), encoding="utf-8")
-    loop = programs.start_python(REFUSED, str(file), name="run")
+    loop = programs.start_python(STARTS, str(file), name="run")
     assert loop.ends(60.0) == 0
     *complaints, rest = "\n".join(loop.lines).split(f"status {BAD_USAGE}")
     assert not rest

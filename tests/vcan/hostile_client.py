@@ -1,6 +1,6 @@
-"""Another process that is hostile to a page: `hostile.py PORT TOKEN`; ends when it has tried everything.
+"""A process that attacks a page: `hostile_client.py PORT TOKEN`. It ends when it has tried everything.
 
-What it sees of refusals it says, a line each. Websocket messages are msgpack, as viser's own page sends them.
+It prints a line for each rejection that it sees. Websocket messages are msgpack, as viser's own page sends them.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ SENSELESS: list[str | bytes] = [b"\xc1", b"\x91" * 10_000, b"", "text", b"\0" * 
 
 
 def main(port: str, token: str) -> None:
-    """All of it, one after the other."""
+    """Try all attacks, one after the other."""
     for what, headers in FOREIGN.items():
         print(f"{what}: {status(port, token, headers)}", flush=True)
     print(f"no token: {status(port, '', {})}", flush=True)
@@ -46,7 +46,7 @@ def main(port: str, token: str) -> None:
 
 
 def status(port: str, token: str, headers: dict[str, str]) -> int:
-    """Of the page, asked for with these headers."""
+    """Return the HTTP status of a request for the page with these headers."""
     connection = http.client.HTTPConnection("127.0.0.1", int(port), timeout=10.0)
     with contextlib.closing(connection):
         connection.request("GET", f"/?token={token}", headers=headers)
@@ -54,7 +54,7 @@ def status(port: str, token: str, headers: dict[str, str]) -> int:
 
 
 def joined(port: str, token: str) -> ClientConnection:
-    """A websocket as the page opens it."""
+    """Open a websocket as the page does."""
     address = f"ws://127.0.0.1:{port}/?token={token}"
     return connect(address, max_size=None, compression=None, subprotocols=[Subprotocol("viser-v1.1.1")])
 

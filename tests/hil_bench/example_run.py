@@ -1,4 +1,4 @@
-"""A run that never was, of the size and shape of a real one."""
+"""An example run of the bench, with as many cases and as much data as a real one."""
 
 import itertools
 import math
@@ -34,7 +34,7 @@ MEASUREMENTS = "latency jitter throughput start_up bus_load"
 
 
 def run(seed: int = 1, slower: float = 1.0) -> Run:
-    """64 cases, one of them failed and three left out; one repeated twenty times."""
+    """Build a run of 64 cases: one failed, three not executed, one repeated twenty times."""
     chance = random.Random(seed)
     cases = [
         _stop_case(chance, fault, name, slower)

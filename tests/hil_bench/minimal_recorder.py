@@ -1,4 +1,4 @@
-"""Writes the minimal controller's drive down: through a process of its own, so that a disk holds nobody up."""
+"""Records the minimal controller's drive through another process, so that a slow disk does not delay the controller."""
 
 import fcntl
 import os
@@ -8,14 +8,15 @@ from pathlib import Path
 F_SETPIPE_SZ, PIPE_BYTES = 1031, 4096
 
 
-class Diary:
-    """A line for each pair. What the process does not take is lost; where it `blocks`, it is waited for.
+class Recorder:
+    """Writes one line for each pair. A line that the process does not accept is lost; with `blocks`, writing waits
+    instead.
 
-    Where the diary `matters`, it is an `OSError` that the process is gone.
+    With `is_required`, writing raises `OSError` after the process has ended.
     """
 
-    def __init__(self, folder: Path, *, blocks: bool, matters: bool) -> None:
-        self._matters = matters
+    def __init__(self, folder: Path, *, blocks: bool, is_required: bool) -> None:
+        self._is_required = is_required
         folder.mkdir(parents=True)
         with open(folder / "drive.csv", "wb") as file:
             self._writer = subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=file, stderr=subprocess.DEVNULL)
@@ -25,17 +26,17 @@ class Diary:
         os.set_blocking(self._pipe, blocks)
         self.lost = 0
 
-    def note(self, *values: float) -> None:
-        """One line, or nothing."""
+    def write(self, *values: float) -> None:
+        """Write one line, or count it as lost."""
         try:
             os.write(self._pipe, (",".join(f"{value:.6f}" for value in values) + "\n").encode())
         except BlockingIOError:
             self.lost += 1
         except BrokenPipeError:
             self.lost += 1
-            if self._matters:
+            if self._is_required:
                 raise
 
     def close(self) -> None:
-        """The last line is written."""
+        """Wait until the last line is written."""
         self._writer.communicate()

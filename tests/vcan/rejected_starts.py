@@ -1,6 +1,6 @@
-"""Another process that starts the loop on vcan0 with one list of arguments after another: `refused.py FILE.json`.
+"""A process that starts the loop on vcan0 with several lists of arguments in turn: `rejected_starts.py FILE.json`.
 
-In one process, because most of a start is importing. What is not refused drives for a second.
+One process runs all of them, because most of a start is importing. A start that is not rejected drives for a second.
 """
 
 import json
@@ -11,7 +11,7 @@ from vehicle_iface.cli import main
 
 
 def start_all(file: str) -> None:
-    """Say how each ended."""
+    """Run each list of arguments and print its exit status."""
     for arguments in json.loads(Path(file).read_text(encoding="utf-8")):
         status = main(arguments)
         print(f"status {status}", flush=True)
