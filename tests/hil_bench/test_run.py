@@ -1,5 +1,6 @@
 """A run of the bench: what it can execute, errors, interruption and unexpected nodes."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -88,6 +89,17 @@ def test_bench_stops_sending_when_another_vehicle_appears(monkeypatch: pytest.Mo
     found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
     assert [case.verdict for case in found.cases] == [Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.NOT_EXECUTED]
     assert all("stopped sending" in case.why for case in found.cases)
+
+
+def test_a_run_leaves_its_process_the_priority_that_it_had(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def run(which: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+        return run_case.unjudged_result(which, case, repetition, "", Verdict.PASS)
+
+    monkeypatch.setattr(run_case, "run", run)
+    what = run_case.BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    before = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+    bench.run(bench.Plan(config=what, cases=FILES[:1]), SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
+    assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == before
 
 
 def test_an_internal_error_of_the_bench_costs_one_case(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -8,7 +8,8 @@ import re
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -118,8 +119,8 @@ def run(plan: Plan, listener: ProgressListener) -> Run:
     config.folder.mkdir(parents=True, exist_ok=True)
     begin_s -= journal.elapsed_s if journal else 0.0
     listener.on_run_start(len(plan.cases) * plan.repeat)
-    _use_realtime_priority()
-    done, interrupted = _execute_all(plan, listener, begin_s)
+    with _realtime_priority():
+        done, interrupted = _execute_all(plan, listener, begin_s)
     header = journal.header if journal else None
     report = Run(
         verdict=results.verdict_of(done, interrupted=interrupted),
@@ -249,12 +250,19 @@ def _with_paths(found: CaseResult, folder: str, at_s: float) -> CaseResult:
     )
 
 
-def _use_realtime_priority() -> None:
-    """Use real-time priority if permitted: the bench must not be late itself."""
+@contextmanager
+def _realtime_priority() -> Iterator[None]:
+    """Real-time priority if permitted, so that the bench is not late itself; the priority before it at the end."""
+    policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(40))
     except PermissionError:
+        yield
         return
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, policy | os.SCHED_RESET_ON_FORK, priority)  # without root that flag stays
 
 
 def _has(program: str) -> bool:
