@@ -222,8 +222,14 @@ def _inject(rig: Rig, case: Case) -> None:
 def _after_injection(rig: Rig, case: Case) -> None:
     if case.then is Then.END_OF_ROUTE:
         longest_s = 180.0
+        planned_ns = rig.begin_ns + round(case.route().time_s[-1] * S)
+
+        def is_stuck() -> bool:
+            """A vehicle that is early waits at a turning point; it is stuck if it waits when the route is over."""
+            return rig.is_stuck and time.monotonic_ns() > planned_ns
+
         rig.wait_for(
-            lambda: rig.is_at_end or rig.is_stuck or rig.device.poll() is not None, longest_s, "the end of the route"
+            lambda: rig.is_at_end or is_stuck() or rig.device.poll() is not None, longest_s, "the end of the route"
         )
         rig.run_for(0.6)
     elif case.then in (Then.GOES_ON, Then.MAY_GO_ON):
