@@ -24,6 +24,7 @@ from hil_bench.case import Case, Need
 from hil_bench.cases import CATALOGUE
 from hil_bench.device import Commands
 from hil_bench.errors import RigError, UnexpectedNodeError
+from hil_bench.fault_rows import list_fault_rows
 from hil_bench.journal import Journal
 from hil_bench.profile import ProfileError
 from hil_bench.result import CaseResult, Run, Verdict
@@ -58,6 +59,8 @@ class Plan:
     repeat: int = 1
     route: str = ""
     """The route of a device that is already running."""
+    catalogue: Sequence[Case] = CATALOGUE
+    """All cases of the vehicle, for the coverage."""
     until_failure: bool = False
     """End after the first case that fails."""
     journal: Journal | None = None
@@ -137,6 +140,7 @@ def run(plan: Plan, listener: ProgressListener) -> Run:
         device_hash=header.device.hash if header else "",
         seed=config.seed,
         environment=environment(config.channels, config.described_channels),
+        faults=list_fault_rows(plan.catalogue),
         cases=done,
     )
     if journal and not interrupted:

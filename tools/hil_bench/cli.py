@@ -110,7 +110,8 @@ def _bench(options: argparse.Namespace) -> int:
         is_here=not options.elsewhere,
     )
     channels = read_channels(options.channel, wire)
-    cases = bench.select_cases(options.case, options.tag, quick=options.quick, catalogue=catalogue_of(len(wire.buses)))
+    catalogue = catalogue_of(len(wire.buses))
+    cases = bench.select_cases(options.case, options.tag, quick=options.quick, catalogue=catalogue)
     _turn_signals_into_interrupt()
     found = bench.observe_traffic(channels, wire, is_device_running=not options.device)
     if options.real_vehicle or (found and not _is_confirmed(options, wire, channels, found)):
@@ -130,6 +131,7 @@ def _bench(options: argparse.Namespace) -> int:
             cases=cases,
             repeat=options.repeat,
             route=options.route,
+            catalogue=catalogue,
             until_failure=options.until_failure,
             journal=resume.open_journal(options, config),
         )

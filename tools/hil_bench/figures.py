@@ -1,4 +1,4 @@
-"""What the report draws and counts of a case: plots, distributions, counts and the time line."""
+"""What the report draws and counts of a case: distributions, the path, counts and the time line."""
 
 import math
 from collections import Counter
@@ -9,50 +9,12 @@ from vehicle_bus_contract.reference import Frame
 
 from hil_bench.case import Case
 from hil_bench.expect import Observation
-from hil_bench.result import Distribution, Event, EventKind, Path2D, Plot, Series
+from hil_bench.result import Distribution, Event, EventKind, Path2D
 from hil_bench.rig import Rig
 from hil_bench.routes import Route
 from hil_bench.vehicle import Instant
-from hil_bench.wire import Wire
 
 PLOT_POINTS = 300
-
-
-def draw_plots(wire: Wire, observed: Observation) -> list[Plot]:
-    """Commands and the vehicle's motion, with the limits."""
-    pairs = [p for p in observed.pairs if p.is_enabled]
-    few = pairs[:: max(1, len(pairs) // PLOT_POINTS)]
-    commanded_s = [round(observed.at_s(p.stamp_ns), 3) for p in few]
-    history = observed.history[:: max(1, len(observed.history) // PLOT_POINTS)]
-    driven_s = [round(observed.at_s(i.at_ns), 3) for i in history]
-    lowest, highest = wire.limits.accel_range_mps2
-    return [
-        Plot(
-            title="Speed",
-            unit="m/s",
-            series=[Series(name="vehicle", at_s=driven_s, values=[round(i.speed_mps, 3) for i in history])],
-        ),
-        Plot(
-            title="Acceleration",
-            unit="m/s²",
-            lowest=lowest,
-            highest=highest,
-            series=[
-                Series(name="commanded", at_s=commanded_s, values=[p.drive["ACCEL_REQUEST"] for p in few]),
-                Series(name="vehicle", at_s=driven_s, values=[round(i.accel_mps2, 3) for i in history]),
-            ],
-        ),
-        Plot(
-            title="Front wheels",
-            unit="rad",
-            lowest=-wire.limits.steer_rad,
-            highest=wire.limits.steer_rad,
-            series=[
-                Series(name="commanded", at_s=commanded_s, values=[p.steer["FRONT_WHEEL_ANGLE_REQUEST"] for p in few]),
-                Series(name="vehicle", at_s=driven_s, values=[round(i.wheel_rad, 4) for i in history]),
-            ],
-        ),
-    ]
 
 
 def draw_path(route: Route, driven: Sequence[Instant]) -> Path2D:

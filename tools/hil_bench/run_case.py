@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 from vehicle_bus_contract.reference import S
 
-from hil_bench import figures, host, judges
+from hil_bench import figures, host, judges, plots
 from hil_bench.bus import is_virtual
 from hil_bench.buses import channel_options, describe_channels
 from hil_bench.case import Case, Then
@@ -25,6 +25,7 @@ from hil_bench.result import CaseResult, Event, EventKind, Evidence, Verdict
 from hil_bench.rig import Rig
 from hil_bench.routes import Route
 from hil_bench.stages import measure_stages
+from hil_bench.violations import find_violations, mark_overdue
 from hil_bench.wire import Wire
 
 ENGAGE_S = 25.0
@@ -312,11 +313,13 @@ def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list
         expected, at = expectation.judge(observed)
         checks.append(expected)
         events += at
+        events += mark_overdue(expected, observed.at_s(observed.inject_ns)) if observed.inject_ns else []
     path_checks, drawn = judges.check_path(case, route, rig.vehicle.history)
     answer_checks, distributions = judges.check_answers(case, record, observed, rig)
     checks += path_checks + answer_checks
     checks += judges.check_protocol(case, rig, record, observed)
     checks += judges.check_health(case, observed, rig, killed)
+    events += find_violations(checks)
     failed = [c for c in checks if c.verdict is Verdict.FAIL]
     verdict = Verdict.FAIL if failed else Verdict.PASS
     first = (judges.select_unexcused(failed) if rig.late else failed) or failed
@@ -329,7 +332,8 @@ def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list
         checks=checks,
         events=figures.order_timeline(case, rig, observed, events),
         distributions=distributions,
-        plots=figures.draw_plots(rig.wire, observed),
+        plots=plots.draw_plots(rig.wire, observed, case.max_path_error_m),
+        strips=plots.draw_strips(rig.wire, observed),
         path=drawn,
         counts=figures.count(record, rig, frames),
     )

@@ -32,10 +32,10 @@ def measure_stages(rig: Rig, frames: Sequence[Frame], begin_ns: int, judged_ns: 
         rig.closed_ns,
         judged_ns,
     )
-    return {name: spent for name, spent in _durations_s(begin_ns, zip(STAGES, ends_ns, strict=True)) if spent > 0.0}
+    return {name: spent for name, spent in durations_s(begin_ns, zip(STAGES, ends_ns, strict=True)) if spent > 0.0}
 
 
-def _durations_s(begin_ns: int, stages: Iterable[tuple[str, int]]) -> Iterable[tuple[str, float]]:
+def durations_s(begin_ns: int, stages: Iterable[tuple[str, int]]) -> Iterable[tuple[str, float]]:
     """Each from the end of the one before; a stage without an end was skipped."""
     reached = [("", begin_ns), *((name, end_ns) for name, end_ns in stages if end_ns)]
     latest_ns = begin_ns

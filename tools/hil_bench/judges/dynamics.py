@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 
 from vehicle_bus_contract.judge import JITTER_NS, SILENCE_NS, Pair, Record
 from vehicle_bus_contract.reference import MS, S
 
+from hil_bench.by_speed import max_accel_mps2, max_wheel_rad
 from hil_bench.judges.pace import ANSWERED_NS, Pace, Recent
 from hil_bench.vehicle import Instant
 from hil_bench.wire import Wire
@@ -37,7 +37,6 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
     limits, behavior = wire.profile["limits"], wire.profile["behavior"]
     rear_rad = limits.get("rear_wheel_angle_rad", 0.0)
     speeds, wheels = _speeds(record), _wheels(wire, record)
-    by_speed = limits.get("accel_max_by_speed") or [[0.0, limits["accel_max_mps2"]]]
     before: float | None = None
     braked = 0.0
     for pair in record.pairs:
@@ -49,7 +48,7 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
         at = _at(pair, record)
         angle = pair.steer["FRONT_WHEEL_ANGLE_REQUEST"]
         held_rad = max(map(abs, lately_rad)) if before is None else abs(before)
-        if abs(angle) > max(held_rad, _most_rad(wire, slowest_mps) + wire.wheel_count_rad):
+        if abs(angle) > max(held_rad, max_wheel_rad(wire, slowest_mps) + wire.wheel_count_rad):
             yield f"{at} {angle:.4f} rad at {speed:.2f} m/s"
         before = angle
         if abs(pair.steer.signals.get("REAR_WHEEL_ANGLE_REQUEST", 0.0)) > rear_rad + 1e-9:
@@ -60,7 +59,7 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
             continue
         strongest = max(behavior["safe_deceleration_mps2"], 0.0)
         accel = pair.drive["ACCEL_REQUEST"]
-        most_mps2 = _between(by_speed, slowest_mps) + wire.accel_slack_mps2
+        most_mps2 = max_accel_mps2(wire, slowest_mps) + wire.accel_slack_mps2
         if accel * speed > 0.0 and most_mps2 < abs(accel) >= abs(braked):
             yield f"{at} {accel:.3f} m/s² at {speed:.2f} m/s"
         if wire.has_stop_signal and pair.is_stop and abs(accel) > max(strongest, abs(braked)) + wire.accel_slack_mps2:
@@ -116,7 +115,7 @@ def led_away(wire: Wire, record: Record) -> Iterable[str]:
         if before is None:
             is_away = all(abs(angle - rad) > begins_rad for rad in lately_rad)
         else:
-            goes_back = abs(angle) < abs(before) and abs(before) > _most_rad(wire, fastest_mps)
+            goes_back = abs(angle) < abs(before) and abs(before) > max_wheel_rad(wire, fastest_mps)
             is_away = not goes_back and all(abs(angle - rad) > max(apart_rad, abs(before - rad)) for rad in lately_rad)
         if is_away:
             yield f"{_at(pair, record)} {angle:.4f} rad, where {lately_rad[-1]:.4f} is measured"
@@ -218,14 +217,6 @@ def _wheels(wire: Wire, record: Record) -> Recent:
     return Recent((told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE")))
 
 
-def _most_rad(wire: Wire, speed_mps: float) -> float:
-    """Maximum angle of the front wheels at a speed."""
-    limits = wire.profile["limits"]
-    table = limits.get("front_wheel_angle_by_speed") or [[0.0, limits["front_wheel_angle_rad"]]]
-    sideways = limits["lateral_accel_mps2"] * wire.profile["geometry"]["wheelbase_m"] / speed_mps**2
-    return min(_between(table, speed_mps), math.atan(sideways))
-
-
 def _slowest_mps(speeds: Iterable[float]) -> float:
     return max(LEAST_MPS, min(map(abs, speeds)))
 
@@ -281,13 +272,3 @@ def _faster(
 
 def _at(pair: Pair, record: Record) -> str:
     return f"{(pair.stamp_ns - record.begin_ns) / S:.3f} s:"
-
-
-def _between(table: Sequence[Sequence[float]], at: float) -> float:
-    """Interpolate linearly between a table's rows; constant outside."""
-    if at <= table[0][0]:
-        return table[0][1]
-    for (x0, y0), (x1, y1) in pairwise(table):
-        if at <= x1:
-            return y0 + (y1 - y0) * (at - x0) / (x1 - x0)
-    return table[-1][1]

@@ -13,7 +13,7 @@ from urllib.parse import quote
 import jinja2
 from markupsafe import Markup
 
-from hil_bench.report import compare, drawing, formatting
+from hil_bench.report import compare, drawing, formatting, over_time, summary
 from hil_bench.result import CaseResult, Check, EventKind, Run, Verdict
 
 FULL_REPETITIONS = 5
@@ -24,14 +24,17 @@ _FOLDER = Path(__file__).parent
 
 def write(run: Run, folder: Path, compared_with: Run | None = None) -> Path:
     """Write `folder`/index.html; with an older run also what has changed since."""
-    script = Markup((_FOLDER / "page.js").read_text(encoding="utf-8"))
+    script = _read_files("page.js", "over_time.js")
     page = _environment(folder).get_template("page.html")
+    groups = formatting.groups(run)
     text = page.render(
         run=run,
-        groups=formatting.groups(run),
+        groups=groups,
+        coverage_rows=summary.cover(run, groups),
+        stages=summary.sum_stages(run),
         tags=sorted({tag for case in run.cases for tag in case.tags}),
         differences=compare.differences(compared_with, run) if compared_with else None,
-        style=Markup((_FOLDER / "page.css").read_text(encoding="utf-8")),
+        style=_read_files("page.css", "over_time.css", "print.css"),
         script=script,
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     )
@@ -54,12 +57,21 @@ def _environment(folder: Path) -> jinja2.Environment:
         "EventKind": EventKind,
         "formatting": formatting,
         "drawing": drawing,
+        "draw_over_time": over_time.draw_case,
+        "time_width": over_time.WIDTH,
+        "time_height": over_time.HEIGHT,
         "factor": compare.factor,
         "shown_in_full": shown_in_full,
         "share_of_bar": share_of_bar,
         "link": lambda name: link(folder, name),
     }
-    environment.filters |= {"slug": _slug, "moment": _moment, "percent": _percent, "clean": formatting.clean}
+    environment.filters |= {
+        "slug": _slug,
+        "moment": _moment,
+        "percent": _percent,
+        "exact": _exact,
+        "clean": formatting.clean,
+    }
     return environment
 
 
@@ -85,6 +97,11 @@ def link(folder: Path, name: str) -> str:
     return f"./{quote(inside.as_posix())}" if is_there else ""
 
 
+def _read_files(*names: str) -> Markup:
+    """Files of this folder, one after the other, as they are."""
+    return Markup("\n").join(Markup((_FOLDER / name).read_text(encoding="utf-8")) for name in names)
+
+
 def _shown(value: object) -> object:
     """Every expression of the template goes through here, before it is escaped."""
     if isinstance(value, Markup):
@@ -100,6 +117,11 @@ def _slug(text: str) -> str:
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.2f}".rstrip("0").rstrip(".")
+
+
+def _exact(value: float) -> str:
+    """For programs: a plain number."""
+    return f"{value:.6f}".rstrip("0").rstrip(".")
 
 
 def _moment(text: str) -> str:
