@@ -14,6 +14,7 @@ from hil_bench.cases import CATALOGUE
 from hil_bench.cases.files import FILES
 from hil_bench.faults import frames
 from hil_bench.judges import protocol
+from hil_bench.judges.dynamics import jerky
 from hil_bench.result import Verdict
 from hil_bench.wire import Wire
 from hypothesis import given
@@ -310,3 +311,12 @@ def test_a_stop_may_end_in_silence_at_rest_in_the_case_for_it_only(
     seen = observed(*commands, history=[at(tick / 100, speed_mps) for tick in range(1000)], status=4)
     checks = judges.check_health(find_case(case), seen, SimpleNamespace(), [])  # type: ignore[arg-type]
     assert next(c.verdict for c in checks if c.text == "the stop is held") is verdict
+
+
+def test_a_stop_may_continue_a_brake_whatever_it_ends_with() -> None:
+    braking = [pair(1.0 + 0.01 * tick, accel=-0.01 - 0.2 * tick) for tick in range(6)]
+    stopping = [pair(1.06 + 0.01 * tick, stop=1, accel=-1.2 - 0.25 * tick) for tick in range(4)]
+    ends = [pair(1.10 + 0.01 * tick, stop=1) for tick in range(4)]
+    assert not list(jerky(WIRE, Record(pairs=[*braking, *stopping, *ends])))
+    jumps = [pair(1.06 + 0.01 * tick, stop=1, accel=-2.5) for tick in range(4)]
+    assert list(jerky(WIRE, Record(pairs=[*braking, *jumps])))

@@ -150,7 +150,8 @@ def jerky(wire: Wire, record: Record) -> Iterable[str]:
         last = stretch[0]
         for is_stop, part in _parts(stretch):
             if is_stop:
-                braked = abs(last.drive["ACCEL_REQUEST"]) if _pulls_alike(last, part[-1]) else 0.0
+                first = next((pair for pair in part if pair.drive["ACCEL_REQUEST"]), last)
+                braked = abs(last.drive["ACCEL_REQUEST"]) if _pulls_alike(last, first) else 0.0
                 values = [braked, *(abs(pair.drive["ACCEL_REQUEST"]) for pair in part)]
                 yield from _faster([last, *part], values, brakes_mps3, "m/s³", record, falls_freely=True)
             else:
