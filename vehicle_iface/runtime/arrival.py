@@ -7,16 +7,17 @@ stamps and old values. They arrive faster than the vehicle measures.
 from enum import Enum, auto
 
 SLACK = 0.8
-"""Of the period: a vehicle's clock may be a little fast, and its frames arrive unevenly."""
+"""Share of the period that must pass between two samples: a vehicle's clock may run fast, and frames arrive unevenly.
+"""
 MOST_PERIODS = 2
-"""After a sample that was late, so many may follow at once."""
+"""Largest number of samples that may follow at once after a late one."""
 
 
 class Arrival(Enum):
     """Verdict on the age of a sample, by its arrival."""
 
     YOUNG = auto()
-    """Drive by it."""
+    """The sample is used for driving."""
     DOUBTFUL = auto()
     """The sample may be old: it is answered with a stop."""
     BURST = auto()
@@ -24,10 +25,10 @@ class Arrival(Enum):
 
 
 class ArrivalFilter:
-    """Takes one sample a period, and a second one at once where the sample before was late.
+    """Accepts one sample per period, and a second one at once if the sample before was late.
 
-    After a gap nothing is saved up, and samples are doubtful until one comes half a period or more after its
-    predecessor: what comes first may have been on its way since the gap began.
+    A gap earns no further samples. After a gap, samples are doubtful until one arrives half a period or more after its
+    predecessor: the first ones may have been delayed since the gap began.
     """
 
     def __init__(self, period_ns: int, gap_ns: int) -> None:
@@ -38,7 +39,7 @@ class ArrivalFilter:
         self._follows_gap: bool  # set by the first sample
 
     def judge(self, stamp_ns: int) -> Arrival:
-        """What the sample that arrived at `stamp_ns` (monotonic) is good for."""
+        """Judge the sample that arrived at `stamp_ns` (monotonic)."""
         since_ns = stamp_ns - self._last_ns if self._last_ns is not None else self._period_ns
         self._last_ns = stamp_ns
         is_gap = since_ns > self._gap_ns

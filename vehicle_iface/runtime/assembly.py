@@ -1,4 +1,4 @@
-"""From a profile and its DBC to the state assembler: how its messages become samples."""
+"""Builds the state assembler from a profile and its DBC."""
 
 from vehicle_iface.codec.database import VehicleDatabase
 from vehicle_iface.pose import Locator
@@ -7,7 +7,7 @@ from vehicle_iface.units import ns_from_s
 
 
 def build_state_assembler(database: VehicleDatabase) -> StateAssembler:
-    """A state assembler for the profile's sample."""
+    """Build a state assembler for the profile's sample."""
     return StateAssembler(
         database.row,
         Locator(database.profile),
@@ -23,7 +23,7 @@ def build_state_assembler(database: VehicleDatabase) -> StateAssembler:
 
 
 def _freshness(database: VehicleDatabase) -> Freshness | None:
-    """How old the parts of a sample may be; None where they belong together by their counter."""
+    """Return how old the parts of a sample may be; None if they belong together by their counter."""
     state, names = database.profile.state, [message.name for message in database.sample]
     if database.is_counted:
         return None
@@ -35,7 +35,8 @@ def _freshness(database: VehicleDatabase) -> Freshness | None:
 
 
 def _window_ns(database: VehicleDatabase) -> int:
-    """The messages of one sample come within this: less than half a round of their counter, so rounds never mix."""
+    """Return the time in which all messages of one sample arrive: less than half a cycle of their counter, so that
+    cycles never mix."""
     timing = database.profile.timing
     half_rounds_s = (
         0.5 * message.protection.counter_states * timing.sample_period_s

@@ -27,7 +27,7 @@ class BusLoad:
         self.highest_load_percent = 0.0
 
     def add(self, sample: TrafficSample) -> None:
-        """One more stretch of time."""
+        """Add one measured interval."""
         if sample.span_ns <= 0:
             return
         self._now = sample
@@ -39,10 +39,10 @@ class BusLoad:
         self.highest_load_percent = max(self.highest_load_percent, _percent(sample.busy_ns, sample.span_ns))
 
     def now(self, state: str, names: Mapping[FrameKey, str], counted: Mapping[FrameKey, int]) -> LinkDetails:
-        """The newest stretch, with the frames that were counted since the last call in the place of estimates.
+        """Return the newest interval; for known messages, counted frames replace the estimates.
 
-        `state` is the link's alone where the bus cannot be surveyed. `names` are those of known identifiers; `counted`
-        grows.
+        `state` is the link's; it is returned alone if the traffic cannot be measured. `names` are those of known
+        identifiers. `counted` are the frames counted since the start.
         """
         if self._now is None:
             return LinkDetails(state=state)
@@ -61,7 +61,7 @@ class BusLoad:
         names: Mapping[FrameKey, str],
         counted: Mapping[FrameKey, int],
     ) -> LinkSummary:
-        """The same for the whole run."""
+        """Return the same for the whole run."""
         if self._now is None:
             return LinkSummary(state=state, transitions=transitions)
         exact = {can_id: count * NS_PER_S / self._span_ns for can_id, count in counted.items()}
@@ -98,15 +98,15 @@ class BusLoad:
 
 
 class BusLoads:
-    """The traffic of each bus of a vehicle; of several, the greatest load and the sum of their frames."""
+    """The load of each bus of a vehicle. For several buses, the greatest load and the sum of their frames."""
 
     def __init__(self, names: Iterable[str]) -> None:
-        """`names` are those of the buses, in their order."""
+        """`names` are the buses in their order; "" for a single bus."""
         kept = tuple(names)
         self._loads = {name: BusLoad(name if len(kept) > 1 else "") for name in kept}
 
     def add(self, name: str, sample: TrafficSample) -> None:
-        """One more stretch of time on the bus of that name."""
+        """Add one measured interval of the bus with that name."""
         self._loads[name].add(sample)
 
     def now(self, state: str, names: Mapping[FrameKey, str], counted: Mapping[FrameKey, int]) -> LinkDetails:
@@ -140,7 +140,7 @@ _Details = TypeVar("_Details", bound=LinkDetails)
 
 
 def _put_together(link: _Details, by_bus: Mapping[str, _Details]) -> _Details:
-    """The traffic of all buses into `link`; of one bus its own."""
+    """Combine the traffic of all buses into `link`; a single bus is taken as it is."""
     if len(by_bus) == 1:
         return next(iter(by_bus.values()))
     loads = {name: of_bus.load_percent for name, of_bus in by_bus.items()}

@@ -17,19 +17,19 @@ _NEVER_NS = -(1 << 62)
 
 @dataclass(slots=True, eq=False)
 class _Group:
-    """The messages of one period; they are sent together."""
+    """Messages with the same period, which are sent together."""
 
     messages: tuple[BoundMessage, ...]
     names: frozenset[str]
     wait_ns: int
-    """Least time between two frames; 0 where every answer is sent."""
+    """Least time between two frames; 0 if every sample gets one."""
     sent_ns: int = _NEVER_NS
     was_enabled: bool = False
     was_stop: bool = False
 
 
 class CommandPace:
-    """Selects the messages of each answer."""
+    """Selects the messages that are sent for each sample."""
 
     def __init__(
         self,
@@ -40,9 +40,9 @@ class CommandPace:
         transmit_filter: TransmitFilter,
         carries_enable: bool = True,
     ) -> None:
-        """`periods_ns` are those of the messages, by name: whole multiples of that of the samples.
+        """`periods_ns` maps message names to periods, which are whole multiples of the sample period.
 
-        Commands that do not carry whether they are enabled are sent only while they are.
+        Command messages without an enable signal are sent only while commands are enabled.
         """
         self._carries_enable = carries_enable
         self._transmit_filter = transmit_filter
@@ -60,9 +60,9 @@ class CommandPace:
         self.all_names = frozenset(name for group in self._groups for name in group.names)
 
     def select(self, command: SafeCommand, now_ns: int, *, is_newest: bool = True) -> frozenset[str]:
-        """The messages that this command is sent in now.
+        """Return the messages in which this command is sent now.
 
-        A command that is not of the newest sample is sent only in messages that answer every sample.
+        A command that is not for the newest sample is sent only in messages that every sample gets.
         """
         if not command.enable and not self._carries_enable:
             for group in self._groups:
@@ -76,7 +76,7 @@ class CommandPace:
         return self.all_names if len(due) == len(self._groups) else frozenset[str]().union(*due)
 
     def commit(self, command: SafeCommand, now_ns: int, names: frozenset[str]) -> None:
-        """All frames of these messages have left."""
+        """Record that all frames of these messages were sent."""
         for group in self._groups:
             if group.names <= names:
                 group.sent_ns, group.was_enabled, group.was_stop = now_ns, command.enable, command.safe_stop

@@ -27,7 +27,7 @@ from vehicle_iface.state_assembler import StateAssembler
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopComponents:
-    """What the loop is made of; `compose` puts it together."""
+    """The parts of the loop, put together by `compose`."""
 
     link: Link
     decoder: Decoder
@@ -44,7 +44,7 @@ class LoopComponents:
     handover: Handover
     trajectories: TrajectoryUpdater
     shadow: Shadow | None
-    """Compares with another commander; None where this one may command."""
+    """Compares with another commander; None if this loop may command."""
     publisher: TelemetryPublisher
     counters: Counters
     statistics: RunStatistics

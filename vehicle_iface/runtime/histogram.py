@@ -17,7 +17,7 @@ class LogHistogram:
         self.total = self.max = 0.0
 
     def add(self, size: float) -> None:
-        """Count one; what is smaller than the smallest counts as that, negative ones too."""
+        """Count one value; one below the smallest bin, negative ones included, counts in that bin."""
         place = math.ceil(math.log2(size / self._smallest) * _PER_OCTAVE) if size > self._smallest else 0
         bins = self._bins
         bins[place if place < len(bins) else -1] += 1
@@ -27,7 +27,7 @@ class LogHistogram:
             self.max = size
 
     def quantile(self, share: float) -> float:
-        """What `share` of all were at or below (upper edge of its bin); 0 without any."""
+        """Return the value that `share` of all did not exceed (upper edge of its bin); 0 if there are none."""
         rank, seen = math.ceil(share * self.count), 0
         for place, count in enumerate(self._bins[:-1]):
             seen += count
@@ -47,11 +47,11 @@ class LatencyHistogram:
         self._sizes_ns.add(latency_ns)
 
     def quantile_s(self, share: float) -> float | None:
-        """The latency in seconds that `share` of all were at or below (upper edge of its bin); None without any."""
+        """Return the latency in s that `share` of all did not exceed (upper edge of its bin); None without any."""
         return self._sizes_ns.quantile(share) / 1e9 if self._sizes_ns.count else None
 
     def summary(self) -> LatencySummary:
-        """Count, and p50, p95, p99 and max in seconds."""
+        """Return the count, and p50, p95, p99 and max in s."""
         return LatencySummary(
             count=self._sizes_ns.count,
             p50_s=self.quantile_s(0.50),

@@ -40,7 +40,7 @@ _NO_ERRORS = (ControllerEvent.ARBITRATION_LOST,)
 
 
 class LinkTransition(NamedTuple):
-    """When the link changed, to what, and why."""
+    """One change of the link: time, new state and reason."""
 
     at_ns: int
     state: LinkState
@@ -214,7 +214,7 @@ class Link:
                 return
 
     def _parts(self) -> Mapping[str, Bus]:
-        """By name the buses that are open."""
+        """The open buses by name."""
         return buses_by_name(self._bus) if self._bus is not None else {}
 
     def _check_overflow(self) -> None:
@@ -291,5 +291,5 @@ def _event_of(error: BusError) -> LinkEvent:
 
 
 def _refusing(bus: Bus | None) -> str:
-    """The name of the one of several buses that had no room last."""
+    """Return the name of the bus that had no room last; "" for a single bus."""
     return bus.refusing if isinstance(bus, SeveralBuses) else ""

@@ -21,10 +21,10 @@ def wait_until_open(
     now_ns: Callable[[], int],
     sleep_until: Callable[[int], None],
 ) -> bool:
-    """True as soon as the bus can be opened, False once `is_over`.
+    """Return True as soon as the bus can be opened, False once `is_over`.
 
-    Says what is waited for at once, whenever that changes, and every five seconds. Raises the `BusError` of the last
-    look when `limit_s` are over; it may be infinite.
+    Logs what it waits for: at once, on every change, and every five seconds. Raises the `BusError` of the last attempt
+    after `limit_s`, which may be infinite.
     """
     begin_ns, said, said_ns = now_ns(), "", 0
     while not is_over():

@@ -20,7 +20,7 @@ from vehicle_iface.units import NS_PER_MS, wrapped_rad
 log = logging.getLogger(__name__)
 
 QUIET_NS = 100 * NS_PER_MS
-"""Without samples a snapshot is published this often, so that a viewer sees the loop alive."""
+"""Period of snapshots without samples, so that a viewer sees that the loop runs."""
 DETAILS_NS = 500 * NS_PER_MS
 
 
@@ -30,7 +30,7 @@ _NO_STATUS = VehicleStatus(stamp_ns=0, mode=VehicleMode.MANUAL, gear=None)
 
 
 class TelemetryPublisher:
-    """Builds and publishes; without a writer it does nothing."""
+    """Builds and publishes telemetry; without a writer it does nothing."""
 
     def __init__(self, writer: TelemetryWriter | None, controller: ControllerBase, counters: Counters) -> None:
         self._writer = writer
@@ -57,7 +57,7 @@ class TelemetryPublisher:
         handover_pending: bool = False,
         handover_in_ns: int = 0,
     ) -> None:
-        """Publish what is known now."""
+        """Publish the newest values."""
         if self._writer is None:
             return
         self._last_ns = now_ns

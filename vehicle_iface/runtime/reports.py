@@ -12,7 +12,7 @@ from vehicle_iface.safety.handover import Handover
 from vehicle_iface.status import BodyRequest, ControllerReport
 
 END_OF_TRAJECTORY = (Reason.PAST_END_SPACE, Reason.PAST_END_TIME)
-"""A stop for one of these is no hazard."""
+"""Stops for these reasons do not turn on the hazard lights."""
 
 
 class Reports:
@@ -54,6 +54,6 @@ class Reports:
             self._transmitter.send(self._report[0], content)
 
     def _saturate(self, field: str, count: int) -> int:
-        """The nearest that the report's signal can say."""
+        """Return the value nearest to `count` that the report's signal can carry."""
         low, high = self._ranges.get(field, (count, count))
         return int(max(low, min(high, count)))

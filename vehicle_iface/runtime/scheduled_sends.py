@@ -14,10 +14,10 @@ class _Entry:
     message: str
     when: str
     period_ns: int | None
-    """None: once."""
+    """The period; None for a message that is sent once."""
     holds: bool = False
     next_ns: int | None = None
-    """When it is due; None while it is not."""
+    """Time at which the message is due; None while it is not scheduled."""
 
 
 class ScheduledSends:
@@ -31,7 +31,8 @@ class ScheduledSends:
         *,
         sample_period_ns: int,
     ) -> None:
-        """Samples are uneven: a message that is due within half of `sample_period_ns` is sent with this one."""
+        """Samples arrive unevenly, so a message that is due within half of `sample_period_ns` is sent with the present
+        one."""
         self._transmitter, self._find_phases, self._slack_ns = transmitter, find_phases, sample_period_ns // 2
         self._entries = [
             _Entry(one.message, one.when, None if one.period_s is None else ns_from_s(one.period_s)) for one in sends
@@ -56,7 +57,7 @@ class ScheduledSends:
                 entry.next_ns = self._next_ns(entry, entry.next_ns, now_ns)
 
     def _next_ns(self, entry: _Entry, due_ns: int, now_ns: int) -> int | None:
-        """On a grid from the begin of the phase; what was missed is left out."""
+        """Return the next time on the grid that starts with the phase; missed times are left out."""
         if entry.period_ns is None:
             return None
         missed = max(0, (now_ns - due_ns) // entry.period_ns)

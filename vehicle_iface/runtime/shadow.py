@@ -23,48 +23,48 @@ from vehicle_iface.telemetry.details import ShadowSummary, Spread
 from vehicle_iface.units import NS_PER_MS
 
 HISTORY = 16
-"""Own commands that a foreign command may belong to."""
+"""Number of own commands to which a foreign command may belong."""
 TAKEOVER_GAP_NS = 100 * NS_PER_MS
-"""After so long without an enabled command, the next one takes the vehicle over."""
+"""After this time without an enabled command, the next one takes the vehicle over."""
 
 
 class DifferenceStats:
-    """Absolute differences, from 1e-6 of the quantity's unit to 16."""
+    """Statistics of absolute differences, from 1e-6 to 16 in the quantity's unit."""
 
     def __init__(self) -> None:
         self._sizes = LogHistogram(smallest=1e-6, octaves=24)
 
     def add(self, difference: float) -> None:
-        """Count one, whatever its sign."""
+        """Count one difference, regardless of its sign."""
         self._sizes.add(abs(difference))
 
     def summary(self) -> Spread:
-        """In the quantity's unit; zeros without any."""
+        """Return the statistics in the quantity's unit; zeros if there are none."""
         sizes = self._sizes
         mean = sizes.total / sizes.count if sizes.count else 0.0
         return Spread(mean=mean, p50=sizes.quantile(0.50), p95=sizes.quantile(0.95), max=sizes.max)
 
 
 class OwnCommand(NamedTuple):
-    """What we would have sent for a sample."""
+    """The command that this loop would have sent for a sample."""
 
     completed_ns: int
-    """When the sample was."""
+    """Time at which the sample was complete."""
     state: VehicleState
     decided_ns: int
     permitted: SafeCommand
 
 
 class ForeignCommand(NamedTuple):
-    """A whole command of the other commander's."""
+    """A complete command of the other commander."""
 
     begun_ns: int
-    """When its first frame came."""
+    """Time at which its first frame was received."""
     fields: dict[str, float | int]
 
 
 class Shadow:
-    """Puts the two together, sample by sample, and keeps count. Values are compared while both are enabled."""
+    """Pairs own and foreign commands by sample, and counts. Values are compared while both are enabled."""
 
     def __init__(
         self, commands: Sequence[BoundMessage], reader: CommandReader, *, together_ns: int, longest_ns: int
@@ -95,7 +95,8 @@ class Shadow:
         self.accel_mps2, self.front_wheel_angle_rad = DifferenceStats(), DifferenceStats()
 
     def on_foreign_frame(self, frame: CanFrame) -> None:
-        """A frame with an identifier of ours that another node has sent; what is not intact is dropped and counted."""
+        """Receive a frame of another node with one of our identifiers; a frame that is not intact is dropped and
+        counted."""
         is_command = (frame.can_id, frame.is_extended, frame.bus) in self._keys
         received = self._decoder.decode(frame) if is_command else None
         if received is None:
@@ -108,7 +109,7 @@ class Shadow:
             self._parts = {}
 
     def record(self, sample: Sample, permitted: SafeCommand, now_ns: int) -> None:
-        """What we would have sent for a sample, at `now_ns`."""
+        """Record the command that this loop would have sent for a sample, at `now_ns`."""
         self._ours.append(OwnCommand(sample.completed_ns, sample.state, now_ns, permitted))
 
     def compare(self) -> OwnCommand | None:
@@ -132,7 +133,7 @@ class Shadow:
         return taken
 
     def on_status(self, status: VehicleStatus) -> bool:
-        """Whether the vehicle says now that it has been taken over."""
+        """Return whether the vehicle now reports that it has been taken over."""
         has_been = self.is_taking_over and status.mode is VehicleMode.AUTONOMOUS
         self.is_taking_over = self.is_taking_over and not has_been
         return has_been
@@ -147,7 +148,7 @@ class Shadow:
         self.is_taking_over = False
 
     def summary(self) -> ShadowSummary:
-        """All counts; differences in m/s² and rad."""
+        """Return all counts; differences are in m/s² and rad."""
         return ShadowSummary(
             compared=self.compared,
             takeovers=self.takeovers,
