@@ -8,8 +8,8 @@ import re
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -18,6 +18,7 @@ import msgspec
 from hil_bench import result as results
 from hil_bench import run_case
 from hil_bench.applicable import adapt, find_inapplicable
+from hil_bench.beside import Crew
 from hil_bench.bus import is_virtual
 from hil_bench.buses import open_bus
 from hil_bench.case import Case, Need
@@ -26,6 +27,7 @@ from hil_bench.device import Commands
 from hil_bench.errors import RigError, UnexpectedNodeError
 from hil_bench.fault_rows import list_fault_rows
 from hil_bench.journal import Journal
+from hil_bench.priority import realtime_priority
 from hil_bench.profile import ProfileError
 from hil_bench.result import CaseResult, Run, Verdict
 from hil_bench.surroundings import environment
@@ -61,10 +63,22 @@ class Plan:
     """The route of a device that is already running."""
     catalogue: Sequence[Case] = CATALOGUE
     """All cases of the vehicle, for the coverage."""
+    beside: Sequence[str] = ()
+    """Further interfaces, on which cases are executed at the same time."""
     until_failure: bool = False
     """End after the first case that fails."""
     journal: Journal | None = None
     """Holds the results of an earlier part of the run, and each new one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Early:
+    """What was found on several interfaces at once, by case and repetition."""
+
+    results: Mapping[tuple[str, int], CaseResult]
+    repeated: frozenset[tuple[str, int]]
+    """Executed beside other cases without a result that stands."""
+    interrupted: str
 
 
 def select_cases(
@@ -121,9 +135,7 @@ def run(plan: Plan, listener: ProgressListener) -> Run:
     config, journal = plan.config, plan.journal
     config.folder.mkdir(parents=True, exist_ok=True)
     begin_s -= journal.elapsed_s if journal else 0.0
-    listener.on_run_start(len(plan.cases) * plan.repeat)
-    with _realtime_priority():
-        done, interrupted = _execute_all(plan, listener, begin_s)
+    done, interrupted = _execute_all(plan, listener, begin_s)
     header = journal.header if journal else None
     report = Run(
         verdict=results.verdict_of(done, interrupted=interrupted),
@@ -151,18 +163,31 @@ def run(plan: Plan, listener: ProgressListener) -> Run:
 
 def _execute_all(plan: Plan, listener: ProgressListener, begin_s: float) -> tuple[list[CaseResult], str]:
     """The result of every case, and in which case the run was interrupted."""
+    with closing(_open_crew(plan)) as crew:
+        listener.on_run_start(len(plan.cases) * plan.repeat)
+        early = _execute_beside(plan, crew, listener, begin_s)
+    with realtime_priority():
+        return _execute_in_turn(plan, listener, begin_s, early)
+
+
+def _execute_in_turn(
+    plan: Plan, listener: ProgressListener, begin_s: float, early: _Early
+) -> tuple[list[CaseResult], str]:
+    """The cases that are not among the earlier results, one after the other."""
     config, journal = plan.config, plan.journal
     done: list[CaseResult] = []
     total = len(plan.cases) * plan.repeat
-    unexpected_node = interrupted = ""
+    unexpected_node, interrupted = "", early.interrupted
     for case, repetition in itertools.product(plan.cases, range(1, plan.repeat + 1)):
-        if interrupted:
-            done.append(run_case.unjudged_result(config, case, repetition, interrupted))
-            continue
         kept = journal.find(case.name, repetition) if journal else None
         if kept:
-            done.append(kept)
             listener.on_case_end(kept)
+        kept = kept or early.results.get((case.name, repetition))
+        if kept:
+            done.append(kept)
+            continue
+        if interrupted:
+            done.append(run_case.unjudged_result(config, case, repetition, interrupted))
             continue
         listener.on_case_start(case.name, case.proves)
         at_s = round(time.monotonic() - begin_s, 2)
@@ -178,6 +203,8 @@ def _execute_all(plan: Plan, listener: ProgressListener, begin_s: float) -> tupl
         except KeyboardInterrupt:
             interrupted = f"interrupted in case {len(done) + 1} of {total}"
             found = run_case.unjudged_result(config, case, repetition, interrupted)
+        if (case.name, repetition) in early.repeated:
+            found = msgspec.structs.replace(found, counts=found.counts | {"attempts beside other cases": 1})
         done.append(_with_paths(found, config.folder.name, at_s))
         if journal:
             journal.add(done[-1])
@@ -185,6 +212,38 @@ def _execute_all(plan: Plan, listener: ProgressListener, begin_s: float) -> tupl
         if plan.until_failure and done[-1].verdict is Verdict.FAIL:
             break
     return done, interrupted
+
+
+def _open_crew(plan: Plan) -> Crew:
+    """The processes for cases that are executed at the same time."""
+    journal, channels = plan.journal, (plan.config.channel, *plan.beside)
+    tasks = [
+        (case, repetition)
+        for case, repetition in itertools.product(plan.cases, range(1, plan.repeat + 1))
+        if not (journal and journal.find(case.name, repetition))
+    ]
+    is_wanted = plan.beside and not plan.until_failure
+    return Crew(
+        plan.config,
+        channels if is_wanted else (),
+        tasks,
+        lambda config, case, repetition: _execute(config, case, repetition, plan.route),
+    )
+
+
+def _execute_beside(plan: Plan, crew: Crew, listener: ProgressListener, begin_s: float) -> _Early:
+    found: dict[tuple[str, int], CaseResult] = {}
+    interrupted = ""
+    try:
+        for case, one in crew.results(lambda case: listener.on_case_start(case.name, case.proves)):
+            at_s = round(max(0.0, time.monotonic() - begin_s - one.duration_s), 2)
+            found[case.name, one.repetition] = done = _with_paths(one, plan.config.folder.name, at_s)
+            if plan.journal:
+                plan.journal.add(done)
+            listener.on_case_end(done)
+    except KeyboardInterrupt:
+        interrupted = f"interrupted after {len(found)} of {len(plan.cases) * plan.repeat} cases"
+    return _Early(results=found, repeated=frozenset(crew.unsettled), interrupted=interrupted)
 
 
 def _execute(config: run_case.BenchConfig, case: Case, repetition: int, route: str) -> CaseResult:
@@ -252,21 +311,6 @@ def _with_paths(found: CaseResult, folder: str, at_s: float) -> CaseResult:
         candump=found.candump and f"{folder}/{found.candump}",
         device_log=found.device_log and f"{folder}/{found.device_log}",
     )
-
-
-@contextmanager
-def _realtime_priority() -> Iterator[None]:
-    """Real-time priority if permitted, so that the bench is not late itself; the priority before it at the end."""
-    policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(40))
-    except PermissionError:
-        yield
-        return
-    try:
-        yield
-    finally:
-        os.sched_setscheduler(0, policy | os.SCHED_RESET_ON_FORK, priority)  # without root that flag stays
 
 
 def _has(program: str) -> bool:

@@ -114,6 +114,10 @@ def _bench(options: argparse.Namespace) -> int:
     cases = bench.select_cases(options.case, options.tag, quick=options.quick, catalogue=catalogue)
     _turn_signals_into_interrupt()
     found = bench.observe_traffic(channels, wire, is_device_running=not options.device)
+    if options.beside and (len(wire.buses) > 1 or not options.device):
+        raise bench.BenchError("--beside is for vehicles on one bus, and for a device that --device starts")
+    for channel in options.beside:
+        found += bench.observe_traffic((channel,), wire)
     if options.real_vehicle or (found and not _is_confirmed(options, wire, channels, found)):
         run = listen.run(wire, channels, folder, options.duration, found, real_vehicle=options.real_vehicle)
     else:
@@ -133,6 +137,7 @@ def _bench(options: argparse.Namespace) -> int:
             route=options.route,
             catalogue=catalogue,
             until_failure=options.until_failure,
+            beside=options.beside,
             journal=resume.open_journal(options, config),
         )
         run = bench.run(plan, Progress(to_error=options.json))
@@ -256,6 +261,13 @@ def _parser() -> argparse.ArgumentParser:
         default="",
         metavar="DIR",
         help="continue the interrupted run in DIR with its options: executed cases are kept, the rest is executed",
+    )
+    add(
+        "--beside",
+        action="append",
+        default=[],
+        metavar="IF",
+        help="further interface on which cases are executed at the same time; may be repeated, as processors allow",
     )
     add("--schema", action="store_true", help="print the JSON schema of results.json, and exit")
     add("--case", action="append", default=[], metavar="NAME", help="execute only this case; may be repeated")

@@ -32,10 +32,14 @@ for _ in range(count):
 os.execvp(sys.argv[2], sys.argv[2:])
 """
 """Opens the lowest descriptors, then executes the program that its further arguments name."""
-OWN = f"{sys.executable} -m vehicle_iface run {{channels}} --profile {{profile}} --trajectory {{trajectory}}"
+TELEMETRY = "--telemetry bench-{channel}"
+"""Devices on different interfaces run at the same time."""
+OWN = (
+    f"{sys.executable} -m vehicle_iface run {{channels}} --profile {{profile}} --trajectory {{trajectory}} {TELEMETRY}"
+)
 OWN_VERSION = f"{sys.executable} -m vehicle_iface --version"
 OWN_RECORDING = f"{OWN} --arm --record {{record}}"
-OWN_VIEWER = f"{sys.executable} -m vehicle_iface view --port {{port}}"
+OWN_VIEWER = f"{sys.executable} -m vehicle_iface view --port {{port}} --connect bench-{{channel}}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
