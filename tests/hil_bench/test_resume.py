@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import msgspec
 import pytest
-from hil_bench import bench, cli, identity, journal, resume, run_case
+from hil_bench import bench, cli, identity, journal, options, resume, run_case
 from hil_bench.case import Case
 from hil_bench.cases.files import FILES
 from hil_bench.device import Commands
@@ -115,7 +115,7 @@ def test_the_options_of_the_interrupted_run_are_used_again(tmp_path: Path, monke
     (tmp_path / "elsewhere").mkdir()
     given = ["--channel", "vcan9", "--out", "report", "--repeat", "3", "--profile", "mine.toml"]
     journal.Journal.begin(tmp_path / "report", header(arguments=given, folder=str(tmp_path / "elsewhere")))
-    parser = cli._parser()
+    parser = options.build_parser()
     restored = resume.restore_options(parser, parser.parse_args(["--resume", "report", "--strict"]))
     assert (restored.channel, restored.repeat, restored.profile, restored.strict) == (["vcan9"], 3, "mine.toml", True)
     assert restored.out == str(tmp_path / "report")
