@@ -96,7 +96,8 @@ def schema_faults(value: object, schema: dict[str, object], parts: dict[str, dic
     if "enum" in schema:
         return [] if value in schema["enum"] else [f"{at}: {value!r}"]  # type: ignore[operator]
     kind = schema.get("type")
-    kinds = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int, "null": type(None)}
+    kinds = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int}
+    kinds |= {"boolean": bool, "null": type(None)}
     if not isinstance(value, kinds[str(kind)]):  # type: ignore[arg-type]
         return [f"{at}: {value!r} is no {kind}"]
     if isinstance(value, list):

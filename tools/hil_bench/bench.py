@@ -65,6 +65,8 @@ class Plan:
     """All cases of the vehicle, for the coverage."""
     beside: Sequence[str] = ()
     """Further interfaces, on which cases are executed at the same time."""
+    is_strict: bool = False
+    """A case that is not executed counts as a failure."""
     until_failure: bool = False
     """End after the first case that fails."""
     journal: Journal | None = None
@@ -157,6 +159,8 @@ def run(plan: Plan, listener: ProgressListener) -> Run:
     )
     if journal and not interrupted:
         journal.close()
+    if plan.is_strict:
+        report = results.judge_strictly(report)
     listener.on_run_end(report)
     return report
 
@@ -254,7 +258,8 @@ def _execute(config: run_case.BenchConfig, case: Case, repetition: int, route: s
     why = missing_needs(case, config.commands, config.channel, route, config.further_channels)
     if why:
         return run_case.unjudged_result(config, case, repetition, why)
-    for attempt in range(ATTEMPTS):
+    void: list[str] = []
+    while True:
         try:
             found = run_case.run(config, case, repetition)
         except UnexpectedNodeError:
@@ -264,9 +269,9 @@ def _execute(config: run_case.BenchConfig, case: Case, repetition: int, route: s
         except Exception as error:  # one case's error must not cost the results of all others
             log.exception("%s: an internal error of the bench", case.name)
             return run_case.unjudged_result(config, case, repetition, f"an internal error of the bench: {error!r}")
-        if found.verdict is not Verdict.NOT_EXECUTED or attempt == ATTEMPTS - 1:
-            break
-    return msgspec.structs.replace(found, counts=found.counts | {"attempts": attempt + 1})
+        if found.verdict is not Verdict.NOT_EXECUTED or len(void) == ATTEMPTS - 1:
+            return msgspec.structs.replace(found, void=void, counts=found.counts | {"attempts": len(void) + 1})
+        void.append(found.lateness)
 
 
 def missing_needs(

@@ -16,7 +16,7 @@ import msgspec
 
 from hil_bench.case import Case
 from hil_bench.errors import UnexpectedNodeError
-from hil_bench.judges import select_unexcused
+from hil_bench.judges import select_content
 from hil_bench.priority import realtime_priority
 from hil_bench.result import CaseResult, Verdict
 from hil_bench.run_case import BenchConfig
@@ -39,7 +39,7 @@ def must_run_alone(case: Case) -> bool:
 def is_settled(found: CaseResult) -> bool:
     """Whether a result that was found beside other cases stands."""
     failed = [check for check in found.checks if check.verdict is Verdict.FAIL]
-    is_certain = found.verdict is Verdict.FAIL and bool(select_unexcused(failed))
+    is_certain = found.verdict is Verdict.FAIL and bool(select_content(failed))
     return is_certain or found.verdict in (Verdict.PASS, Verdict.NOT_APPLICABLE)
 
 

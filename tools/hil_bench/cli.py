@@ -119,6 +119,7 @@ def _bench(options: argparse.Namespace) -> int:
         found += bench.observe_traffic((channel,), wire)
     if options.real_vehicle or (found and not _is_confirmed(options, wire, channels, found)):
         run = listen.run(wire, channels, folder, options.duration, found, real_vehicle=options.real_vehicle)
+        run = results.judge_strictly(run) if options.strict else run
     else:
         config = BenchConfig(
             wire=wire,
@@ -138,6 +139,7 @@ def _bench(options: argparse.Namespace) -> int:
             until_failure=options.until_failure,
             beside=options.beside,
             journal=resume.open_journal(options, config),
+            is_strict=options.strict,
         )
         run = bench.run(plan, Progress(to_error=options.json))
     return _write_reports(run, folder, old, options)
@@ -156,8 +158,7 @@ def _write_reports(run: Run, folder: Path, old: Run | None, options: argparse.Na
     if run.interrupted:
         print(f"hil-bench: {resume.describe_interruption(run.interrupted, folder)}", file=sys.stderr)
         return INTERRUPTED
-    not_executed = any(case.verdict is Verdict.NOT_EXECUTED for case in run.cases)
-    return FAILED if options.strict and not_executed else STATUS[run.verdict]
+    return STATUS[run.verdict]
 
 
 def _is_confirmed(options: argparse.Namespace, wire: Wire, channels: Sequence[str], found: Sequence[str]) -> bool:

@@ -143,14 +143,23 @@ class Device:
 
     def writers(self, folder: Path) -> list[Process]:
         """Its processes, direct or indirect children, that have a file in this folder open."""
-        found, left = [], [] if self.poll() is not None or self._process is None else [self._process.pid]
+        found = []
+        for pid in self.find_processes():
+            with suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
+                if any(folder in Path(os.readlink(file)).parents for file in Path(f"/proc/{pid}/fd").iterdir()):
+                    found.append(Process(pid))
+        return found
+
+    def find_processes(self) -> list[int]:
+        """Its processes, with direct and indirect children; none where it does not run on this computer."""
+        is_running = self._commands.is_ours and self.poll() is None and self._process is not None
+        found, left = [], [self._process.pid] if is_running and self._process is not None else []
         while left:
             pid = left.pop()
+            found.append(pid)
             with suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
                 for children in Path(f"/proc/{pid}/task").glob("*/children"):
                     left += [int(child) for child in children.read_text().split()]
-                if any(folder in Path(os.readlink(file)).parents for file in Path(f"/proc/{pid}/fd").iterdir()):
-                    found.append(Process(pid))
         return found
 
     @contextmanager

@@ -173,6 +173,10 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True):
     began_s: float = 0.0
     """From the beginning of the run."""
     duration_s: float = 0.0
+    lateness: str = ""
+    """How late bench and host were; empty if they were not."""
+    void: list[str] = []
+    """Of each earlier attempt that had no result: how late bench and host were."""
     injected: str = ""
     """The injected fault."""
     checks: list[Check] = []
@@ -213,6 +217,8 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
     NOT APPLICABLE if no case applies to the vehicle.
     """
+    strict: bool = False
+    """A case that was not executed counts as a failure."""
     interrupted: str = ""
     """In which case of how many; empty for a complete run."""
     evidence: Evidence
@@ -252,6 +258,12 @@ def verdict_of(cases: list[CaseResult], *, interrupted: str = "") -> Verdict:
     if verdicts == {Verdict.NOT_APPLICABLE}:
         return Verdict.NOT_APPLICABLE
     return next((v for v in (Verdict.FAIL, Verdict.PASS) if v in verdicts), Verdict.NOT_EXECUTED)
+
+
+def judge_strictly(run: Run) -> Run:
+    """The run in which a case that was not executed counts as a failure; an interrupted one keeps its verdict."""
+    is_lacking = any(case.verdict is Verdict.NOT_EXECUTED for case in run.cases) and not run.interrupted
+    return msgspec.structs.replace(run, strict=True, verdict=Verdict.FAIL if is_lacking else run.verdict)
 
 
 def write(run: Run, path: Path) -> None:

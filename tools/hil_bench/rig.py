@@ -15,6 +15,7 @@ from hil_bench.bus import RxFrame
 from hil_bench.buses import open_bus
 from hil_bench.device import Commands, Device, fill_template
 from hil_bench.errors import RigError, UnexpectedNodeError
+from hil_bench.lateness import Delay, DeviceWatch, Lateness, Witness, sum_up
 from hil_bench.peer.build import build_vehicle
 from hil_bench.process import Process
 from hil_bench.result import Event, EventKind
@@ -27,6 +28,7 @@ STUCK_S = 20.0
 """Longer than any trajectory of the catalogue lets it wait for a change of direction."""
 LATE_NS = 30 * MS
 """A tick later than this invalidates the observation: plus one period it approaches the 50 ms stale-state limit."""
+FULL_QUEUE = "the bench had no room in its transmit queue, and was"
 COMMAND_S = 10.0
 """A system command that takes longer has failed."""
 
@@ -59,8 +61,13 @@ class Rig:
         self.events: list[Event] = []
         self.every_tick: list[Callable[[], None]] = []
         self.delay_s: Callable[[], float] = lambda: 0.0
-        self.late: list[str] = []
+        self.late: list[Delay] = []
         """Ticks of the bench that came too late."""
+        self.watch = DeviceWatch(self.device.find_processes)
+        self._witness: Witness | None = None
+        self._seen_by_witness: list[tuple[int, int, int]] = []
+        self._commands_ns = 0
+        """When the first command came; lateness before it does no harm."""
         self.begin_ns = self.inject_ns = self.end_ns = self.then_ns = self.healthy_ns = self.exit_ns = 0
         self.engaged_ns = self.closed_ns = 0
         self.touched_ns = 0
@@ -73,7 +80,15 @@ class Rig:
 
     def begin(self) -> None:
         """Start the case's clock; the vehicle transmits from the next tick."""
+        self._witness = Witness()
         self.begin_ns = self._next_ns = time.monotonic_ns()
+
+    @property
+    def lateness(self) -> Lateness:
+        """How late bench and host were; complete once the rig is closed."""
+        if not self._commands_ns:
+            return Lateness()
+        return sum_up(self.late, self.watch.waits, self._seen_by_witness, self.begin_ns, self._commands_ns)
 
     def tick(self) -> None:
         """Wait for the next period; receive, move the vehicle, transmit."""
@@ -96,7 +111,7 @@ class Rig:
             for frame in frames:
                 self.bus.send(frame)
             if self.bus.rejected > rejected:
-                self.late.append(f"{self._now_s():.3f} s: its transmit queue was full")
+                self.late.append(Delay(at_s=self._now_s(), by_s=LATE_NS / S, what=FULL_QUEUE))
         self._note_lateness(time.monotonic_ns() - due_ns)
         for call in tuple(self.every_tick):
             call()
@@ -219,14 +234,21 @@ class Rig:
                 log.write(candump_line(rx.frame, self.channels[rx.frame.bus], offset_ns) + "\n")
 
     def close(self) -> None:
-        """Close bus and shell. May be called twice."""
+        """Close bus and shell, and end the witness. May be called twice."""
+        self.watch.close()
+        if self._witness is not None:
+            self._seen_by_witness, self._witness = self._witness.close(), None
         self.bus.close()
         self._shell.close()
 
     def _note_lateness(self, late_ns: int) -> None:
         """Lateness before the device's first command does no harm."""
-        if late_ns > LATE_NS and self.vehicle.commands:
-            self.late.append(f"{self._now_s():.3f} s: {late_ns / MS:.0f} ms")
+        if not self.vehicle.commands:
+            return
+        self._commands_ns = self._commands_ns or time.monotonic_ns()
+        if late_ns > LATE_NS:
+            self.late.append(Delay(at_s=self._now_s(), by_s=late_ns / S, what="the bench was"))
+        self.watch.look(time.monotonic_ns())
 
     def _now_s(self) -> float:
         return (self._next_ns - self.begin_ns) / S

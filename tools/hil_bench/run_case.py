@@ -21,7 +21,7 @@ from hil_bench.device import Commands
 from hil_bench.expect import Observation
 from hil_bench.faults.base import inject_nothing
 from hil_bench.peer.build import examine
-from hil_bench.result import CaseResult, Event, EventKind, Evidence, Verdict
+from hil_bench.result import CaseResult, Check, Event, EventKind, Evidence, Verdict
 from hil_bench.rig import Rig
 from hil_bench.routes import Route
 from hil_bench.stages import measure_stages
@@ -307,28 +307,31 @@ def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list
         wire=rig.wire,
         said=rig.said(),
     )
-    checks = judges.check_alive(case, observed, rig) + judges.check_preparation(case, observed, rig)
+    before = judges.check_alive(case, observed, rig) + judges.check_preparation(case, observed, rig)
     events: list[Event] = []
+    expected: list[Check] = []
     for expectation in () if case.inject is not None and not observed.inject_ns else case.see:
-        expected, at = expectation.judge(observed)
-        checks.append(expected)
+        one, at = expectation.judge(observed)
+        expected.append(one)
         events += at
-        events += mark_overdue(expected, observed.at_s(observed.inject_ns)) if observed.inject_ns else []
-    path_checks, drawn = judges.check_path(case, route, rig.vehicle.history)
-    answer_checks, distributions = judges.check_answers(case, record, observed, rig)
-    checks += path_checks + answer_checks
-    checks += judges.check_protocol(case, rig, record, observed)
-    checks += judges.check_health(case, observed, rig, killed)
+        events += mark_overdue(one, observed.at_s(observed.inject_ns)) if observed.inject_ns else []
+    on_path, drawn = judges.check_path(case, route, rig.vehicle.history)
+    answers, distributions = judges.check_answers(case, record, observed, rig)
+    protocol = judges.check_protocol(case, rig, record, observed)
+    after = judges.check_health(case, observed, rig, killed)
+    failed = judges.Failed(
+        state=_failed([*before, *after]),
+        expected=_failed(expected),
+        others=_failed(on_path),
+        answers=_failed(answers),
+        protocol=_failed(protocol),
+    )
+    verdict, why = judges.decide(failed, rig.lateness, record)
+    checks = [*before, *expected, *on_path, *answers, *protocol, *after]
     events += find_violations(checks)
-    failed = [c for c in checks if c.verdict is Verdict.FAIL]
-    verdict = Verdict.FAIL if failed else Verdict.PASS
-    first = (judges.select_unexcused(failed) if rig.late else failed) or failed
-    why = f"{first[0].text}: {'; '.join(first[0].found[:1])}" if failed else ""
-    if failed and rig.late and not judges.select_unexcused(failed):
-        verdict = Verdict.NOT_EXECUTED
-        why = f"the bench itself was late ({rig.late[0]}), which may explain the finding: {why}"
     return msgspec.structs.replace(
         unjudged_result(config, case, repetition, why, verdict),
+        lateness=rig.lateness.describe(),
         checks=checks,
         events=figures.order_timeline(case, rig, observed, events),
         distributions=distributions,
@@ -337,3 +340,7 @@ def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list
         path=drawn,
         counts=figures.count(record, rig, frames),
     )
+
+
+def _failed(checks: list[Check]) -> list[Check]:
+    return [one for one in checks if one.verdict is Verdict.FAIL]

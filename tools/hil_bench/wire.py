@@ -115,6 +115,10 @@ class Wire:
         )
         """What a device sends besides its commands; optional."""
         self.of_device: tuple[str, ...] = (*self.command, *self.reports)
+        timing = self.profile["timing"]
+        periods_s = {"BODY_COMMAND": timing["body_period_s"], "CONTROLLER_STATUS": timing["report_period_s"]}
+        self.besides_s: Mapping[str, float] = {name: float(periods_s[name]) for name in self.reports}
+        """The periods of what a device sends besides its commands, s."""
         self.status: tuple[str, ...] = ("VEHICLE_STATUS",)
         """The messages outside the sample that say who drives."""
         self.period_s = self.command_period_s = PERIOD_S

@@ -1,6 +1,7 @@
 """Judges a record of frames by the bus contract: decodes it and lists what is wrong with it."""
 
 import math
+from bisect import bisect_right
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,6 +29,8 @@ SAMPLE_WINDOW_NS = 50 * MS
 """Parts of one sample that lie further apart belong to different rounds of the counter; and so long without a complete
 sample means a stop."""
 OLDEST_ANSWERED_NS = 100 * MS
+CATCH_UP_NS = 500 * MS
+"""Debts that are not worked off in this time are no lateness: their samples were missed."""
 SILENCE_NS = 200 * MS
 """A longer gap between two command pairs is silence, and what comes after it a new beginning."""
 SETTLING_NS = 200 * MS
@@ -315,27 +318,31 @@ def judge_answers(record: Record) -> None:
 
 
 def _judge_stretch(pairs: Sequence[Pair], record: Record) -> None:
-    """Each sample opens a debt, each pair pays the oldest one.
+    """Each sample opens a debt, each pair pays the oldest one that was not missed.
 
-    A stop that is sent because no sample came may cross the late sample on the wire; then the sample's own answer
-    comes right after it.
+    A sample was missed if the debts that it is among are not worked off within `CATCH_UP_NS`: then its answer does not
+    come, and the later ones are those of later samples. A stop that is sent because no sample came may cross the late
+    sample on the wire; then the sample's own answer comes right after it.
     """
     if not pairs:
         return
     settled_ns = pairs[0].stamp_ns + SETTLING_NS
-    samples = deque(s.stamp_ns for s in record.samples if pairs[0].stamp_ns <= s.stamp_ns <= pairs[-1].stamp_ns)
+    stamps = [s.stamp_ns for s in record.samples if pairs[0].stamp_ns <= s.stamp_ns <= pairs[-1].stamp_ns]
+    begun = [bisect_right(stamps, pair.drive.stamp_ns) for pair in pairs]
     debts: deque[int] = deque()
     newest_ns = before_ns = pairs[0].stamp_ns
     crossed_ns = 0
     debt_free_ns, left = settled_ns, deque[int](maxlen=100)
-    for pair in pairs[1:]:
-        while samples and samples[0] <= pair.drive.stamp_ns:
-            before_ns, newest_ns = newest_ns, samples.popleft()
+    for place, pair in enumerate(pairs[1:], 1):
+        for stamp_ns in stamps[begun[place - 1] : begun[place]]:
+            before_ns, newest_ns = newest_ns, stamp_ns
             debts.append(newest_ns)
         if pair.stamp_ns < settled_ns:
             debts.clear()
             continue
         while debts and pair.drive.stamp_ns - debts[0] > OLDEST_ANSWERED_NS:
+            record.unanswered.append(f"sample at {_at(debts.popleft(), record.begin_ns)}")
+        for _ in range(_count_missed(len(debts), pairs, begun, place)):
             record.unanswered.append(f"sample at {_at(debts.popleft(), record.begin_ns)}")
         if debts:
             record.answers.append((debts.popleft(), pair))
@@ -353,6 +360,19 @@ def _judge_stretch(pairs: Sequence[Pair], record: Record) -> None:
             debt_free_ns = pair.stamp_ns
     for _ in range(min(left, default=0)):
         record.unanswered.append(f"a sample after {_at(debt_free_ns, record.begin_ns)}")
+
+
+def _count_missed(debts: int, pairs: Sequence[Pair], begun: Sequence[int], place: int) -> int:
+    """How many of the debts at a pair remain after every pair within `CATCH_UP_NS`; 0 just before the end."""
+    left = least = debts - 1
+    for later in range(place + 1, len(pairs)):
+        if least <= 0:
+            return 0
+        if pairs[later].stamp_ns - pairs[place].stamp_ns > CATCH_UP_NS:
+            return least
+        left = max(0, left + begun[later] - begun[later - 1] - 1)
+        least = min(least, left)
+    return least if pairs[-1].stamp_ns - pairs[place].stamp_ns > OLDEST_ANSWERED_NS else 0
 
 
 def _judge_values(record: Record, limits: Limits) -> None:

@@ -8,6 +8,7 @@ from vehicle_bus_contract.reference import MS, S
 from hil_bench import figures
 from hil_bench.case import Case
 from hil_bench.expect import Observation, check
+from hil_bench.judges import regularity
 from hil_bench.judges.protocol import SLACK_AFTER_S
 from hil_bench.result import Check, Distribution
 from hil_bench.rig import Rig
@@ -43,6 +44,7 @@ def check_answers(
     )
     checks = []
     if case.answers_in_time:
+        checks += regularity.check_jitter(rig.wire, latencies, periods)
         checks.append(check("half of the answers come within one period", [], latency.p50 / 1e3, period_s))
         if "unanswered" not in case.allow or case.is_measured:
             checks.append(check("99 % of the answers come within two periods", [], latency.p99 / 1e3, 2.0 * period_s))

@@ -9,7 +9,7 @@ from vehicle_bus_contract.reference import S
 
 from hil_bench.case import Case, Then
 from hil_bench.expect import Observation, check, not_applicable
-from hil_bench.judges import dynamics, pacing
+from hil_bench.judges import dynamics, pacing, regularity
 from hil_bench.result import Check
 from hil_bench.rig import Rig
 
@@ -26,9 +26,6 @@ KINDS = {
     "periods": "lights and report are sent in their periods, and the report's reason is the command's",
 }
 """Kind of finding → what must hold instead."""
-CONTENT = ("damaged", "counter", "command", "dynamics")
-"""Findings in the content of frames: lateness of the bench cannot explain them."""
-
 HEALTHY_S = 0.6
 SLACK_AFTER_S = 0.35
 OWED = 10
@@ -55,7 +52,11 @@ def check_protocol(case: Case, rig: Rig, record: Record, observed: Observation) 
         "dynamics": list(dynamics.find_faults(rig.wire, record)),
         "brakes": list(dynamics.unbraked(rig.wire, record, observed.history)),
         "burst": list(pacing.find_bursts(rig.wire, record)),
-        "periods": [*pacing.find_wrong_periods(rig.wire, record), *pacing.find_contradictions(record)],
+        "periods": [
+            *pacing.find_wrong_periods(rig.wire, record),
+            *pacing.find_contradictions(record),
+            *regularity.find_irregular(rig.wire, record),
+        ],
     }
     from_s = (rig.touched_ns - record.begin_ns) / S - JUST_BEFORE_S if rig.touched_ns else math.inf
     until_ns = {
@@ -86,12 +87,6 @@ def _without_crowded(unanswered: Sequence[str], crowded_s: Sequence[float]) -> l
     early = [text for text in unanswered if not crowded_s or _time_in(text) < crowded_s[0] - JUST_BEFORE_S - CROWD_S]
     late = [text for text in unanswered if text not in early]
     return [*early, *late[len(crowded_s) :]]
-
-
-def select_unexcused(failed: Sequence[Check]) -> list[Check]:
-    """The failed checks that a late bench cannot explain. It can explain wrong rates, computed from stamps."""
-    texts = {KINDS[kind] for kind in CONTENT}
-    return [c for c in failed if c.text in texts and not all(re.search("faster|swerve", text) for text in c.found)]
 
 
 def _time_in(text: str) -> float:

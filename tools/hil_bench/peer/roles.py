@@ -1,6 +1,6 @@
 """Which end sends which message of a profile, and how often."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,6 +33,8 @@ class Roles:
     of_device: tuple[str, ...]
     reports: tuple[str, ...]
     """Lights and reports of the device."""
+    besides_s: Mapping[str, float]
+    """Periods of what the device sends besides the commands of the shortest period, where the profile says so."""
 
 
 def read_roles(profile: Mapping[str, Any], layout: Layout) -> Roles:
@@ -62,7 +64,26 @@ def read_roles(profile: Mapping[str, Any], layout: Layout) -> Roles:
         watched_s={name: max(SHORTEST_WATCHDOG_S, WATCHDOG_PERIODS * period_s) for name, period_s in periods.items()},
         of_device=tuple(dict.fromkeys([*commands, *sends, *reports])),
         reports=tuple(reports),
+        besides_s={
+            **{name: period_s for name, period_s in periods.items() if period_s > min(periods.values())},
+            **{
+                str(send["message"]): float(send["period_s"])
+                for send in profile.get("send", ())
+                if "period_s" in send and send["when"] in ("always", "armed")
+            },
+            **_report_periods(profile, reports),
+        },
     )
+
+
+def _report_periods(profile: Mapping[str, Any], reports: Collection[str]) -> dict[str, float]:
+    found = {}
+    for part in ("body", "report"):
+        forms = profile.get(part, {}).get("signals", {}).values()
+        for name in _owners(name for form in forms for name in sources_of(form)):
+            if name in reports:
+                found[name] = float(profile["timing"][f"{part}_period_s"])
+    return found
 
 
 def _owners(signals: Any) -> list[str]:

@@ -278,6 +278,7 @@ class PeerWire(Wire):
         self.periods_s, self.trigger, self.is_counted = roles.periods_s, roles.trigger, roles.is_counted
         self.of_device = roles.of_device
         self.reports = roles.reports
+        self.besides_s = roles.besides_s
         self.frame_id = self.fields.place.frame_id
         self.loses_its_place = self.fields.place.source == "odometry"
         self.counters = min((layout.protections[name].counters for name in self.sample), default=0) or 1

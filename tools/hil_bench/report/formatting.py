@@ -22,6 +22,7 @@ SHOWS = {
 """What a class of evidence does and does not prove."""
 
 _WORST_FIRST = (Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.PASS, Verdict.NOT_APPLICABLE)
+_ATTEMPTS = {2: "second attempt", 3: "third attempt"}
 
 
 def clean(text: str) -> str:
@@ -184,7 +185,16 @@ def main_figure(case: CaseResult) -> str:
     if case.verdict is not Verdict.PASS:
         return case.why
     check = closest(case)
-    return f"{check.text}: {measured_of_limit(check)}" if check else ""
+    figure = f"{check.text}: {measured_of_limit(check)}" if check else ""
+    return "; ".join(filter(None, (attempt(case), figure)))
+
+
+def attempt(case: CaseResult) -> str:
+    """Which attempt the result is of, and why there were earlier ones; empty of the first."""
+    if not case.void:
+        return ""
+    which = _ATTEMPTS.get(len(case.void) + 1, f"attempt {len(case.void) + 1}")
+    return f"{which}: {'; '.join(case.void)}"
 
 
 def _used_most(case: CaseResult) -> float:

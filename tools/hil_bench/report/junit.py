@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from xml.etree import ElementTree
 
-from hil_bench.report.formatting import clean, count, is_finite, measured_of_limit
+from hil_bench.report.formatting import attempt, clean, count, is_finite, measured_of_limit
 from hil_bench.result import CaseResult, Run, Verdict
 
 NO_TIME = "1970-01-01T00:00:00"
@@ -51,6 +51,8 @@ def _case(suite: ElementTree.Element, case: CaseResult, name: str, profile: str)
         failure.text = _checks(case)
     elif case.verdict is not Verdict.PASS:
         ElementTree.SubElement(element, "skipped", {"message": clean(f"{case.verdict}: {case.why}")})
+    if case.void:
+        ElementTree.SubElement(element, "system-out").text = clean(f"{case.verdict}, {attempt(case)}")
 
 
 def _properties(suite: ElementTree.Element, run: Run) -> None:

@@ -13,7 +13,17 @@ from rich.spinner import Spinner
 from rich.table import Table
 from rich.text import Text
 
-from hil_bench.report.formatting import clean, closest, count, duration, groups, main_figure, measured_of_limit, used
+from hil_bench.report.formatting import (
+    attempt,
+    clean,
+    closest,
+    count,
+    duration,
+    groups,
+    main_figure,
+    measured_of_limit,
+    used,
+)
 from hil_bench.result import CaseResult, Run, Verdict
 
 REFRESHES_PER_S = 4
@@ -136,8 +146,10 @@ def _table(title: str, cases: Sequence[CaseResult]) -> Table:
 
 def _describe(case: CaseResult) -> str:
     check = closest(case)
-    if case.verdict is not Verdict.PASS or check is None:
+    if case.verdict is not Verdict.PASS:
         return clean(case.why)
+    if case.void or check is None:
+        return clean(attempt(case))
     return clean(f"{measured_of_limit(check)} ({100 * (used(check) or 0.0):.0f} %): {check.text}")
 
 
