@@ -17,7 +17,7 @@ from vehicle_iface.profile import load_profile
 
 def main(path: Path) -> None:
     """Print the number of frames, and for each signal the least and the greatest value."""
-    messages = read_dbc(Path(load_profile("reference").dbc)).database.messages
+    messages = read_dbc(Path(load_profile("reference").dbc)).select_messages([])
     log = decode_log(path, messages)
     print(f"{log.decoded} of {log.lines} lines decoded, {len(log.refused)} refused")
     for name, columns in log.messages.items():

@@ -83,7 +83,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_units_are_read_in_both_encodings(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "units.dbc"
     path.write_bytes(REFERENCE_DBC.replace('"m/s^2"', '"m/s²"').encode(encoding))
-    message = read_dbc(path).database.get_message_by_name("CHASSIS")
+    message = read_dbc(path).messages["CHASSIS"]
     assert message.get_signal_by_name("ACCEL").unit == "m/s²"
 
 
@@ -91,7 +91,7 @@ def test_words_of_the_grammar_inside_a_comment_are_text(tmp_path: Path) -> None:
     path = tmp_path / "comment.dbc"
     comment = 'CM_ BO_ 273 "first\nBO_ 273 MOTION: 8 VEHICLE\n SG_ X : said \\"so\\"";\n'
     path.write_text(REFERENCE_DBC.replace("CM_ BO_ 273 ", comment + "CM_ BO_ 274 ", 1))
-    said = read_dbc(path).database.get_message_by_name("MOTION").comment
+    said = read_dbc(path).messages["MOTION"].comment
     assert said is not None
     assert "first" in said
 

@@ -126,7 +126,7 @@ def line_of(path: Path, text: str) -> int:
 
 
 def find(file: DbcFile, name: str) -> Message:
-    return next(message for message in file.database.messages if message.name == name)
+    return file.messages[name]
 
 
 def check_sound(file: DbcFile) -> None:
@@ -136,7 +136,7 @@ def check_sound(file: DbcFile) -> None:
     assert (message.cycle_time, message.senders) == (10, ["ECU"])
     assert MessageCodec(message).decode(bytes.fromhex("1027000000000000")) == (100.0,)
     assert not [finding for finding in file.findings if finding.message == "SOUND"]
-    for message in file.database.messages:
+    for message in file.messages.values():
         MessageCodec(message)
 
 

@@ -60,7 +60,7 @@ class Log:
 
 
 def run(options: argparse.Namespace) -> Report:
-    database = read_dbc(DBC_FOLDER / "reference.dbc").database
+    database = Database(messages=list(read_dbc(DBC_FOLDER / "reference.dbc").messages.values()))
     rounds = 11 if options.quick else 31
     with tempfile.TemporaryDirectory(prefix="vehicle-iface-bench-") as folder:
         logs = [_log(database, count, Path(folder)) for count in ((FEW,) if options.quick else (FEW, MANY))]

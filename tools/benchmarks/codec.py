@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> Report:
     tables: list[Table] = []
     targets: list[Target] = []
     for path in sorted(DBC_FOLDER.glob("*.dbc")):
-        jobs = [_jobs(message) for message in read_dbc(path).database.messages if not message.is_multiplexed()]
+        jobs = [_jobs(message) for message in read_dbc(path).messages.values() if not message.is_multiplexed()]
         for direction, worst_at_least, mean_at_least in (("decode", 2.0, 6.0), ("encode", 3.5, 5.0)):
             found = [_measured(message, job[direction], direction, rounds) for message, job in jobs]
             tables.append(Table(title=f"{path.name}: {direction}", columns=COLUMNS, rows=[*_rows(found)]))

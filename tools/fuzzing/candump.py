@@ -20,7 +20,7 @@ _MESSAGES = [
     *{
         message.frame_id: message
         for name in ("reference_fd", "reference")
-        for message in read_dbc(Path(load_profile(name).dbc)).database.messages
+        for message in read_dbc(Path(load_profile(name).dbc)).messages.values()
     }.values()
 ]
 _CHUNKS = (candump.CHUNK_BYTES, 48)

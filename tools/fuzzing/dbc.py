@@ -6,6 +6,7 @@ compiles, and what its codec decodes with checks is finite and encodes to what i
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
 from cantools.database import Message
 
@@ -30,7 +31,7 @@ def run(data: bytes) -> None:
     except ConfigError:
         assert any(finding.severity == ERROR for finding in findings), "refused, but the check found no error"
         return
-    for message in file.database.messages[:_MOST_MESSAGES]:
+    for message in islice(file.messages.values(), _MOST_MESSAGES):
         _compile(message)
 
 

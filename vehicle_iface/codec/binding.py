@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
-from cantools.database import Message, Signal
+from cantools.database import Signal
 
 from vehicle_iface.codec.bus_files import ResolvedNames, resolve_names
 from vehicle_iface.codec.dbc_file import DbcFile
@@ -77,7 +77,7 @@ class Binding:
         self.file = file
         self.profile_name = Path(profile.file).name or profile.name
         """For error messages."""
-        self.messages: Mapping[str, Message] = {message.name: message for message in file.database.messages}
+        self.messages = file.messages
         self.sections: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "state": _named_signals(profile.state.signals, profile.state.pose),
             "status": _named_signals(profile.status.signals, profile.status.when, profile.status.driver),

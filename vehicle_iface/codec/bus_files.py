@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from cantools.database.can import Database
-
 from vehicle_iface.codec.dbc_file import DbcFile, read_dbc
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
@@ -71,14 +69,12 @@ def resolve_names(profile: Profile, parts: Mapping[str, DbcFile]) -> ResolvedNam
 def _join(files: Mapping[str, DbcFile]) -> DbcFile:
     counts = Counter(name for file in files.values() for name in _message_names(file))
     parts = {bus: _qualify(file, bus, counts) for bus, file in files.items()}
-    database = Database(strict=False)
-    for part in parts.values():
-        database.messages.extend(part.database.messages)
     return DbcFile(
         name=" or ".join(dict.fromkeys(part.name for part in parts.values())),
-        database=database,
+        messages={name: message for part in parts.values() for name, message in part.messages.items()},
         lines={dotted: line for part in parts.values() for dotted, line in part.lines.items()},
         findings=tuple(finding for part in parts.values() for finding in part.findings),
+        e2e={name: stated for part in parts.values() for name, stated in part.e2e.items()},
         parts=parts,
     )
 
@@ -94,11 +90,13 @@ def _qualify(file: DbcFile, bus: str, counts: Mapping[str, int]) -> DbcFile:
     def rename(dotted: str) -> str:
         return f"{bus}:{dotted}" if counts[dotted.partition(".")[0]] > 1 else dotted
 
-    for message in file.database.messages:
+    for message in file.messages.values():
         message.name = rename(message.name)
     return dataclasses.replace(
         file,
+        messages={message.name: message for message in file.messages.values()},
         lines={rename(dotted): line for dotted, line in file.lines.items()},
+        e2e={rename(name): stated for name, stated in file.e2e.items()},
         findings=tuple(
             dataclasses.replace(finding, about=tuple(map(rename, finding.about))) for finding in file.findings
         ),

@@ -1,15 +1,13 @@
 """Loads a DBC file message by message, so that a fault in one message does not hide the others; each has its line."""
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cantools.database import Message, load_string
-from cantools.database.can import Database
+from cantools.database import Message
 from cantools.database.errors import Error as CantoolsError
 
-from vehicle_iface.codec.dbc_canonical import CanonicalWriter
+from vehicle_iface.codec.dbc_build import StatedE2E, build_message, find_e2e
 from vehicle_iface.codec.dbc_findings import ERROR, DbcFinding, DbcFindings
 from vehicle_iface.codec.dbc_notes import DbcNotes
 from vehicle_iface.codec.dbc_overlap import find_overlaps
@@ -34,12 +32,14 @@ class DbcFile:
     """A loaded DBC, with the lines of its messages and signals and all findings."""
 
     name: str
-    database: Database
-    """The usable messages and signals; the others have been left out."""
+    messages: Mapping[str, Message]
+    """The usable messages by name, with their usable signals; the others have been left out."""
     lines: Mapping[str, int]
     """The line of each MESSAGE and MESSAGE.SIGNAL, from 1."""
     findings: Sequence[DbcFinding] = ()
     """All findings in the order of their lines. An error matters only if the program uses what it concerns."""
+    e2e: Mapping[str, StatedE2E] = field(default_factory=dict)
+    """Maps each message with attributes of end-to-end protection to what they state."""
     parts: Mapping[str, "DbcFile"] = field(default_factory=dict)
     """Maps the name of each bus to its file, if several were joined into this one; empty otherwise."""
 
@@ -63,16 +63,16 @@ class DbcFile:
 
     def select_messages(self, names: Sequence[str]) -> list[Message]:
         """Return the messages with these names, each once; without names, all messages except wholly unusable ones."""
-        messages = {message.name: message for message in self.database.messages}
         for name in names:
-            if name not in messages:
-                unknown = ConfigError(f"message {name}: must be one of: {', '.join(messages)}")
+            if name not in self.messages:
+                unknown = ConfigError(f"message {name}: must be one of: {', '.join(self.messages)}")
                 raise self.find_error(name) or unknown
         unsound = {place for finding in self.findings if finding.severity == ERROR for place in finding.about}
-        return [messages[name] for name in dict.fromkeys(names) or messages if name in names or name not in unsound]
+        chosen = dict.fromkeys(names) or self.messages
+        return [self.messages[name] for name in chosen if name in names or name not in unsound]
 
     def find_error(self, dotted: str) -> ConfigError | None:
-        """Return why a message or signal of the file is not in the database; None if no finding concerns it."""
+        """Return why a message or signal of the file was left out; None if no finding concerns it."""
         about = (one for one in self.findings if one.severity == ERROR and dotted in one.about)
         return next((self.error_of(finding) for finding in about), None)
 
@@ -89,44 +89,32 @@ def read_dbc(path: Path) -> DbcFile:
     statements = list(split_statements(name, text))
     messages = collect_messages(name, statements, findings)
     notes = DbcNotes(name, messages, statements, findings)
-    database = _parse(list(repair_messages(messages, notes, findings)), notes, findings)
+    sound = list(repair_messages(messages, notes, findings))
+    usable = _build_messages(sound, notes, findings)
     lines = _lines(messages)
-    for message in database.messages:
+    for message in usable.values():
         for overlap in find_overlaps(message):
             about = tuple(f"{message.name}.{name}" for name in (overlap.signal, *overlap.others))
             more = f" and {len(overlap.others) - 3} more" if len(overlap.others) > 3 else ""
             text = f"overlapping: shares bits with {', '.join(overlap.others[:3])}{more}"
             findings.add_error(lines[about[0]], about, text, "overlapping signals")
-    file = DbcFile(name=name, database=database, lines=lines, findings=tuple(findings))
-    if not database.messages:
+    e2e = {one.text.name: found for one in sound if (found := find_e2e(notes, one.text.number)) is not None}
+    file = DbcFile(name=name, messages=usable, lines=lines, findings=tuple(findings), e2e=e2e)
+    if not usable:
         raise ConfigError("\n".join([*map(str, file.errors), f"{name}: no message in it"]))
     return file
 
 
-def _parse(messages: Sequence[SoundMessage], notes: DbcNotes, findings: DbcFindings) -> Database:
-    """Parse all messages at once; if cantools rejects them, parse them one by one."""
-    writer = CanonicalWriter(notes)
-    text, head = writer.write_messages(messages), writer.write_head()
-    logging.getLogger(Database.__module__).setLevel(logging.ERROR)  # what it warns of is among the findings
-    try:
-        database = _load(head + text)
-    except _FOREIGN:
-        database = Database(strict=False)
-        for message in messages:
-            try:
-                database.messages.extend(_load(head + writer.write_messages([message])).messages)
-            except _FOREIGN as error:
-                text = f"was not understood: {' '.join(str(error).split()) or type(error).__name__}"
-                findings.add_error(message.text.line, message.text.name, text, "not understood")
-        database.refresh()
-    writer.restore_names(database)
-    return database
-
-
-def _load(text: str) -> Database:
-    database = load_string(text, database_format="dbc", strict=False)
-    assert isinstance(database, Database)  # of diagnostics are other formats
-    return database
+def _build_messages(messages: Sequence[SoundMessage], notes: DbcNotes, findings: DbcFindings) -> dict[str, Message]:
+    """Build the messages that cantools can represent, by name; the others are reported."""
+    built: dict[str, Message] = {}
+    for message in messages:
+        try:
+            built[message.text.name] = build_message(message, notes)
+        except _FOREIGN as error:
+            text = f"was not understood: {' '.join(str(error).split()) or type(error).__name__}"
+            findings.add_error(message.text.line, message.text.name, text, "not understood")
+    return built
 
 
 def _lines(messages: Sequence[MessageText]) -> dict[str, int]:

@@ -13,7 +13,7 @@ from vehicle_iface.errors import ConfigError
 
 def find_range_doubts(file: DbcFile) -> Iterator[DbcFinding]:
     """Yield warnings about ranges whose ends the bits cannot express."""
-    for message in file.database.messages:
+    for message in file.messages.values():
         for signal in message.signals:
             text = _range_beyond_bits(signal)
             if text:
@@ -22,7 +22,7 @@ def find_range_doubts(file: DbcFile) -> Iterator[DbcFinding]:
 
 def find_doubts(file: DbcFile) -> Iterator[DbcFinding]:
     """Yield warnings that matter only for signals that a profile uses."""
-    for message in file.database.messages:
+    for message in file.messages.values():
         yield from find_cycle_doubts(file, message)
         yield from _impossible_ranges(file, message)
         for signal in message.signals:

@@ -117,7 +117,7 @@ def _remove_unsound_signals(message: MessageText, notes: DbcNotes, findings: Dbc
             text = f"a float of {signal.length} bits; 16, 32 and 64 are possible"
             _remove(message, signal, text, "floats of odd widths", findings)
         elif not signal.minimum <= signal.maximum:
-            text = f"range [{signal.numbers[2]}|{signal.numbers[3]}] has swapped ends"
+            text = f"range {signal.written_range} has swapped ends"
             findings.add_error(signal.line, dotted, text, "ranges with swapped ends")
 
 

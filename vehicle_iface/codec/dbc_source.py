@@ -38,13 +38,19 @@ class SignalText:
     is_big: bool
     is_signed: bool
     scale: float
+    """This and the next three are integers where the file has integers."""
     offset: float
     minimum: float
     maximum: float
-    numbers: tuple[str, str, str, str]
-    """Scale, offset, minimum and maximum as written."""
+    written_range: str
+    """The range as written: `[0|3.5]`."""
     unit: str
     receivers: tuple[str, ...]
+
+    @property
+    def has_range(self) -> bool:
+        """Whether the range says anything: editors write [0|0] where there is none."""
+        return not self.minimum == self.maximum == 0
 
     @property
     def is_multiplexer(self) -> bool:
@@ -150,11 +156,10 @@ def _add_signal(
         message.places.setdefault(written, dotted)
         _report_damage(statement, dotted, findings)
         return
-    numbers = tuple(float(found[key]) for key in ("scale", "offset", "minimum", "maximum"))
+    numbers = tuple(parse_number(found[key]) for key in ("scale", "offset", "minimum", "maximum"))
     if not all(map(math.isfinite, numbers)):
         findings.add_error(statement.line, dotted, "a number that is not finite", "numbers that are not finite")
         return
-    minimum, maximum = ("0", "0") if numbers[2] == numbers[3] == 0 else (found["minimum"], found["maximum"])
     message.places.setdefault(written, dotted)
     message.signals.append(
         SignalText(
@@ -170,11 +175,17 @@ def _add_signal(
             offset=numbers[1],
             minimum=numbers[2],
             maximum=numbers[3],
-            numbers=(found["scale"], found["offset"], minimum, maximum),
+            written_range=f"[{found['minimum']}|{found['maximum']}]",
             unit=unquote(found["unit"]),
             receivers=tuple(re.findall(r"\w+", found["receivers"])),
         )
     )
+
+
+def parse_number(text: str) -> float:
+    """Return the number that is written, an integer where one is written; infinite beyond the range of floats."""
+    value = float(text)
+    return int(text) if value.is_integer() and text.lstrip("+-").isdigit() else value
 
 
 def unquote(literal: str) -> str:

@@ -115,12 +115,11 @@ def protection_faults(binding: Binding, message: Message) -> Iterator[ConfigErro
 
 def _autosar_faults(binding: Binding, message: Message, rule: MessageRule, profile: int) -> Iterator[ConfigError]:
     place, data_id = rule.data_id_place, rule.data_id
-    attributes, file = message.dbc.attributes if message.dbc else {}, binding.file.part_of(message.name)
-    stated_id, stated_profile = attributes.get("E2EDataId"), attributes.get("E2EProfile")
-    if stated_id is not None and isinstance(data_id, int) and stated_id.value != data_id:
-        yield binding.fault(place, f"{data_id:#x}, but E2EDataId is {stated_id.value:#x} in {file.name}")
-    if stated_profile is not None and stated_profile.value not in (0, profile):
-        text = f"{profile}, but E2EProfile of {message.name} is {stated_profile.value} in {file.name}"
+    file, stated = binding.file.part_of(message.name), binding.file.e2e.get(message.name)
+    if stated and stated.data_id is not None and isinstance(data_id, int) and stated.data_id != data_id:
+        yield binding.fault(place, f"{data_id:#x}, but E2EDataId is {stated.data_id:#x} in {file.name}")
+    if stated and stated.profile not in (None, 0, profile):
+        text = f"{profile}, but E2EProfile of {message.name} is {stated.profile} in {file.name}"
         yield binding.fault(rule.kind_place, text)
     if data_id is None:
         yield binding.fault(place, f"no data_id; E2E profile {profile} needs one")

@@ -105,7 +105,7 @@ def survey_dbc(path: Path) -> Survey:
                 receivers=frozenset(node for signal in message.signals for node in signal.receivers),
                 signal_words=tuple(split_words(signal.name) for signal in message.signals),
             )
-            for message in file.database.messages
+            for message in file.messages.values()
         ]
     )
     return Survey(
@@ -117,14 +117,13 @@ def survey_dbc(path: Path) -> Survey:
 
 
 def _message_names(file: DbcFile) -> Iterator[str]:
-    return (message.name for message in file.database.messages)
+    return iter(file.messages)
 
 
 def _describe_message(file: DbcFile, name: str, is_sent: bool) -> MessageFacts:
-    message = file.database.get_message_by_name(name)
-    stated = message.dbc.attributes if message.dbc else {}
+    message = file.messages[name]
+    stated = file.e2e.get(name)
     context = frozenset((*split_words(name), *common_beginning([split_words(one.name) for one in message.signals])))
-    e2e = {key: int(stated[key].value) if key in stated else 0 for key in ("E2EProfile", "E2EDataId")}
     return MessageFacts(
         name=name,
         line=file.lines.get(name, 0),
@@ -132,14 +131,14 @@ def _describe_message(file: DbcFile, name: str, is_sent: bool) -> MessageFacts:
         is_sent=is_sent,
         is_fd=message.is_fd,
         cycle_ms=message.cycle_time or 0,
-        e2e_profile=e2e["E2EProfile"],
-        e2e_data_id=e2e["E2EDataId"],
+        e2e_profile=(stated.profile if stated else None) or 0,
+        e2e_data_id=(stated.data_id if stated else None) or 0,
         signals=tuple(_describe_signal(file, name, signal.name, context, is_sent) for signal in message.signals),
     )
 
 
 def _describe_signal(file: DbcFile, message: str, name: str, context: frozenset[str], is_sent: bool) -> SignalFacts:
-    signal = file.database.get_message_by_name(message).get_signal_by_name(name)
+    signal = file.messages[message].get_signal_by_name(name)
     unit = (signal.unit or "").strip()
     low, high = signal.minimum, signal.maximum
     return SignalFacts(
