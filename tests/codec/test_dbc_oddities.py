@@ -1,5 +1,6 @@
 """DBC files as editors and public collections have them: each oddity is read or left out, and harms nothing else."""
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -55,6 +56,9 @@ ODDITIES = {
     "a name beyond ASCII": Oddity(ODD.replace("SG_ S", "SG_ Größe")),
     "a signal like nothing": Oddity(f"{ODD} SG_ T : 8|8@1+ 1,0) [0|1]\n", "", ERROR, "ODD.T: was not understood: 'SG_"),
     "a line like nothing": Oddity(f"{ODD} SGG_ T : 8|8@1+\n", "", ERROR, "ODD: was not understood: 'SGG_ T"),
+    "a statement that no one knows": Oddity(
+        f'{ODD}SIG_MAXIMUM_ 512 S 5;\n SG_ T : 8|8@1+ (1,0) [0|1] "" GW\n', "", WARNING, "keyword SIG_MAXIMUM_ is not"
+    ),
     "a message like nothing": Oddity(ODD.replace(": 8 ECU", " 8"), "", ERROR, "ODD: was not understood: 'BO_ 512 ODD"),
     "a quotation mark too few": Oddity(ODD.replace('""', '"'), "", ERROR, "ODD.S: was not understood"),
     "a signal beyond its message": Oddity(ODD.replace("0|8", "60|8"), "", ERROR, "ODD.S: bits 60|8 do not fit into 8"),
@@ -312,6 +316,26 @@ def test_a_fault_of_a_received_signal_only_matters_where_the_signal_is_used(
     assert [one.severity for one in check_file(tmp_path / "reference.toml") if text in one.text] == [
         ERROR if is_used else WARNING
     ]
+
+
+def test_a_statement_that_no_one_knows_does_not_harm_the_message_above_it(tmp_path: Path) -> None:
+    statement = "SIG_MAXIMUM_ 512 S 5;"
+    path = tmp_path / "reference.dbc"
+    path.write_text(re.sub(r"(BO_ 272 POSE.*?\n)\n", rf"\1{statement}\n\n", REFERENCE_DBC, count=1, flags=re.DOTALL))
+    assert statement in path.read_text()
+    (tmp_path / "reference.toml").write_text((DBC_FOLDER / "reference.toml").read_text(encoding="utf-8"))
+    assert load_database(load_profile(tmp_path / "reference.toml")).sample[0].name == "POSE"
+    found = [(one.severity, one.line) for one in check_file(tmp_path / "reference.toml") if "SIG_MAXIMUM_" in one.text]
+    assert found == [(WARNING, line_of(path, statement))]
+
+
+@pytest.mark.parametrize("damaged", ["SGG_ EXTRA : 40|8@1+ (1,0) [0|1]", "40|8@1+ (1,0)"])
+def test_a_damaged_signal_of_a_used_message_stays_an_error(tmp_path: Path, damaged: str) -> None:
+    text = re.sub(r"(BO_ 272 POSE.*?\n)\n", rf"\1 {damaged}\n\n", REFERENCE_DBC, count=1, flags=re.DOTALL)
+    (tmp_path / "reference.dbc").write_text(text)
+    (tmp_path / "reference.toml").write_text((DBC_FOLDER / "reference.toml").read_text(encoding="utf-8"))
+    with pytest.raises(ConfigError, match="POSE: was not understood"):
+        load_database(load_profile(tmp_path / "reference.toml"))
 
 
 def test_a_file_may_end_without_a_line_end(tmp_path: Path) -> None:

@@ -17,6 +17,9 @@ _SIGNAL = re.compile(
     rf"(?P<length>\d{{1,5}})\s*@\s*(?P<order>[01])\s*(?P<sign>[-+])\s*\(\s*(?P<scale>{NUMBER})\s*,\s*(?P<offset>{NUMBER})\s*\)\s*"
     rf"\[\s*(?P<minimum>{NUMBER})\s*\|\s*(?P<maximum>{NUMBER})\s*\]\s*(?P<unit>{STRING})\s*(?P<receivers>[\w\s,]*)"
 )
+_UNKNOWN_KEYWORD = re.compile(r"[A-Z][A-Z0-9_]*_(?!\S)")
+_LAYOUT = re.compile(r"\d\s*\|\s*\d+\s*@")
+"""The bits of a signal. A statement with them is a damaged signal, whatever its keyword."""
 _LONG_NAME = re.compile(
     r'"System(?:Message|Signal)LongSymbol"\s+(?:BO_\s+(\d{1,10})|SG_\s+(\d{1,10})\s+(\w+))\s*"(\w+)"',
 )
@@ -110,13 +113,25 @@ def collect_messages(file_name: str, statements: Iterable[Statement], findings: 
             elif not is_signal_expected:
                 _report_damage(statement, "", findings)
         elif not statement.keyword:
-            if before not in ("BU_", "BS_") or not re.fullmatch(r"[\w\s,:]*", statement.body):
+            if before in ("BU_", "BS_") and re.fullmatch(r"[\w\s,:]*", statement.body):
+                pass  # names of nodes on lines of their own
+            elif keyword := _find_unknown_keyword(statement):
+                text = f"keyword {keyword} is not known; its statement is not used: {shorten(statement.body)}"
+                findings.add_warning(statement.line, "", text, "keywords that are not known")
+            else:
                 belongs = message is not None and before in ("BO_", "SG_")
                 _report_damage(statement, message.name if message and belongs else "", findings)
         else:
             message, is_signal_expected = None, False
         before = statement.keyword
     return [one for one in messages if one.name != _UNASSIGNED]
+
+
+def _find_unknown_keyword(statement: Statement) -> str:
+    """Return the word that looks like a keyword; "" for a damaged signal, and for what may be cut short."""
+    found = _UNKNOWN_KEYWORD.match(statement.body)
+    may_be_cut = statement.may_be_cut and not statement.body.endswith(";")
+    return "" if found is None or may_be_cut or _LAYOUT.search(statement.body) else found[0]
 
 
 def _collect_long_names(statements: Iterable[Statement]) -> dict[tuple[int, str], str]:
