@@ -62,7 +62,7 @@ class Bus:
         self._sent: deque[bytes] = deque(maxlen=IN_FLIGHT)
         self._in_flight: set[bytes] = set()
         self._probed_ns = 0
-        self._clocks = _Clocks()
+        self._clocks = Clocks()
         self._open()
 
     def send(self, frame: Frame) -> bool:
@@ -185,12 +185,13 @@ def _decode(record: bytes, stamp_ns: int, number: int) -> Frame:
     return frame if frame.is_extended or frame.is_error else replace(frame, can_id=frame.can_id & 0x7FF)
 
 
-class _Clocks:
-    """Converts wall-clock stamps to the monotonic clock."""
+class Clocks:
+    """Converts wall-clock stamps to the monotonic clock. The frames of one socket are in order, so their stamps are."""
 
     def __init__(self) -> None:
         self._offset_ns = 0
         self._now_ns = 0
+        self._newest_ns = 0
 
     def update(self) -> None:
         """Take over a new offset if the wall clock has stepped: if the offset changed by more than its uncertainty."""
@@ -200,7 +201,15 @@ class _Clocks:
             self._offset_ns = offset_ns
 
     def stamps(self, ancillary: list[tuple[int, int, bytes]]) -> tuple[int, int]:
-        """Monotonic stamp, and the adapter's. A frame from before a step gets the time of the update."""
+        """Monotonic stamp, and the adapter's. A frame from before a step gets the time of the update.
+
+        A wall clock that steps back by less than a second, as a virtual machine's does, does not step the stamps back.
+        """
+        stamp_ns, hardware_ns = self._read(ancillary)
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        return self._newest_ns, hardware_ns
+
+    def _read(self, ancillary: list[tuple[int, int, bytes]]) -> tuple[int, int]:
         for _, kind, data in ancillary:
             if kind == SO_TIMESTAMPING and len(data) >= STAMPS.size:
                 soft_s, soft_ns, _, _, hard_s, hard_ns = (int(number) for number in STAMPS.unpack_from(data))
