@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hil_bench import bench, judges, routes
 from hil_bench.case import Case, Need, Then
-from hil_bench.cases import CATALOGUE, catalogue_of
+from hil_bench.cases import CATALOGUE, catalogue_for, catalogue_of
 from hil_bench.cases.files import FILES
 from scenes import WIRE
 
@@ -20,7 +20,7 @@ TOOLS = ROOT / "tools"
 
 
 PROFILE = load_profile("reference")
-EVERY_CASE = catalogue_of(2)
+EVERY_CASE = (*catalogue_of(2), *catalogue_for(WIRE)[len(CATALOGUE) :])
 NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "C3", "C4", "C5", "F9", "S11", *(f"W{n}" for n in range(2, 9))}
 """Rows that are inside a controller or not on a bus; F9 and S11 need a vehicle without
 counters or a position."""
@@ -43,15 +43,16 @@ def test_every_case_has_a_unique_name_and_an_expectation() -> None:
     assert len(CATALOGUE) >= 60
     assert len({case.name for case in EVERY_CASE}) == len(EVERY_CASE)
     for case in EVERY_CASE:
-        assert case.see, case.name
+        assert case.see or case.measure or case.steps, case.name
+        assert all(step.see or step.measure for step in case.steps), case.name
         assert case.proves.endswith("."), case.name
         assert case.allow <= set(judges.KINDS), case.name
-        assert case.injected or case.inject is None, case.name
+        assert case.injected or (case.inject is None and not case.steps), case.name
         assert Need.REARM in case.needs or case.then is not Then.REARM, case.name
     assert {case.name for case in bench.select_cases((), (), quick=True)} < {case.name for case in CATALOGUE}
 
 
-@pytest.mark.parametrize("case", CATALOGUE, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", catalogue_for(WIRE), ids=lambda case: case.name)
 def test_every_trajectory_is_accepted_by_the_program_except_the_broken_ones(case: Case, tmp_path: Path) -> None:
     path = case.route().write(tmp_path / "route.csv")
     refused = find_violation(load_csv(path), PROFILE.limits, PROFILE.geometry.wheelbase_m)

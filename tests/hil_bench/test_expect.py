@@ -66,6 +66,8 @@ JUDGED: list[tuple[Expectation, Observation, Observation]] = [
     (expect.Standstill(2.0), observed(history=[at(6.5, 0.0)]), observed(history=[at(6.5, 1.0)])),
     (expect.NeverEnables(), observed(*steady(0, 8, released)), observed(*steady(0, 5, released), pair(5.5))),
     (expect.NeverEnables(at_all=True), observed(), observed(released(3.0))),
+    (expect.NeverDrives(), observed(*steady(5, 6, stop), *steady(6, 8)), observed(*steady(5, 5.9, stop), pair(5.95))),
+    (expect.NeverDrives(), observed(*steady(5, 6, released)), observed(pair(5.0), *steady(5.01, 6, released))),
     (expect.HazardLights(), replace(observed(), decoded=[lit(5.3)]), replace(observed(), decoded=[lit(4.0), lit(5.6)])),
     (expect.HazardLights(), replace(observed(), decoded=[lit(5.3)]), replace(observed(), decoded=[lit(5.3, on=0)])),
     (expect.StaysOut(), observed(*SILENT), observed(*SILENT, pair(7.0))),
@@ -145,4 +147,6 @@ def test_each_expectation_passes_on_the_right_observation_and_fails_on_the_wrong
 
 
 def test_every_expectation_of_the_catalogue_is_tested() -> None:
-    assert {type(e) for case in catalogue_of(2) for e in case.see} == {type(row[0]) for row in JUDGED}
+    assert {type(e) for case in catalogue_of(2) for e in case.see} | {expect.NeverDrives} == {
+        type(row[0]) for row in JUDGED
+    }

@@ -13,7 +13,7 @@ import pytest
 from hil_bench import cli
 from hil_bench.applicable import adapt, find_inapplicable, scale_for
 from hil_bench.case import Need, Then
-from hil_bench.cases import CATALOGUE
+from hil_bench.cases import CATALOGUE, catalogue_for
 from hil_bench.cases.files import FILES
 from hil_bench.expect import MomentaryAtMost
 from hil_bench.faults.base import NotApplicableError
@@ -358,7 +358,7 @@ def test_the_list_names_cases_that_do_not_apply(capsys: pytest.CaptureFixture[st
     assert "gear" in rows["gear-contradicts"]["not_applicable"]
     assert "not_applicable" not in rows["state-lost"]
     assert cli.main(["--list"]) == 0
-    assert capsys.readouterr().out.endswith(f"\n{len(CATALOGUE)} cases\n")
+    assert capsys.readouterr().out.endswith(f"\n{len(catalogue_for(WIRE))} cases\n")
 
 
 def test_a_speed_that_nothing_confirms_is_limited() -> None:

@@ -34,6 +34,7 @@ class BenchBus:
         """Everything that was on the bus."""
         self.vehicle, self._change = vehicle, change
         self._due_ns, self._inbox = S, list[CanFrame]()
+        self.ticks = 0
 
     def open(self) -> "BenchBus":
         return self
@@ -74,9 +75,10 @@ class BenchBus:
     def _tick(self) -> None:
         self.vehicle.move(self.vehicle.period_ns / S, self.now_ns)
         for frame in map(self._note, self.vehicle.next_frames()):
-            kind = {"is_extended": frame.is_extended, "is_fd": frame.is_fd}
+            kind = {"is_extended": frame.is_extended, "is_fd": frame.is_fd, "is_remote": frame.is_remote}
             self._inbox.append(CanFrame(frame.can_id, frame.data, frame.stamp_ns, bus=frame.bus, **kind))
         self._due_ns += self.vehicle.period_ns
+        self.ticks += 1
 
     def _note(self, frame: Frame) -> Frame:
         """Frames of one instant follow one another by 0.1 ms."""

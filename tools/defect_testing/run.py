@@ -21,7 +21,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from hil_bench import result
-from hil_bench.cases import CATALOGUE
+from hil_bench.cases import catalogue_for
+from hil_bench.peer.build import open_wire
 from hil_bench.result import CaseResult, Verdict
 from promise_testing.project_copy import PlanError, ProjectCopy
 
@@ -31,6 +32,7 @@ from defect_testing.findings import Findings, Outcome, Scope, sound_key
 from defect_testing.plan import MINIMAL, ROOT, Defect, draw_sample, find_faults, load_plan
 
 CHANNEL = "vcan0"
+CATALOGUE = catalogue_for(open_wire("reference"))
 CASES = tuple(case.name for case in CATALOGUE)
 QUICK = tuple(case.name for case in CATALOGUE if "quick" in case.tags)
 OF_THE_MACHINE = (

@@ -25,6 +25,8 @@ that, it sees nothing but the stop, and only creeps."""
 
 def find_inapplicable(case: Case, wire: Wire, parts: frozenset[Part] | None = None) -> str:
     """Why a case does not apply to a vehicle; empty if it does. `parts` are the vehicle's, if known already."""
+    if case.lacks:
+        return case.lacks
     there = parts_of(wire) if parts is None else parts
     lacking = [part.value for part in case.about if part not in there]
     if lacking:
@@ -66,6 +68,7 @@ def adapt(case: Case, wire: Wire) -> Case:
         reach_s=case.reach_s * slower,
         see=see,
         for_s=case.for_s * lasts + max(waited, default=0.0),
+        steps=tuple(replace(step, at_mps=None if step.at_mps is None else step.at_mps * share) for step in case.steps),
         max_path_error_m=error_m,
         then=then,
         needs=needs,

@@ -5,10 +5,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from hil_bench import routes
-from hil_bench.expect import Expectation
+from hil_bench.expect import Expectation, Measurement
 from hil_bench.faults.base import Injection
 from hil_bench.parts import Part
 from hil_bench.routes import Route
+from hil_bench.steps import Step
 
 
 class Then(StrEnum):
@@ -54,6 +55,12 @@ class Case:
     for_s: float = 0.5
     """Duration of the injection."""
     see: tuple[Expectation, ...] = ()
+    measure: tuple[Measurement, ...] = ()
+    """Thresholds that are read from the injection."""
+    steps: tuple[Step, ...] = ()
+    """Injections one after the other in one drive, in place of the one."""
+    lacks: str = ""
+    """What this vehicle's profile does not have, so that the case does not apply."""
     after_s: float = 0.0
     """Pause after the injection."""
     then: Then = Then.GOES_ON

@@ -13,7 +13,7 @@ from hil_bench import bench, listen, resume
 from hil_bench import result as results
 from hil_bench.applicable import find_inapplicable, scale_for
 from hil_bench.buses import describe_channels, read_channels
-from hil_bench.cases import CATALOGUE, catalogue_of
+from hil_bench.cases import catalogue_for
 from hil_bench.device import OWN, OWN_RECORDING, OWN_VIEWER, Commands, find_template_error
 from hil_bench.journal import JournalError
 from hil_bench.options import build_parser
@@ -109,7 +109,7 @@ def _bench(options: argparse.Namespace) -> int:
         is_here=not options.elsewhere,
     )
     channels = read_channels(options.channel, wire)
-    catalogue = catalogue_of(len(wire.buses))
+    catalogue = catalogue_for(wire)
     cases = bench.select_cases(options.case, options.tag, quick=options.quick, catalogue=catalogue)
     _turn_signals_into_interrupt()
     found = bench.observe_traffic(channels, wire, is_device_running=not options.device)
@@ -196,7 +196,7 @@ def _list(wire: Wire, *, as_json: bool) -> int:
     rows = [
         {"name": case.name, "fault": case.fault, "tags": list(case.tags), "proves": case.proves}
         | ({"not_applicable": why} if (why := find_inapplicable(case, wire, parts)) else {})
-        for case in catalogue_of(len(wire.buses))
+        for case in catalogue_for(wire)
     ]
     if as_json:
         print(json.dumps(rows, indent=1, ensure_ascii=False))
@@ -212,6 +212,6 @@ def _list(wire: Wire, *, as_json: bool) -> int:
 
 def _write_routes(folder: Path, wire: Wire) -> int:
     folder.mkdir(parents=True, exist_ok=True)
-    for route in {case.route().name: case.route() for case in CATALOGUE if case.breaks is None}.values():
+    for route in {case.route().name: case.route() for case in catalogue_for(wire) if case.breaks is None}.values():
         print(scale_for(route, wire).write(folder / f"{route.name}.csv", wire.frame_id))
     return PASSED

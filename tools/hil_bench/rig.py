@@ -78,10 +78,15 @@ class Rig:
         self._next_ns = 0
         self._of_device = frozenset(wire.of_device)
 
+    @property
+    def now_ns(self) -> int:
+        """Of the clock that stamps the frames."""
+        return time.monotonic_ns()
+
     def begin(self) -> None:
         """Start the case's clock; the vehicle transmits from the next tick."""
         self._witness = Witness()
-        self.begin_ns = self._next_ns = time.monotonic_ns()
+        self.begin_ns = self._next_ns = self.now_ns
 
     @property
     def lateness(self) -> Lateness:
@@ -118,15 +123,15 @@ class Rig:
 
     def run_for(self, duration_s: float) -> None:
         """Tick for this long."""
-        end_ns = time.monotonic_ns() + round(duration_s * S)
-        while time.monotonic_ns() < end_ns:
+        end_ns = self.now_ns + round(duration_s * S)
+        while self.now_ns < end_ns:
             self.tick()
 
     def wait_for(self, is_true: Callable[[], bool], within_s: float, what: str) -> bool:
         """Tick until the condition holds. False after `within_s`, which is then noted on the time line."""
-        end_ns = time.monotonic_ns() + round(within_s * S)
+        end_ns = self.now_ns + round(within_s * S)
         while not is_true():
-            if time.monotonic_ns() > end_ns:
+            if self.now_ns > end_ns:
                 self.note(EventKind.CLEAN_UP, f"waited {within_s:.0f} s in vain for {what}")
                 return False
             self.tick()
@@ -134,11 +139,11 @@ class Rig:
 
     def note(self, kind: EventKind, text: str, at_ns: int = 0) -> None:
         """Add an event to the time line (default: now)."""
-        self.events.append(Event(at_s=((at_ns or time.monotonic_ns()) - self.begin_ns) / S, kind=kind, text=text))
+        self.events.append(Event(at_s=((at_ns or self.now_ns) - self.begin_ns) / S, kind=kind, text=text))
 
     def mark_injection(self) -> None:
         """The fault begins now."""
-        self.inject_ns = time.monotonic_ns()
+        self.inject_ns = self.now_ns
 
     @property
     def is_engaged(self) -> bool:

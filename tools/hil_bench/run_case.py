@@ -5,7 +5,7 @@ import shutil
 import signal
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,19 +18,18 @@ from hil_bench.bus import is_virtual
 from hil_bench.buses import channel_options, describe_channels
 from hil_bench.case import Case, Then
 from hil_bench.device import Commands
-from hil_bench.expect import Observation
+from hil_bench.expect import Observation, check_measured, measure
 from hil_bench.faults.base import inject_nothing
 from hil_bench.peer.build import examine
 from hil_bench.result import CaseResult, Check, Event, EventKind, Evidence, Verdict
 from hil_bench.rig import Rig
 from hil_bench.routes import Route
 from hil_bench.stages import measure_stages
+from hil_bench.steps import Stretch, rearm, run_steps
 from hil_bench.violations import find_violations, mark_overdue
 from hil_bench.wire import Wire
 
 ENGAGE_S = 25.0
-REARM_S = 8.0
-REARM_AGAIN_S = 2.5
 HEALTHY_S = 0.8
 UNARMED_S = 0.7
 """Time in READY before the operator arms again; a device that is still armed would engage."""
@@ -110,9 +109,9 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
         rig.vehicle.drives_to(route.x_m[-1], route.y_m[-1])
         rig.device.log = config.folder / f"{name}.log"
         try:
-            _run_phases(rig, case)
+            stretches = run_phases(rig, case)
         finally:
-            killed = _clean_up(rig, case)
+            killed = clean_up(rig, case)
         rig.write_candump(config.folder / f"{name}.candump")
     finally:
         with _defer_signals():
@@ -121,7 +120,7 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
                 host.remove_cable()
             if case.recorded_mib:
                 host.remove_disk(Path(placeholders["record"]).parent)
-    result = _judge(config, case, rig, route, killed, repetition)
+    result = judge_case(config, case, rig, route, killed, stretches, repetition)
     ended_ns = time.monotonic_ns()
     return msgspec.structs.replace(
         result,
@@ -180,7 +179,9 @@ def _free_port() -> int:
         return port
 
 
-def _run_phases(rig: Rig, case: Case) -> None:
+def run_phases(rig: Rig, case: Case) -> list[Stretch]:
+    """Preparation, injection, and what comes after it; returns when each step of the case was carried out."""
+    stretches: list[Stretch] = []
     for attribute, value in case.setup.items():
         setattr(rig.vehicle.plant, attribute, value)
     if case.link_is_down:
@@ -192,21 +193,27 @@ def _run_phases(rig: Rig, case: Case) -> None:
         rig.run_for(SETTLE_S)
         rig.device.rearm()
     if case.at_mps < 0.0:
-        _inject(rig, case)
+        stretches = _inject(rig, case)
     elif rig.wait_for(lambda: rig.is_engaged or rig.device.poll() is not None, ENGAGE_S, "the device to engage"):
-        rig.engaged_ns = time.monotonic_ns()
+        rig.engaged_ns = rig.now_ns
         rig.note(EventKind.PREPARATION, "engaged", rig.engaged_ns)
         if case.at_mps > 0.0 and case.inject is not None:
             rig.wait_for(
                 lambda: abs(rig.vehicle.plant.speed_mps) >= case.at_mps, case.reach_s, f"{case.at_mps:.3g} m/s"
             )
-        _inject(rig, case)
+        stretches = _inject(rig, case)
     _after_injection(rig, case)
+    return stretches
 
 
-def _inject(rig: Rig, case: Case) -> None:
+def _inject(rig: Rig, case: Case) -> list[Stretch]:
+    if case.steps:
+        rig.mark_output()
+        stretches = run_steps(rig, case.steps, at_mps=max(0.0, case.at_mps))
+        rig.inject_ns = rig.touched_ns
+        return stretches
     if case.inject is None and case.at_mps >= 0.0:
-        return
+        return []
     rig.mark_injection()
     rig.touched_ns = rig.inject_ns
     rig.mark_output()
@@ -216,8 +223,9 @@ def _inject(rig: Rig, case: Case) -> None:
             count = len(rig.vehicle.history) + case.samples
             longest_s = 2.0 * case.samples * rig.wire.period_s
             rig.wait_for(lambda: len(rig.vehicle.history) >= count, longest_s, "the samples")
-        rig.end_ns = time.monotonic_ns()
-    rig.end_ns = max(rig.end_ns, time.monotonic_ns())
+        rig.end_ns = rig.now_ns
+    rig.end_ns = max(rig.end_ns, rig.now_ns)
+    return []
 
 
 def _after_injection(rig: Rig, case: Case) -> None:
@@ -246,32 +254,17 @@ def _after_injection(rig: Rig, case: Case) -> None:
         rig.note(EventKind.CLEAN_UP, "the vehicle is made ready, the device is not armed")
         rig.vehicle.make_ready()
         rig.run_for(UNARMED_S)
-    rig.then_ns = time.monotonic_ns()
+    rig.then_ns = rig.now_ns
     rig.mark_output()
     if case.then is Then.REARM or (case.then is Then.MAY_GO_ON and not rig.is_engaged):
-        _rearm(rig)
-    rig.healthy_ns = time.monotonic_ns()
+        rearm(rig)
+        rig.run_for(HEALTHY_S)
+    rig.healthy_ns = rig.now_ns
 
 
-def _rearm(rig: Rig) -> None:
-    """Make the vehicle ready, then arm the device, as an operator does; repeat until it engages."""
-    end_ns = time.monotonic_ns() + round(REARM_S * S)
-    rig.note(EventKind.CLEAN_UP, "the vehicle is made ready, the device is armed again")
-    while time.monotonic_ns() < end_ns and not rig.is_engaged:
-        rig.vehicle.make_ready()
-        rig.run_for(0.3)
-        rig.device.rearm()
-        again_ns = time.monotonic_ns() + round(REARM_AGAIN_S * S)
-        while not rig.is_engaged and time.monotonic_ns() < again_ns:
-            rig.tick()
-    if rig.is_engaged:
-        rig.note(EventKind.CLEAN_UP, "engaged again")
-    rig.run_for(HEALTHY_S)
-
-
-def _clean_up(rig: Rig, case: Case) -> list[str]:
+def clean_up(rig: Rig, case: Case) -> list[str]:
     """End the device; returns what had to be killed."""
-    rig.then_ns = rig.then_ns or time.monotonic_ns()
+    rig.then_ns = rig.then_ns or rig.now_ns
     if case.link_is_down:
         rig.set_link(up=True)
     try:
@@ -279,7 +272,7 @@ def _clean_up(rig: Rig, case: Case) -> list[str]:
             rig.device.stop()
             rig.wait_for(lambda: rig.device.poll() is not None or not rig.device.is_started, END_S, "the device to end")
             rig.run_for(0.05)
-        rig.exit_ns = rig.exit_ns or time.monotonic_ns()
+        rig.exit_ns = rig.exit_ns or rig.now_ns
         rig.exit_status = rig.device.poll()
     finally:
         killed = rig.device.kill()
@@ -288,7 +281,16 @@ def _clean_up(rig: Rig, case: Case) -> list[str]:
     return killed
 
 
-def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list[str], repetition: int) -> CaseResult:
+def judge_case(
+    config: BenchConfig,
+    case: Case,
+    rig: Rig,
+    route: Route,
+    killed: list[str],
+    stretches: Sequence[Stretch] = (),
+    repetition: int = 1,
+) -> CaseResult:
+    """The result of what was observed."""
     record = examine(rig.wire, rig.judged_frames())
     frames = rig.device_frames()
     observed = Observation(
@@ -299,6 +301,7 @@ def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list
         samples_ns=[sample.stamp_ns for sample in record.samples],
         pairs=record.pairs,
         decoded=[one for one in record.decoded if one.name in rig.wire.of_device],
+        told=[one for one in record.decoded if one.name not in rig.wire.of_device],
         frames=frames,
         history=rig.vehicle.history,
         exit_status=rig.exit_status,
@@ -315,6 +318,11 @@ def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list
         expected.append(one)
         events += at
         events += mark_overdue(one, observed.at_s(observed.inject_ns)) if observed.inject_ns else []
+    measured = measure(case.measure, observed)
+    for stretch in stretches:
+        found = stretch.judge(observed)
+        expected, events, measured = expected + found.checks, events + found.events, measured + found.measured
+    expected += map(check_measured, measured)
     on_path, drawn = judges.check_path(case, route, rig.vehicle.history)
     answers, distributions = judges.check_answers(case, record, observed, rig)
     protocol = judges.check_protocol(case, rig, record, observed)
@@ -334,6 +342,7 @@ def _judge(config: BenchConfig, case: Case, rig: Rig, route: Route, killed: list
         lateness=rig.lateness.describe(),
         checks=checks,
         events=figures.order_timeline(case, rig, observed, events),
+        measured=measured,
         distributions=distributions,
         plots=plots.draw_plots(rig.wire, observed, case.max_path_error_m),
         strips=plots.draw_strips(rig.wire, observed),

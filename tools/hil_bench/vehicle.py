@@ -88,6 +88,8 @@ class Vehicle:
     driver_brake: bool = False
     driver_throttle: bool = False
     driver_torque_nm: float = 0.0
+    yields_to_driver: bool = True
+    """False: what the driver does leaves its mode as it is."""
     can_engage: bool = True
     """False: it never enters AUTONOMOUS."""
     has_watchdog: bool = True
@@ -113,6 +115,7 @@ class Vehicle:
         """The driver releases pedals and wheel, acknowledges faults, and selects READY."""
         self.driver_brake = self.driver_throttle = False
         self.driver_torque_nm, self.fault_code = 0.0, 0
+        self.yields_to_driver = True
         self._reset_pairs()
         self.mode = READY
 
@@ -225,7 +228,7 @@ class Vehicle:
             self.gear = gear
 
     def _update_mode(self, now_ns: int) -> None:
-        if self.mode == AUTONOMOUS and self.is_driver_active:
+        if self.mode == AUTONOMOUS and self.is_driver_active and self.yields_to_driver:
             self.mode = MANUAL
             self._reset_pairs()
         if self.fault_code:

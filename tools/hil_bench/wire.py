@@ -278,6 +278,7 @@ class Wire:
         known |= dict.fromkeys(homes.get("report", ()), "CONTROLLER_STATUS")
         known[self.profile["status"]["signals"]["mode"].partition(".")[0]] = "VEHICLE_STATUS"
         self.sample: tuple[str, ...] = tuple(self.profile["state"]["sample"])
+        self.trigger = self.sample[-1]
         self.command = tuple(known[name] for name in commands)
         counter, crc = self.profile["e2e"]["counter_signal"], self.profile["e2e"]["crc_signal"]
         self._counter_signal = counter

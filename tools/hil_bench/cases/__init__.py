@@ -13,11 +13,14 @@ from hil_bench.cases.driver import DRIVER
 from hil_bench.cases.files import FILES
 from hil_bench.cases.frames import FRAMES
 from hil_bench.cases.manoeuvres import MANOEUVRES
+from hil_bench.cases.messages import message_cases
 from hil_bench.cases.plausibility import PLAUSIBILITY
 from hil_bench.cases.process import PROCESS
 from hil_bench.cases.state import STATE
+from hil_bench.cases.thresholds import threshold_cases
 from hil_bench.cases.timing import TIMING
 from hil_bench.cases.trajectory import TRAJECTORY
+from hil_bench.wire import Wire
 
 CATALOGUE: tuple[Case, ...] = (
     *MANOEUVRES,
@@ -39,3 +42,8 @@ CATALOGUE: tuple[Case, ...] = (
 def catalogue_of(buses: int) -> tuple[Case, ...]:
     """The cases of a vehicle with so many buses."""
     return CATALOGUE if buses == 1 else (*CATALOGUE, *BUSES)
+
+
+def catalogue_for(wire: Wire) -> tuple[Case, ...]:
+    """The cases of one vehicle: those of every vehicle, and those that are generated from its profile."""
+    return (*catalogue_of(len(wire.buses)), *threshold_cases(wire), *message_cases(wire))

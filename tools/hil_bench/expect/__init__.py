@@ -1,6 +1,14 @@
 """The vocabulary of expectations: what must be observed of a device in a case."""
 
-from hil_bench.expect.base import Expectation, Observation, check, not_applicable
+from hil_bench.expect.base import (
+    Expectation,
+    Measurement,
+    Observation,
+    check,
+    check_measured,
+    measure,
+    not_applicable,
+)
 from hil_bench.expect.commands import (
     Answers,
     DrivesOn,
@@ -9,6 +17,7 @@ from hil_bench.expect.commands import (
     GivesUp,
     LetsGo,
     MomentaryAtMost,
+    NeverDrives,
     NeverEnables,
     StaysOut,
     Stops,
@@ -27,8 +36,10 @@ __all__ = [
     "GivesUp",
     "HazardLights",
     "LetsGo",
+    "Measurement",
     "MomentaryAtMost",
     "NamesBus",
+    "NeverDrives",
     "NeverEnables",
     "Observation",
     "ReachesEnd",
@@ -38,5 +49,7 @@ __all__ = [
     "Stops",
     "WatchdogActs",
     "check",
+    "check_measured",
+    "measure",
     "not_applicable",
 ]

@@ -7,7 +7,7 @@ from typing import Protocol
 from vehicle_bus_contract.judge import Pair
 from vehicle_bus_contract.reference import DecodedFrame, Frame, S
 
-from hil_bench.result import Check, Event, Verdict
+from hil_bench.result import Check, Event, Measured, Verdict
 from hil_bench.routes import Route
 from hil_bench.vehicle import Instant
 from hil_bench.vocabulary import Wait
@@ -38,6 +38,8 @@ class Observation:
     route: Route
     wire: Wire
     """The vehicle's bus."""
+    told: Sequence[DecodedFrame] = ()
+    """Every intact frame of the vehicle."""
     said: str = ""
     """The device's output from the injection until the operator acts again."""
 
@@ -68,6 +70,38 @@ class Expectation(Protocol):
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
         """The check, and its events on the time line."""
         ...
+
+
+class Measurement(Protocol):
+    """Thresholds that can be read from an observation."""
+
+    def measure(self, observed: Observation) -> list[Measured]:
+        """Where the device acted."""
+        ...
+
+
+def measure(measurements: Iterable[Measurement], observed: Observation) -> list[Measured]:
+    """All of them; none before the injection has begun."""
+    return [one for each in measurements for one in each.measure(observed)] if observed.inject_ns else []
+
+
+def check_measured(measured: Measured) -> Check:
+    """A threshold as a requirement."""
+    place = f", {measured.place}" if measured.place else ""
+    ends = [
+        f"{word} {end:.4g}"
+        for word, end in (("at least", measured.lowest), ("at most", measured.highest))
+        if end is not None
+    ]
+    found = "it did not act" if measured.acts_at is None else f"acts at {measured.acts_at:.4g} {measured.unit}"
+    return Check(
+        text=f"{measured.name}{place}: acts at {' and '.join(ends)} {measured.unit} (profile {measured.profile:.4g})",
+        verdict=measured.verdict,
+        measured=measured.acts_at,
+        limit=measured.highest,
+        unit=measured.unit,
+        found=[] if measured.verdict is Verdict.PASS else [found],
+    )
 
 
 def check(text: str, wrong: Iterable[str], measured: float | None = None, limit: float | None = None) -> Check:

@@ -13,6 +13,7 @@ from hil_bench.vocabulary import Wait
 
 STOP_S = 0.150
 GAP_PERIODS = 5
+MOVES_MPS = 0.05
 
 
 @dataclass(frozen=True)
@@ -224,6 +225,26 @@ class NeverEnables:
             return check("the device sends no frame at all", wrong), []
         pairs = observed.between(observed.begin_ns, observed.end_ns)
         return check("never ENABLE = 1", [describe(observed, pair) for pair in pairs if pair.is_enabled]), []
+
+
+@dataclass(frozen=True)
+class NeverDrives:
+    """No command that drives until the injection is over: at most stops, or ENABLE = 0.
+
+    Where no signal says that a command is a stop, the vehicle must not move.
+    """
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        if not observed.wire.has_stop_signal:
+            moving = (
+                f"{observed.at_s(instant.at_ns):.3f} s: {instant.speed_mps:.2f} m/s"
+                for instant in observed.history
+                if observed.inject_ns <= instant.at_ns < observed.end_ns and abs(instant.speed_mps) > MOVES_MPS
+            )
+            return check("the vehicle does not move", moving), []
+        pairs = observed.between(observed.inject_ns, observed.end_ns)
+        wrong = [describe(observed, pair) for pair in pairs if pair.is_enabled and not pair.is_stop]
+        return check("no command that drives", wrong), []
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,11 @@ def change_frames(change: Change, *, of_status: bool = False, count: int = ALWAY
     return inject
 
 
+def change_message(name: str, change: Change) -> Injection:
+    """Change every frame of one message."""
+    return lambda rig: with_fault(rig, _ChangedFrames((name,), ALWAYS, lambda tx: change(rig, tx)))
+
+
 class _MutedBus(Fault):
     def __init__(self, bus: int) -> None:
         self._bus = bus
@@ -116,7 +121,25 @@ def with_probability(share: float, change: Change) -> Change:
     return lambda rig, tx: change(rig, tx) if rig.random.random() < share else [tx.frame]
 
 
+def lengthen(_rig: Rig, tx: TxFrame) -> list[Frame]:
+    """Add a byte."""
+    return [replace(tx.frame, data=tx.frame.data + b"\0")]
+
+
+def repeat(_rig: Rig, tx: TxFrame) -> list[Frame]:
+    """Send it twice."""
+    return [tx.frame, tx.frame]
+
+
 # Counters
+
+
+def hold_counter(rig: Rig, tx: TxFrame) -> list[Frame]:
+    """Keep the counter at 1, under a good checksum."""
+    decoded = rig.wire.intact(tx.frame)
+    assert decoded is not None
+    signals = {name: value for name, value in decoded.signals.items() if name != "COUNTER"}
+    return [rig.wire.pack(decoded.name, 1, **signals)]
 
 
 def change_counter(choose: Callable[[int], int]) -> Injection:

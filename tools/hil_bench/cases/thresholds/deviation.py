@@ -1,0 +1,186 @@
+"""How far a vehicle may leave its path, its heading and its speed."""
+
+import math
+from collections.abc import Callable
+
+from hil_bench.case import Case, Need, Then
+from hil_bench.cases.thresholds.common import (
+    ANYTHING,
+    FAST_MPS,
+    SLOW_MPS,
+    USUAL_MPS,
+    Numbers,
+    backwards,
+    bend,
+    straight,
+)
+from hil_bench.expect.thresholds import Limit, Quantity, StopAt, distance_m, heading_error_rad, speed_mps
+from hil_bench.faults import growing, vehicle
+from hil_bench.faults.base import Injection
+from hil_bench.routes import Route
+from hil_bench.steps import Step
+from hil_bench.wire import Wire
+
+SAMPLES = 3.0
+"""The value may go on for this many samples until the stop is on the bus."""
+DRIFT_MPS = 4.0
+TURN_SHARE = 0.9
+"""Of the greatest wheel angle."""
+TURN_MPS = 2.0
+NOISE = 0.02
+NO_STOP = "no signal says that a command is a stop, and the vehicle is braked for its speed anyway"
+
+
+def deviation_cases(wire: Wire) -> tuple[Case, ...]:
+    """For one vehicle."""
+    numbers = Numbers(wire)
+    lateral = "deviation.lateral_stop_m"
+    lost = "" if not wire.loses_its_place else "the vehicle has no position on its bus: where it drifts cannot be seen"
+    no_way_back = "" if wire.can_reverse else "the vehicle has no command to drive backwards"
+    fast_mps = numbers.true_mps(FAST_MPS, FAST_MPS + 1.0)
+    beside = [
+        ("straight", "forwards", straight(), USUAL_MPS, DRIFT_MPS, lost),
+        ("bend", "in a bend of 25 m", bend(), USUAL_MPS, DRIFT_MPS, lost),
+        (
+            "fast",
+            f"at {fast_mps:.3g} m/s",
+            straight(900.0, FAST_MPS + 1.0),
+            FAST_MPS,
+            2.0 * DRIFT_MPS,
+            lost,
+        ),
+        ("backwards", "backwards", backwards(), 0.6 * USUAL_MPS, DRIFT_MPS, lost or no_way_back),
+    ]
+    cases = [
+        _case(
+            f"threshold-lateral-{name}",
+            "A vehicle that leaves its path is stopped at the profile's distance, to either side.",
+            route,
+            at_mps,
+            [
+                _step(
+                    numbers, lateral, "distance from the path", "m", distance_m, drift_mps,
+                    f"to the {side}, {where}", _drift(way * drift_mps),
+                    limit_s=2.0,
+                )
+                for side, way in (("left", 1.0), ("right", -1.0))
+            ],
+            numbers.lacks(lateral) or lacks,
+        )
+        for name, where, route, at_mps, drift_mps, lacks in beside
+    ]  # fmt: skip
+    cases.append(_heading(numbers, lost))
+    return (*cases, *_along(numbers, no_way_back))
+
+
+def _drift(to_left_mps: float) -> Injection:
+    return growing.take_back(vehicle.change_vehicle(plant_drift_mps=to_left_mps))
+
+
+def _heading(numbers: Numbers, lost: str) -> Case:
+    key = "deviation.heading_stop_rad"
+    wheel_rad = TURN_SHARE * numbers["limits.front_wheel_angle_rad"]
+    wheelbase_m, stop_rad = numbers["geometry.wheelbase_m"], numbers.or_else(key, 0.8)
+    radius_m = wheelbase_m / math.tan(wheel_rad)
+    beside_m = radius_m * (1.0 - math.cos(stop_rad))
+    if beside_m > TURN_SHARE * numbers.or_else("deviation.lateral_stop_m", math.inf):
+        lost = lost or "the vehicle turns so wide that it is stopped for its distance from the path first"
+    steps = [
+        _step(
+            numbers,
+            key,
+            "heading error",
+            "rad",
+            heading_error_rad,
+            TURN_MPS / radius_m,
+            f"to the {side}",
+            growing.turn_away(way * wheel_rad, numbers["limits.front_wheel_rate_radps"]),
+            limit_s=4.0 * max(1.0, radius_m / 4.0),
+        )
+        for side, way in (("left", 1.0), ("right", -1.0))
+    ]
+    proves = "A vehicle that turns away from its path is stopped at the profile's angle, to either side."
+    lacks = numbers.lacks(key) or lost
+    return _case("threshold-heading", proves, straight(speed_mps=TURN_MPS + 0.5), TURN_MPS, steps, lacks)
+
+
+def _along(numbers: Numbers, no_way_back: str) -> list[Case]:
+    """Too fast, and against the direction of travel."""
+    wire = numbers.wire
+    over, roll = "deviation.overspeed_mps", "deviation.rollback_mps"
+    most_mps = numbers["limits.speed_max_mps"] + numbers.or_else(over, 0.0)
+    no_stop = "" if wire.has_stop_signal else NO_STOP
+    no_sign = "" if wire.measures_backwards else "the vehicle's measured speed has no sign"
+    cases = []
+    for name, where, slow, fast, lacks in (
+        ("forwards", "forwards", straight(), straight(1200.0, 8.0), ""),
+        ("backwards", "backwards", backwards(), backwards(900.0, 6.0), no_way_back),
+    ):
+        too_fast = _step(
+            numbers, over, "speed", "m/s", speed_mps, wire.tow_mps2, where, growing.tow_along(), limit_s=3.0,
+            stated=most_mps,
+        )  # fmt: skip
+        rolls = _step(
+            numbers, roll, "speed against the direction of travel", "m/s", speed_mps, 7.0, where,
+            growing.push_against_travel(7.0), limit_s=1.5,
+        )  # fmt: skip
+        lacks = no_stop or lacks
+        proves = "A vehicle that is too fast for the profile is stopped."
+        cases.append(_case(f"threshold-overspeed-{name}", proves, fast, 4.0, [too_fast], numbers.lacks(over) or lacks))
+        proves = "A vehicle that rolls against its direction of travel as fast as the profile says is stopped."
+        lacks = numbers.lacks(roll) or no_sign or lacks
+        cases.append(_case(f"threshold-rollback-{name}", proves, slow, SLOW_MPS, [rolls], lacks))
+    return cases
+
+
+def _step(
+    numbers: Numbers,
+    key: str,
+    name: str,
+    unit: str,
+    of: Quantity,
+    per_s: float,
+    place: str,
+    inject: Injection,
+    *,
+    limit_s: float,
+    stated: float | None = None,
+) -> Step:
+    """`per_s`: how fast the quantity grows."""
+    profile = numbers.or_else(key, 0.0) if stated is None else stated
+    late = per_s * (SAMPLES * numbers.wire.period_s + numbers.inferred_s)
+    limit = Limit(
+        key=key,
+        name=name,
+        unit=unit,
+        profile=profile,
+        lowest=profile - NOISE - 0.02 * profile,
+        highest=profile + NOISE + 0.02 * profile + late,
+        place=place,
+    )
+    return Step(name=place, inject=inject, for_s=limit_s, measure=(StopAt(limit=limit, of=of),), is_left_alone=True)
+
+
+def _case(
+    name: str,
+    proves: str,
+    route: Callable[[], Route],
+    at_mps: float,
+    steps: list[Step],
+    lacks: str,
+) -> Case:
+    return Case(
+        name=name,
+        fault="C2",
+        tags=("thresholds", "deviation"),
+        proves=proves,
+        injected=f"the vehicle leaves {'its path' if 'lateral' in name else 'what was asked'} further and further",
+        route=route,
+        at_mps=at_mps,
+        steps=tuple(steps),
+        lacks=lacks,
+        then=Then.REARM,
+        needs=(Need.REARM,),
+        allow=ANYTHING,
+        answers_in_time=False,
+    )

@@ -1,0 +1,141 @@
+"""Between two samples: how far values may change, how long they may be frozen, how many may be lost."""
+
+from hil_bench.case import Case, Need, Then
+from hil_bench.cases.thresholds.common import ANYTHING, USUAL_MPS, Numbers, straight
+from hil_bench.expect.thresholds import FirstDropped, Limit, StopAfter
+from hil_bench.faults import growing, signals
+from hil_bench.steps import Step
+from hil_bench.wire import Wire
+
+EVERY = 25
+"""Samples between two changed ones: so many sound ones that single glitches do not persist."""
+COUNT = 12
+"""Sizes that are tried; the threshold lies in their middle."""
+NO_PLACE = "the vehicle has no position on its bus"
+
+
+def sample_cases(wire: Wire) -> tuple[Case, ...]:
+    """For one vehicle."""
+    numbers = Numbers(wire)
+    return (_jumps(numbers), _frozen(numbers), _counters(numbers))
+
+
+def _jumps(numbers: Numbers) -> Case:
+    wire = numbers.wire
+    moved_m = numbers.true_mps(USUAL_MPS, USUAL_MPS) * wire.period_s
+    grows_mps = numbers.or_else("plausibility.accel_mps2", 0.0) * wire.period_s
+    turned_rad = 0.1 * wire.period_s
+    found = (
+        ("plausibility.position_tolerance_m", "jump of the position", "m", moved_m, ("POS_Y",)),
+        ("plausibility.speed_tolerance_mps", "jump of the speed", "m/s", grows_mps, ("SPEED",)),
+        ("plausibility.heading_tolerance_rad", "jump of the heading", "rad", turned_rad, ("HEADING",)),
+    )
+    steps = []
+    for key, name, unit, more, names in found:
+        stated = numbers.find(key)
+        if stated is None or not all(map(wire.has, names)) or (wire.loses_its_place and "SPEED" not in names):
+            continue
+        for side, way in (("upwards", 1.0), ("downwards", -1.0)):
+            step = way * 1.6 * (stated + more) / COUNT
+            limit = Limit(
+                key=key, name=name, unit=unit, profile=stated, lowest=stated - abs(step) * 1.1,
+                highest=stated + more + abs(step) * 1.1, place=side,
+            )  # fmt: skip
+            steps.append(
+                Step(
+                    name=f"{name}, {side}",
+                    inject=growing.offset_each(EVERY, step, *names),
+                    for_s=(COUNT + 1) * EVERY * wire.period_s,
+                    measure=(FirstDropped(limit=limit, every=EVERY, step=abs(step)),),
+                    is_left_alone=True,
+                )
+            )
+    return Case(
+        name="threshold-jumps",
+        fault="S3",
+        tags=("thresholds", "plausibility"),
+        proves="A sample whose values have changed by more than the profile allows is dropped.",
+        injected=f"one sample of {EVERY} is changed, each time by more",
+        route=straight(speed_mps=USUAL_MPS + 0.3),
+        steps=tuple(steps),
+        lacks="" if steps else "the profile has no [plausibility] for a value on its bus",
+        then=Then.REARM,
+        needs=(Need.REARM,),
+        allow=ANYTHING,
+        answers_in_time=False,
+    )
+
+
+def _frozen(numbers: Numbers) -> Case:
+    keys = ("plausibility.frozen_time_s", "plausibility.frozen_distance_m", "plausibility.frozen_min_speed_mps")
+    lacks = numbers.lacks(*keys)
+    time_s, way_m = numbers.or_else(keys[0], 0.1), numbers.or_else(keys[1], 0.5)
+    steps = []
+    for at_mps in (USUAL_MPS, 8.0):
+        true_mps = numbers.true_mps(at_mps, 9.0)
+        stated_s = min(time_s, way_m / true_mps)
+        persists_s = 4.0 * numbers.wire.period_s
+        limit = Limit(
+            key=keys[0] if stated_s == time_s else keys[1], name="frozen values", unit="s", profile=stated_s,
+            lowest=stated_s - 2.0 * numbers.wire.period_s,
+            highest=stated_s + persists_s + numbers.late_s + numbers.inferred_s, place=f"at {true_mps:.3g} m/s",
+        )  # fmt: skip
+        steps.append(
+            Step(
+                name=f"frozen at {at_mps:g} m/s",
+                inject=signals.freeze_sample(),
+                for_s=stated_s + 0.6,
+                at_mps=at_mps,
+                measure=(StopAfter(limit=limit, is_from_injection=True),),
+                is_left_alone=True,
+            )
+        )
+    return Case(
+        name="threshold-frozen",
+        fault="S4",
+        tags=("thresholds", "plausibility"),
+        proves="A vehicle whose position is frozen, while its speed is not zero, is stopped in the profile's time.",
+        injected="all values of the sample are frozen, under a live counter",
+        route=straight(speed_mps=9.0),
+        steps=tuple(steps),
+        lacks=lacks or (NO_PLACE if numbers.wire.loses_its_place else ""),
+        then=Then.REARM,
+        needs=(Need.REARM,),
+        allow=ANYTHING,
+        answers_in_time=False,
+    )
+
+
+def _counters(numbers: Numbers) -> Case:
+    wire = numbers.wire
+    protections = [wire.protection_of(name) for name in wire.sample]
+    counted = [one for one in protections if one.counters]
+    most = min((one.max_step for one in counted), default=0)
+    fewest = min((one.counters for one in counted), default=0)
+    lacks = "" if counted and len(counted) == len(protections) else "no counter in every message of its samples"
+    if not lacks and fewest <= most + 2:
+        lacks = "its counters have so few values that every step is allowed"
+    limit = Limit(
+        key="e2e.max_counter_step", name="greatest counter step that is accepted", unit="", profile=float(most),
+        lowest=float(most), highest=float(most),
+    )  # fmt: skip
+    step = Step(
+        name="counter steps that grow",
+        inject=growing.skip_each(EVERY),
+        for_s=(most + 3) * EVERY * wire.period_s,
+        measure=(FirstDropped(limit=limit, every=EVERY, step=1.0),),
+    )
+    return Case(
+        name="threshold-counter-step",
+        fault="F3",
+        tags=("thresholds", "frames", "e2e", "quick"),
+        proves="A sample whose counter steps further than the profile allows is no sample; one step less is accepted.",
+        injected=f"before one sample of {EVERY} the counter skips, each time one value more",
+        route=straight(),
+        steps=(step,),
+        lacks=lacks,
+        then=Then.REARM,
+        needs=(Need.REARM,),
+        allow=ANYTHING,
+        answers_in_time=False,
+    )
