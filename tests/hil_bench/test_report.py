@@ -566,3 +566,15 @@ def test_the_terminal_does_not_list_what_an_interruption_left_out() -> None:
     assert "no adapter" in words
     assert words.partition("Not passed")[2].count(why) == 1
     assert "3 not executed" in words
+
+
+def test_the_page_begins_with_the_version_of_the_device_and_the_hash_of_its_files(tmp_path: Path) -> None:
+    known = {"device_version": "loop <1.2>", "device_hash": "0123456789abcdef" * 4}
+    old = example_run.run_of([case()])
+    new = msgspec.structs.replace(old, **known)
+    text = page_of(new, tmp_path, compared_with=old).text
+    assert text.index("loop <1.2>") < text.index("Class of evidence")
+    assert text.index("0123456789ab") < text.index("Class of evidence")
+    assert f"{known['device_hash']}" in text[text.index("Environment of this run") :]
+    names = [name for name, _, _ in compare.differences(old, new).environment]
+    assert names == ["version of the device", "files of the device (SHA-256)"]

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import msgspec
 import pytest
-from hil_bench import bench, cli, identity, journal, options, resume, run_case
+from hil_bench import bench, cli, identity, journal, options, result, resume, run_case
 from hil_bench.case import Case
 from hil_bench.cases.files import FILES
 from hil_bench.device import Commands
@@ -166,3 +166,39 @@ def test_a_package_is_identified_by_all_its_files() -> None:
 @pytest.mark.parametrize("command", ["no-such-program --version", "false", "sh -c 'kill $$'"])
 def test_a_device_without_a_version_has_none(command: str) -> None:
     assert identified("python3 x.py", command).version == ""
+
+
+def test_an_interrupted_command_line_is_continued_to_a_complete_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = [case.name for case in CASES]
+    executed: list[str] = []
+
+    def run(config: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+        executed.append(case.name)
+        if executed == names[:2]:
+            raise KeyboardInterrupt
+        return run_case.unjudged_result(config, case, repetition, "", Verdict.PASS)
+
+    monkeypatch.setattr(run_case, "run", run)
+    monkeypatch.setattr(bench, "observe_traffic", lambda *_, **__: [])
+    monkeypatch.setattr(cli, "_turn_signals_into_interrupt", lambda: None)
+    monkeypatch.chdir(tmp_path)
+    chosen = [word for name in names for word in ("--case", name)]
+    assert cli.main(["--channel", "vcan9", "--out", "report", *chosen]) == cli.INTERRUPTED
+    assert "--resume report" in capsys.readouterr().err
+    half = result.read(tmp_path / "report" / "results.json")
+    assert [case.verdict for case in half.cases] == [PASSES, *[Verdict.NOT_EXECUTED] * 3]
+    monkeypatch.setattr(bench, "observe_traffic", lambda *_, **__: ["0x080 100 times a second"])
+    assert cli.main(["--resume", "report"]) == cli.BAD_USAGE
+    assert "end the device that the interrupted run has left" in capsys.readouterr().err
+    assert result.read(tmp_path / "report" / "results.json") == half
+    monkeypatch.setattr(bench, "observe_traffic", lambda *_, **__: [])
+    assert cli.main(["--resume", "report"]) == cli.PASSED
+    assert executed == [*names[:2], *names[1:]]
+    whole = result.read(tmp_path / "report" / "results.json")
+    assert [(case.name, case.verdict) for case in whole.cases] == [(name, PASSES) for name in names]
+    assert whole.began == half.began
+    assert len(whole.faults) > 50
+    assert not (tmp_path / "report" / journal.NAME).exists()
+    assert cli.main(["--resume", "report"]) == cli.BAD_USAGE

@@ -117,6 +117,11 @@ def _bench(options: argparse.Namespace) -> int:
         raise bench.BenchError("--beside is for vehicles on one bus, and for a device that --device starts")
     for channel in options.beside:
         found += bench.observe_traffic((channel,), wire)
+    if options.resume and found and not options.despite_traffic:
+        raise JournalError(
+            f"--resume {options.resume}: {describe_channels(channels, wire)} has traffic: {'; '.join(found[:6])}; "
+            "end the device that the interrupted run has left"
+        )
     if options.real_vehicle or (found and not _is_confirmed(options, wire, channels, found)):
         run = listen.run(wire, channels, folder, options.duration, found, real_vehicle=options.real_vehicle)
         run = results.judge_strictly(run) if options.strict else run

@@ -175,7 +175,17 @@ def _loud(old: Run, new: Run) -> list[str]:
 
 
 def _environment(old: Run, new: Run) -> list[tuple[str, str, str]]:
-    then, now = ({"device": r.device, "channel": r.channel, "seed": str(r.seed), **r.environment} for r in (old, new))
+    then, now = (
+        {
+            "device": run.device,
+            "version of the device": run.device_version,
+            "files of the device (SHA-256)": run.device_hash,
+            "channel": run.channel,
+            "seed": str(run.seed),
+            **run.environment,
+        }
+        for run in (old, new)
+    )
     return [
         (name, then.get(name, "—"), now.get(name, "—"))
         for name in dict.fromkeys([*then, *now])
