@@ -12,7 +12,7 @@ STAGES = (
     "engaging",
     "driving to the injection",
     "injection and reaction",
-    "after it",
+    "rest of the drive",
     "end of the device",
     "files and verdict",
 )
