@@ -35,6 +35,7 @@ SOUND = (
     "threshold-frozen",
     "threshold-counter-step",
     "threshold-driver-torque",
+    "threshold-gear-change",
     "driver-signals-alone",
     "override-lasts",
     "wrong-from-the-start",
@@ -80,6 +81,7 @@ def test_the_program_acts_where_its_profile_says(name: str, tmp_path: Path) -> N
         ("max_counter_step = 3", "max_counter_step = 5", "threshold-counter-step"),
         ("driver_steer_torque_nm = 3.0", "driver_steer_torque_nm = 4.0", "threshold-driver-torque"),
         ("position_tolerance_m = 0.5", "position_tolerance_m = 1.0", "threshold-jumps"),
+        ("gear_change_speed_mps = 0.5", "gear_change_speed_mps = 5.0", "threshold-gear-change"),
         ("frozen_time_s = 0.09", "frozen_time_s = 0.3", "threshold-frozen"),
     ],
 )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from vehicle_bus_contract.judge import Pair
-from vehicle_bus_contract.reference import S
+from vehicle_bus_contract.reference import NO_REQUEST, S
 
 from hil_bench.expect.base import Observation
 from hil_bench.result import Measured
@@ -285,6 +285,21 @@ class StopsUntilHeld:
         begun = sum(not before.is_stop and pair.is_stop for before, pair in pairwise(pairs))
         is_held = bool(pairs) and pairs[-1].is_stop
         return self.limit.at(float(begun) if is_held else None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearRequestedAt:
+    """The greatest speed at which a gear is requested; 0 if none is."""
+
+    limit: Limit
+
+    def measure(self, observed: Observation) -> list[Measured]:
+        asked = [
+            instant_before(observed, pair.stamp_ns)
+            for pair in observed.between(observed.inject_ns, observed.then_ns)
+            if pair.drive.signals.get("GEAR_REQUEST", NO_REQUEST) != NO_REQUEST
+        ]
+        return self.limit.at(max((abs(instant.speed_mps) for instant in asked if instant is not None), default=0.0))
 
 
 def instant_before(observed: Observation, stamp_ns: int) -> Instant | None:

@@ -3,6 +3,7 @@
 from hil_bench.case import Case
 from hil_bench.cases.thresholds.deviation import deviation_cases
 from hil_bench.cases.thresholds.driver import driver_cases
+from hil_bench.cases.thresholds.gear import gear_cases
 from hil_bench.cases.thresholds.samples import sample_cases
 from hil_bench.cases.thresholds.stops import stop_cases
 from hil_bench.cases.thresholds.times import time_cases
@@ -11,5 +12,5 @@ from hil_bench.wire import Wire
 
 def threshold_cases(wire: Wire) -> tuple[Case, ...]:
     """The cases of one vehicle; what its profile lacks is in `Case.lacks`."""
-    kinds = (time_cases, deviation_cases, stop_cases, driver_cases, sample_cases)
+    kinds = (time_cases, deviation_cases, stop_cases, driver_cases, sample_cases, gear_cases)
     return tuple(case for kind in kinds for case in kind(wire))
