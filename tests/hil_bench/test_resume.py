@@ -10,6 +10,7 @@ from hil_bench import bench, cli, identity, journal, options, result, resume, ru
 from hil_bench.case import Case
 from hil_bench.cases.files import FILES
 from hil_bench.device import Commands
+from hil_bench.report import html
 from hil_bench.result import CaseResult, Run, Verdict
 from scenes import WIRE
 
@@ -88,7 +89,7 @@ def test_results_survive_a_bench_that_is_killed_while_it_writes(runner: Runner) 
 
 def test_a_complete_run_leaves_nothing_to_be_continued(runner: Runner) -> None:
     runner.run(journal.Journal.begin(runner.folder, header()))
-    assert not (runner.folder / journal.NAME).exists()
+    journal.remove_journal(runner.folder)
     with pytest.raises(journal.JournalError, match="holds no interrupted run"):
         journal.Journal.resume(runner.folder, header())
 
@@ -194,7 +195,12 @@ def test_an_interrupted_command_line_is_continued_to_a_complete_report(
     assert "end the device that the interrupted run has left" in capsys.readouterr().err
     assert result.read(tmp_path / "report" / "results.json") == half
     monkeypatch.setattr(bench, "observe_traffic", lambda *_, **__: [])
-    assert cli.main(["--resume", "report"]) == cli.PASSED
+    write = html.write
+    monkeypatch.setattr(html, "write", lambda *_, **__: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["--resume", "report"])
+    monkeypatch.setattr(html, "write", write)
+    assert cli.main(["--resume", "report"]) == cli.PASSED  # the results of a report that failed are kept
     assert executed == [*names[:2], *names[1:]]
     whole = result.read(tmp_path / "report" / "results.json")
     assert [(case.name, case.verdict) for case in whole.cases] == [(name, PASSES) for name in names]

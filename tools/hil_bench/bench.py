@@ -157,8 +157,6 @@ def run(plan: Plan, listener: ProgressListener) -> Run:
         faults=list_fault_rows(plan.catalogue),
         cases=done,
     )
-    if journal and not interrupted:
-        journal.close()
     if plan.is_strict:
         report = results.judge_strictly(report)
     listener.on_run_end(report)

@@ -15,7 +15,7 @@ from hil_bench.applicable import find_inapplicable, scale_for
 from hil_bench.buses import describe_channels, read_channels
 from hil_bench.cases import catalogue_for
 from hil_bench.device import OWN, OWN_RECORDING, OWN_VIEWER, Commands, find_template_error
-from hil_bench.journal import JournalError
+from hil_bench.journal import JournalError, remove_journal
 from hil_bench.options import build_parser
 from hil_bench.parts import parts_of
 from hil_bench.peer.build import open_wire
@@ -163,6 +163,7 @@ def _write_reports(run: Run, folder: Path, old: Run | None, options: argparse.Na
     if run.interrupted:
         print(f"hil-bench: {resume.describe_interruption(run.interrupted, folder)}", file=sys.stderr)
         return INTERRUPTED
+    remove_journal(folder)
     return STATUS[run.verdict]
 
 

@@ -1,7 +1,7 @@
 """The journal of a run: what was executed is on the disk at once, so that an interrupted run can be continued.
 
-The first line of `unfinished.jsonl` says what is run, each further line is the result of one case. A complete run
-deletes it.
+The first line of `unfinished.jsonl` says what is run, each further line is the result of one case. It is removed when
+the run is complete and its reports are written.
 """
 
 import os
@@ -100,10 +100,6 @@ class Journal:
         """Write a result to the disk. Raises `OSError`."""
         self._append(case)
 
-    def close(self) -> None:
-        """The run is complete: nothing is left to be continued."""
-        self._path.unlink(missing_ok=True)
-
     def _append(self, entry: Header | CaseResult) -> None:
         with open(self._path, "ab") as file:
             file.write(msgspec.json.encode(entry) + b"\n")
@@ -120,3 +116,8 @@ def read_journal(folder: Path) -> tuple[Header, list[CaseResult]]:
         raise JournalError(f"{folder}: holds no interrupted run ({NAME} is missing)") from None
     except (OSError, ValueError, msgspec.MsgspecError) as error:
         raise JournalError(f"{folder / NAME}: cannot be read: {error}") from None
+
+
+def remove_journal(folder: Path) -> None:
+    """Nothing is left to be continued. Raises `OSError`."""
+    (folder / NAME).unlink(missing_ok=True)
