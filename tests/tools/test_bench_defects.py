@@ -52,7 +52,7 @@ def test_every_change_occurs_once_and_every_case_and_flag_exists() -> None:
 
 
 def test_the_plan_has_at_least_sixty_visible_defects_of_both_controllers() -> None:
-    visible = [defect for defect in PLAN if defect.cases and not defect.unseen]
+    visible = [defect for defect in PLAN if defect.is_visible and not defect.unseen]
     assert len(visible) >= 60
     assert {defect.is_minimal for defect in visible} == {False, True}
 
@@ -125,8 +125,8 @@ def test_a_defect_that_its_cases_missed_is_open_again_with_other_cases() -> None
 
 def test_a_case_that_the_sound_device_fails_catches_nothing() -> None:
     findings = found(BRAKES, FAILS)
-    assert findings.catch(BRAKES) == FAILS
-    findings.sound[sound_key("state-lost", minimal=False, timing=False)] = False
+    assert findings.catch(BRAKES) == (Scope.NAMED, FAILS)
+    findings.sound[sound_key(BRAKES, "state-lost", Scope.NAMED)] = False
     assert findings.catch(BRAKES) is None
 
 
@@ -143,6 +143,15 @@ def test_shares_count_what_was_measured_and_leave_out_what_cannot_be_seen() -> N
     assert share_caught([BRAKES, HIDDEN], found(BRAKES, PASSES)) == (0, 1, 1)
     assert share_caught([BRAKES, HIDDEN], found(BRAKES, PASSES), quick) == (0, 0, 1)
     assert share_caught([BRAKES], found(BRAKES, PASSES, Scope.QUICK), quick) == (0, 1, 1)
+
+
+def test_what_was_caught_in_virtual_time_is_still_open_on_the_bus_and_says_so() -> None:
+    findings = found(BRAKES, FAILS, Scope.VIRTUAL_NAMED)
+    assert list(find_open([BRAKES, LATE], findings, Scope.VIRTUAL_NAMED)) == []  # the lateness of a loop is not virtual
+    assert list(find_open([BRAKES], findings, Scope.NAMED)) == [BRAKES]
+    assert share_caught([BRAKES], findings) == (1, 1, 1)
+    assert share_caught([BRAKES], findings, virtual=False) == (0, 0, 1)
+    assert "*in virtual time* `state-lost`" in make_page([BRAKES], findings, frozenset(QUICK))
 
 
 def test_the_page_tells_caught_missed_and_not_measured_apart() -> None:

@@ -17,6 +17,26 @@ class Scope(StrEnum):
     """Those that the plan expects to catch the defect."""
     QUICK = "quick"
     WHOLE = "whole"
+    VIRTUAL_NAMED = "named, in virtual time"
+    VIRTUAL_QUICK = "quick, in virtual time"
+    VIRTUAL_WHOLE = "whole, in virtual time"
+
+    @property
+    def is_virtual(self) -> bool:
+        """Whether the program's loop was run alone, without vcan0."""
+        return self in (Scope.VIRTUAL_NAMED, Scope.VIRTUAL_QUICK, Scope.VIRTUAL_WHOLE)
+
+    @property
+    def is_quick(self) -> bool:
+        return self in (Scope.QUICK, Scope.VIRTUAL_QUICK)
+
+    @property
+    def is_named(self) -> bool:
+        return self in (Scope.NAMED, Scope.VIRTUAL_NAMED)
+
+    @property
+    def is_whole(self) -> bool:
+        return self in (Scope.WHOLE, Scope.VIRTUAL_WHOLE)
 
 
 class Outcome(msgspec.Struct, frozen=True):
@@ -61,7 +81,7 @@ class Findings(msgspec.Struct):
         if entry is None or entry.digest != defect.digest:
             return None
         found = entry.outcomes.get(scope)
-        is_other = scope is Scope.NAMED and found is not None and not found.case and found.cases != defect.cases
+        is_other = scope.is_named and found is not None and not found.case and found.cases != defect.cases
         return None if is_other else found
 
     def note(self, defect: Defect, scope: Scope, outcome: Outcome) -> None:
@@ -71,28 +91,31 @@ class Findings(msgspec.Struct):
             entry = self.defects[defect.id] = Entry(defect.digest, {})
         entry.outcomes[scope] = outcome
 
-    def catch(self, defect: Defect, *, quick: frozenset[str] | None = None) -> Outcome | None:
-        """What caught the defect; with `quick`, which of these cases. None where nothing did.
+    def catch(
+        self, defect: Defect, *, quick: frozenset[str] | None = None, virtual: bool = True
+    ) -> tuple[Scope, Outcome] | None:
+        """What caught the defect, on vcan0 if there; with `quick`, which of these cases. None where nothing did.
 
-        A case that the sound device fails, too, catches nothing.
+        A case that the sound device fails, too, catches nothing. Without `virtual`, virtual time does not count.
         """
         for scope in Scope:
             found = self.outcome(defect, scope)
-            if found is None or not found.case or not self.is_sound(defect, found.case):
+            if found is None or not found.case or (scope.is_virtual and not virtual):
                 continue
-            if quick is None or found.case in quick:
-                return found
+            if self.is_sound(defect, found.case, scope) and (quick is None or found.case in quick):
+                return scope, found
         return None
 
     def is_judged(self, defect: Defect, scope: Scope) -> bool:
         """Whether it is known that the defect is, or is not, caught by these cases."""
         return self.outcome(defect, scope) is not None
 
-    def is_sound(self, defect: Defect, case: str) -> bool:
+    def is_sound(self, defect: Defect, case: str, scope: Scope) -> bool:
         """Whether the device without defects passes this case, as far as is known."""
-        return self.sound.get(sound_key(case, minimal=defect.is_minimal, timing=defect.timing), True)
+        return self.sound.get(sound_key(defect, case, scope), True)
 
 
-def sound_key(case: str, *, minimal: bool, timing: bool) -> str:
-    """Of `Findings.sound`; with `timing` the device must have been in time as well."""
-    return f"{'minimal' if minimal else 'program'} {case}{', in time' if timing else ''}"
+def sound_key(defect: Defect, case: str, scope: Scope) -> str:
+    """Of `Findings.sound`; for a defect of timing the device must have been in time as well."""
+    device = "minimal" if defect.is_minimal else "program"
+    return f"{device} {case}{', in time' if defect.timing else ''}{', in virtual time' if scope.is_virtual else ''}"

@@ -18,12 +18,14 @@ tools/bench_defects                 # every defect that was not measured yet, wi
 tools/bench_defects --quick         # with the quick run, where it is not known yet whether that catches it
 tools/bench_defects --whole         # with the whole catalogue, where its own cases did not catch it
 tools/bench_defects --sample 5      # five of those that were caught, each time the same
+tools/bench_defects --virtual       # the program's loop alone, in virtual time: no vcan0, seconds instead of minutes
 tools/bench_defects ID… --again     # these, even if they were measured
 ```
 
 What was measured is kept in `tools/bench_defects.json`, so that a measurement may be interrupted. A defect is caught
 where a case fails that the device without the defect passes. A failure by lateness alone counts only for defects of
-timing. Each line below that has no case is a gap of the bench, or was not measured.
+timing. In virtual time the same cases and judges have the program's loop as their device, without kernel, process and
+bus. Each line below that has no case is a gap of the bench, or was not measured.
 """
 NOT_MEASURED, NOT_CAUGHT, NOT_BY_ITS_CASES = "not measured", "**not caught**", "**not caught by its cases**"
 
@@ -37,8 +39,8 @@ def make_page(defects: Sequence[Defect], findings: Findings, quick: frozenset[st
         *(
             part
             for title, chosen in (
-                ("Defects of the program", [d for d in seen if d.cases and not d.is_minimal]),
-                ("Defects of the minimal controller", [d for d in seen if d.cases and d.is_minimal]),
+                ("Defects of the program", [d for d in seen if d.is_visible and not d.is_minimal]),
+                ("Defects of the minimal controller", [d for d in seen if d.is_visible and d.is_minimal]),
             )
             for part in (f"## {title}\n", _table(chosen, findings, quick))
         ),
@@ -49,7 +51,7 @@ def make_page(defects: Sequence[Defect], findings: Findings, quick: frozenset[st
         parts += [
             "## Written without looking at the cases\n",
             _summary("Of these defects", unseen, findings, quick),
-            _table([d for d in unseen if d.cases], findings, quick),
+            _table([d for d in unseen if d.is_visible], findings, quick),
         ]
         if hidden := [d for d in unseen if d.not_visible]:
             parts.append(_hidden_table(hidden))
@@ -61,31 +63,38 @@ def write_page(defects: Sequence[Defect], findings: Findings, quick: frozenset[s
 
 
 def share_caught(
-    defects: Iterable[Defect], findings: Findings, quick: frozenset[str] | None = None
+    defects: Iterable[Defect], findings: Findings, quick: frozenset[str] | None = None, *, virtual: bool = True
 ) -> tuple[int, int, int]:
     """How many were caught, how many were measured, how many are visible on the bus."""
     caught = measured = visible = 0
     for defect in defects:
-        if not defect.cases:
+        if not defect.is_visible:
             continue
         visible += 1
-        is_caught = findings.catch(defect, quick=quick) is not None
+        is_caught = findings.catch(defect, quick=quick, virtual=virtual) is not None
         caught += is_caught
-        measured += is_caught or _is_known(defect, findings, quick)
+        measured += is_caught or _is_known(defect, findings, is_quick=quick is not None, virtual=virtual)
     return caught, measured, visible
 
 
-def _is_known(defect: Defect, findings: Findings, quick: frozenset[str] | None) -> bool:
+def _is_known(defect: Defect, findings: Findings, *, is_quick: bool, virtual: bool) -> bool:
     """Whether it was measured that it is not caught."""
-    if quick is None:
-        return findings.is_judged(defect, Scope.NAMED) or findings.is_judged(defect, Scope.WHOLE)
-    return findings.is_judged(defect, Scope.QUICK)
+    return any(
+        findings.is_judged(defect, scope)
+        for scope in Scope
+        if scope.is_quick is is_quick and (virtual or not scope.is_virtual)
+    )
 
 
 def _summary(of: str, defects: Sequence[Defect], findings: Findings, quick: frozenset[str]) -> str:
     lines = [f"{of}:\n", "| run | caught | measured | visible on the bus |", "|---|---|---|---|"]
-    for run, cases in (("all cases", None), ("quick", quick)):
-        caught, measured, visible = share_caught(defects, findings, cases)
+    for run, cases, virtual in (
+        ("all cases, on vcan0", None, False),
+        ("all cases, on vcan0 or in virtual time", None, True),
+        ("quick, on vcan0", quick, False),
+        ("quick, on vcan0 or in virtual time", quick, True),
+    ):
+        caught, measured, visible = share_caught(defects, findings, cases, virtual=virtual)
         percent = f" ({caught / measured:.0%})" if measured else ""
         lines.append(f"| {run} | {caught}{percent} | {measured} | {visible} |")
     return "\n".join(lines) + "\n"
@@ -95,7 +104,7 @@ def _table(defects: Sequence[Defect], findings: Findings, quick: frozenset[str])
     lines = ["| defect | the controller | caught by | quick |", "|---|---|---|---|"]
     for defect in defects:
         caught = findings.catch(defect)
-        by = _cell(caught) if caught else _missed(defect, findings)
+        by = _cell(*caught) if caught else _missed(defect, findings)
         lines.append(f"| {defect.id} | {defect.does} | {by} | {_quick_cell(defect, findings, quick)} |")
     return "\n".join(lines) + "\n"
 
@@ -106,15 +115,16 @@ def _hidden_table(defects: Sequence[Defect]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _cell(outcome: Outcome) -> str:
+def _cell(scope: Scope, outcome: Outcome) -> str:
     check = outcome.check.replace("|", "\\|")
-    return f"`{outcome.case}`: {check}"
+    return f"{'*in virtual time* ' if scope.is_virtual else ''}`{outcome.case}`: {check}"
 
 
 def _missed(defect: Defect, findings: Findings) -> str:
-    if findings.is_judged(defect, Scope.WHOLE):
+    judged = [scope for scope in Scope if findings.is_judged(defect, scope)]
+    if any(scope.is_whole for scope in judged):
         return NOT_CAUGHT
-    if findings.is_judged(defect, Scope.NAMED):
+    if any(scope.is_named for scope in judged):
         return f"{NOT_BY_ITS_CASES}: {', '.join(f'`{case}`' for case in defect.cases)}"
     return NOT_MEASURED
 
@@ -122,5 +132,5 @@ def _missed(defect: Defect, findings: Findings) -> str:
 def _quick_cell(defect: Defect, findings: Findings, quick: frozenset[str]) -> str:
     caught = findings.catch(defect, quick=quick)
     if caught is not None:
-        return f"`{caught.case}`"
-    return "no" if findings.is_judged(defect, Scope.QUICK) else NOT_MEASURED
+        return f"`{caught[1].case}`"
+    return "no" if _is_known(defect, findings, is_quick=True, virtual=True) else NOT_MEASURED

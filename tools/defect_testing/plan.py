@@ -32,7 +32,7 @@ class Defect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     timing: bool = False
     """It shows only in the lateness of answers."""
     unseen: bool = False
-    """Written without looking at the cases."""
+    """Written without looking at the cases: it may have none, and is then measured with the whole catalogue."""
 
     @property
     def label(self) -> str:
@@ -43,6 +43,11 @@ class Defect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     def is_minimal(self) -> bool:
         """Whether it is the minimal controller's, not the program's."""
         return bool(self.flag) or self.file.startswith(MINIMAL)
+
+    @property
+    def is_visible(self) -> bool:
+        """Whether the bus can show it."""
+        return not self.not_visible
 
     @property
     def digest(self) -> str:
@@ -75,7 +80,7 @@ def find_faults(
             faults.append(f"{defect.id}: named twice")
         seen.add(defect.id)
         faults += [f"{defect.id}: no such case: {case}" for case in defect.cases if case not in cases]
-        if bool(defect.cases) == bool(defect.not_visible):
+        if bool(defect.cases) + bool(defect.not_visible) != 1 and not defect.unseen:
             faults.append(f"{defect.id}: needs either cases or not_visible")
         if bool(defect.flag) == bool(defect.file):
             faults.append(f"{defect.id}: needs either file, was and becomes, or flag")

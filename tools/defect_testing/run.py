@@ -20,6 +20,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import msgspec
 from hil_bench import result
 from hil_bench.cases import catalogue_for
 from hil_bench.peer.build import open_wire
@@ -42,8 +43,13 @@ OF_THE_MACHINE = (
     "no burst",
     "every complete sample is answered",
     "no gap of 200 ms",
+    "the device engages",
+    "it drives at",
 )
-"""Checks that a machine with too little time fails, too. They count for defects of timing alone."""
+CAN_BEGIN = ": can begin"
+"""Beginning and end of checks that a machine with too little time fails, too. They count for defects of timing."""
+AFTERWARDS = ("it drives afterwards", "it ends when requested")
+"""Checks that a single delay may fail: they must fail twice in a row."""
 LONGEST_CASE_S = 240.0
 AT_ONCE = 6
 """Cases of one run with the sound device."""
@@ -68,18 +74,22 @@ class Bench:
         with self._copy.with_change(defect):
             return self._judge(defect, cases)
 
-    def judge_sound(self, cases: Sequence[str], *, minimal: bool, timing: bool) -> dict[str, bool]:
-        """Which of these cases the controller without a defect passes; without those that were not executed."""
+    def judge_sound(self, cases: Sequence[str], like: Defect) -> dict[str, bool]:
+        """Which of these cases the controller passes without this defect; without those that were not executed."""
         sound = {}
-        for one in self._run(cases, minimal=minimal, flag="", until_failure=False):
+        for one in self._run(cases, minimal=like.is_minimal, flag="", until_failure=False):
             if one.verdict in (Verdict.PASS, Verdict.FAIL):
-                sound[one.name] = not _find_failure(one, timing=timing)
+                sound[one.name] = not _find_failure(one, timing=like.timing)
         return sound
 
     def _judge(self, defect: Defect, cases: Sequence[str], flag: str = "") -> Outcome:
         unclear = ""
         for one in self._run(cases, minimal=defect.is_minimal, flag=flag):
-            if found := _find_failure(one, timing=defect.timing):
+            found = _find_failure(one, timing=defect.timing)
+            if found.startswith(AFTERWARDS):
+                again = self._run([one.name], minimal=defect.is_minimal, flag=flag)
+                found = _find_failure(again[0], timing=defect.timing) if again else ""
+            if found:
                 return Outcome(one.name, found, tuple(cases))
             if one.verdict is Verdict.NOT_EXECUTED:
                 unclear = unclear or f"{one.name}: {one.why}"
@@ -88,30 +98,57 @@ class Bench:
         return Outcome(cases=tuple(cases))
 
     def _run(self, cases: Sequence[str], *, minimal: bool, flag: str, until_failure: bool = True) -> list[CaseResult]:
-        self._runs += 1
-        folder = self._copy.root.parent / f"report-{self._runs}"
-        command = [sys.executable, "tools/hil_bench.py", "--channel", CHANNEL, "--out", str(folder)]
+        folder = self._new_path("report")
+        command = ["tools/hil_bench.py", "--channel", CHANNEL, "--out", str(folder)]
         command += ["--until-failure"] if until_failure else []
         command += [word for case in cases for word in ("--case", case)]
         command += _minimal_options(flag) if minimal else []
-        environment = os.environ | {"PYTHONPATH": f"{self._copy.root}:{self._copy.root / 'viewer'}"}
+        said = self._call(command, LONGEST_CASE_S * len(cases))
+        report = folder / "results.json"
+        if not report.exists():
+            raise NotExecutedError(f"no report: {said[-500:]}")
+        return list(result.read(report).cases)
+
+    def _new_path(self, kind: str) -> Path:
+        self._runs += 1
+        return self._copy.root.parent / f"{kind}-{self._runs}"
+
+    def _call(self, command: Sequence[str], longest_s: float) -> str:
+        """What a Python program of the copy says."""
+        root = self._copy.root
+        folders = (root, root / "viewer", root / "tools", root / "tests" / "hil_bench")
         try:
-            done = subprocess.run(
-                command,
-                cwd=self._copy.root,
-                env=environment,
+            return subprocess.run(
+                [sys.executable, *command],
+                check=False,
+                cwd=root,
+                env=os.environ | {"PYTHONPATH": ":".join(map(str, folders))},
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,
-                timeout=LONGEST_CASE_S * len(cases),
-            )
+                timeout=longest_s,
+            ).stdout
         except subprocess.TimeoutExpired:
-            raise NotExecutedError(f"the bench takes longer than {LONGEST_CASE_S * len(cases):.0f} s") from None
-        report = folder / "results.json"
-        if not report.exists():
-            raise NotExecutedError(f"no report: {done.stdout[-500:]}")
-        return list(result.read(report).cases)
+            raise NotExecutedError(f"the bench takes longer than {longest_s:.0f} s") from None
+
+
+class VirtualBench(Bench):
+    """Runs cases with the program's loop in virtual time: without a bus, a process, and the minimal controller."""
+
+    def _run(self, cases: Sequence[str], *, minimal: bool, flag: str, until_failure: bool = True) -> list[CaseResult]:
+        assert not minimal
+        assert not flag
+        results = self._new_path("virtual")
+        groups = [cases] if until_failure else [[case] for case in cases]
+        done: list[CaseResult] = []
+        for group in groups:
+            said = self._call(["tests/hil_bench/virtual_cases.py", str(results), *group], LONGEST_CASE_S * len(group))
+            if not results.exists():
+                raise NotExecutedError(f"no results: {said[-500:]}")
+            done += msgspec.json.decode(results.read_bytes(), type=list[CaseResult])
+            results.unlink()
+        return done
 
 
 def _minimal_options(flag: str) -> list[str]:
@@ -135,18 +172,20 @@ def _find_failure(case: CaseResult, *, timing: bool) -> str:
         return ""
     failed = [check for check in case.checks if check.verdict is Verdict.FAIL]
     for check in failed:
-        if timing or not check.text.startswith(OF_THE_MACHINE):
+        if timing or not (check.text.startswith(OF_THE_MACHINE) or check.text.endswith(CAN_BEGIN)):
             return f"{check.text}: {check.found[0]}" if check.found else check.text
     return "" if failed else case.why
 
 
 def find_open(defects: Sequence[Defect], findings: Findings, scope: Scope) -> Iterator[Defect]:
     """The visible defects of which this scope can still tell something."""
-    quick = frozenset(QUICK)
+    quick = frozenset(QUICK) if scope.is_quick else None
     for defect in defects:
-        if not defect.cases or findings.is_judged(defect, scope):
+        is_in_scope = defect.is_visible and (defect.cases or not scope.is_named)
+        is_alone = not scope.is_virtual or not (defect.is_minimal or defect.timing)
+        if not (is_in_scope and is_alone) or findings.is_judged(defect, scope):
             continue
-        if findings.catch(defect, quick=quick if scope is Scope.QUICK else None) is None:
+        if findings.catch(defect, quick=quick, virtual=scope.is_virtual) is None:
             yield defect
 
 
@@ -158,7 +197,7 @@ def measure(
     for place, defect in enumerate(defects, 1):
         if time.monotonic() > end_s:
             break
-        cases = {Scope.NAMED: defect.cases, Scope.QUICK: QUICK, Scope.WHOLE: (*defect.cases, *CASES)}[scope]
+        cases = QUICK if scope.is_quick else (*defect.cases, *(() if scope.is_named and defect.cases else CASES))
         try:
             outcome = bench.judge(defect, list(dict.fromkeys(cases)))
         except NotExecutedError as error:
@@ -174,26 +213,26 @@ def measure(
 
 def check_soundness(defects: Sequence[Defect], bench: Bench, findings: Findings, results: Path, end_s: float) -> None:
     """Run the cases that caught something with the sound device, where that is not known yet."""
-    for minimal, timing in itertools.product((False, True), (False, True)):
-        outcomes = [
-            found
-            for defect in defects
-            if (defect.is_minimal, defect.timing) == (minimal, timing)
-            for scope in Scope
-            if (found := findings.outcome(defect, scope)) is not None
-        ]
-        keys = {found.case: sound_key(found.case, minimal=minimal, timing=timing) for found in outcomes if found.case}
-        unknown = [case for case, key in keys.items() if key not in findings.sound]
-        for begin in range(0, len(unknown), AT_ONCE):
+    unknown: dict[tuple[bool, bool], dict[str, Defect]] = {}
+    for defect, scope in itertools.product(defects, Scope):
+        found = findings.outcome(defect, scope)
+        if scope.is_virtual is not isinstance(bench, VirtualBench) or found is None or not found.case:
+            continue
+        if sound_key(defect, found.case, scope) not in findings.sound:
+            unknown.setdefault((defect.is_minimal, defect.timing), {})[found.case] = defect
+    scope = Scope.VIRTUAL_NAMED if isinstance(bench, VirtualBench) else Scope.NAMED
+    for of in unknown.values():
+        cases, like = list(of), next(iter(of.values()))
+        for begin in range(0, len(cases), AT_ONCE):
             if time.monotonic() > end_s:
                 return
             try:
-                judged = bench.judge_sound(unknown[begin : begin + AT_ONCE], minimal=minimal, timing=timing)
+                judged = bench.judge_sound(cases[begin : begin + AT_ONCE], like)
             except NotExecutedError as error:
                 print(f"without a defect: not executed: {error}", file=sys.stderr, flush=True)
                 continue
             for case, passes in judged.items():
-                findings.sound[keys[case]] = passes
+                findings.sound[sound_key(like, case, scope)] = passes
                 print(f"without a defect, {case}: {'passed' if passes else 'FAILED'}", file=sys.stderr, flush=True)
             findings.write(results)
 
@@ -211,16 +250,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("\n".join(f"bench_defects: {line}" for line in str(error).splitlines()), file=sys.stderr)
         return 2
     findings = Findings.read(options.results)
-    scope = Scope.QUICK if options.quick else Scope.WHOLE if options.whole else Scope.NAMED
+    scope = _scope(options)
     is_again = options.again or options.sample is not None
-    todo = [d for d in chosen if d.cases] if is_again else list(find_open(chosen, findings, scope))
+    todo = list(find_open(chosen, Findings() if is_again else findings, scope))
     judged: list[Defect] = []
     if not options.page_only:
-        if not Path(f"/sys/class/net/{CHANNEL}").exists():
+        if not scope.is_virtual and not Path(f"/sys/class/net/{CHANNEL}").exists():
             _continue_in_kernel(arguments)
         end_s = time.monotonic() + 60.0 * options.minutes
         with tempfile.TemporaryDirectory(prefix="bench-defects-") as folder:
-            bench = Bench(ProjectCopy(ROOT, Path(folder) / "project"))
+            copy = ProjectCopy(ROOT, Path(folder) / "project")
+            bench = VirtualBench(copy) if scope.is_virtual else Bench(copy)
             judged = measure(todo, bench, findings, scope, options.results, end_s)
             check_soundness(chosen if not is_again else judged, bench, findings, options.results, end_s)
     if not options.no_page:
@@ -233,6 +273,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if missed else 0
 
 
+def _scope(options: argparse.Namespace) -> Scope:
+    if options.virtual:
+        return Scope.VIRTUAL_QUICK if options.quick else Scope.VIRTUAL_WHOLE if options.whole else Scope.VIRTUAL_NAMED
+    return Scope.QUICK if options.quick else Scope.WHOLE if options.whole else Scope.NAMED
+
+
 def _choose(plan: Sequence[Defect], options: argparse.Namespace) -> list[Defect]:
     known = {defect.id: defect for defect in plan}
     if unknown := [name for name in options.ids if name not in known]:
@@ -241,7 +287,7 @@ def _choose(plan: Sequence[Defect], options: argparse.Namespace) -> list[Defect]
     if options.sample is None:
         return chosen
     caught = Findings.read()
-    return draw_sample([defect for defect in chosen if caught.catch(defect)], options.sample)
+    return draw_sample([defect for defect in chosen if caught.catch(defect, virtual=options.virtual)], options.sample)
 
 
 def read_flags() -> set[str]:
@@ -267,6 +313,7 @@ def _parser() -> argparse.ArgumentParser:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--quick", action="store_true", help="run the quick cases, not those that the plan names")
     which.add_argument("--whole", action="store_true", help="run the whole catalogue")
+    add("--virtual", action="store_true", help="run the program's loop alone, in virtual time, without vcan0")
     add("--sample", type=int, metavar="N", help="measure only so many of those that were caught, each time the same")
     add("--again", action="store_true", help="measure also what was measured already")
     add("--minutes", type=float, default=1e6, metavar="M", help="begin nothing more after this time")

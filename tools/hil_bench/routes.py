@@ -134,6 +134,11 @@ def straight(length_m: float = 400.0, speed_mps: float = 5.0) -> Route:
     return route(f"straight-{length_m:.0f}-m-at-{speed_mps:.0f}", [(length_m, 0.0)], speed_mps)
 
 
+def brisk() -> Route:
+    """Along +x, from the beginning with an acceleration of 2.6 m/s²."""
+    return scale(route("brisk", [(40.0, 0.0)], 5.0), length=1.0, speed=1.6)
+
+
 def step(speed_mps: float = 5.0) -> Route:
     """A lane's width to the left within 12 m, then straight on."""
     return route("step", [(20.0, 0.0), *lane_change(2.5, 16.0), (30.0, 0.0)], speed_mps)

@@ -12,6 +12,7 @@ from hil_bench.cases.deviation import DEVIATION
 from hil_bench.cases.driver import DRIVER
 from hil_bench.cases.files import FILES
 from hil_bench.cases.frames import FRAMES
+from hil_bench.cases.limits import limit_cases
 from hil_bench.cases.manoeuvres import MANOEUVRES
 from hil_bench.cases.messages import message_cases
 from hil_bench.cases.plausibility import PLAUSIBILITY
@@ -46,4 +47,4 @@ def catalogue_of(buses: int) -> tuple[Case, ...]:
 
 def catalogue_for(wire: Wire) -> tuple[Case, ...]:
     """The cases of one vehicle: those of every vehicle, and those that are generated from its profile."""
-    return (*catalogue_of(len(wire.buses)), *threshold_cases(wire), *message_cases(wire))
+    return (*catalogue_of(len(wire.buses)), *threshold_cases(wire), *message_cases(wire), *limit_cases(wire))

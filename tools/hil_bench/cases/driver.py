@@ -1,5 +1,6 @@
 """Cases of the driver, of engagement and of the vehicle's mode."""
 
+from hil_bench import routes
 from hil_bench.case import Case, Need, Then
 from hil_bench.cases.common import ANY, DROPPED
 from hil_bench.expect import DrivesOn, GivesUp, LetsGo, NeverEnables, StaysOut
@@ -58,8 +59,9 @@ DRIVER = (
         name="vehicle-never-engages",
         fault="V2",
         tags=("driver", "engagement"),
-        proves="Engagement is requested for three seconds, then no longer.",
-        injected="the vehicle stays READY",
+        proves="Engagement is requested for three seconds, gently, then no longer.",
+        injected="the vehicle stays READY; the trajectory begins with an acceleration beyond what engaging allows",
+        route=routes.brisk,
         at_mps=-1.0,
         inject=vehicle.change_vehicle(can_engage=False),
         for_s=12.0,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from hil_bench import routes
 from hil_bench.case import Case, Then
-from hil_bench.expect import ReachesEnd
+from hil_bench.expect import AsksForItsSpeed, ReachesEnd
 from hil_bench.parts import Part
 
 
@@ -16,7 +16,7 @@ def _manoeuvre(
         tags=("manoeuvre", *tags),
         proves=proves,
         route=route,
-        see=(ReachesEnd(),),
+        see=(ReachesEnd(), AsksForItsSpeed()),
         then=Then.END_OF_ROUTE,
         max_path_error_m=error_m,
         about=about,

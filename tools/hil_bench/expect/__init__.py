@@ -23,10 +23,11 @@ from hil_bench.expect.commands import (
     Stops,
 )
 from hil_bench.expect.process import Ends, EndsOrderly, NamesBus, Refuses
-from hil_bench.expect.vehicle import HazardLights, ReachesEnd, Standstill, WatchdogActs
+from hil_bench.expect.vehicle import AsksForItsSpeed, HazardLights, ReachesEnd, Standstill, WatchdogActs
 
 __all__ = [
     "Answers",
+    "AsksForItsSpeed",
     "DrivesOn",
     "Ends",
     "EndsOrderly",

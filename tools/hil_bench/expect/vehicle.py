@@ -9,6 +9,7 @@ from vehicle_bus_contract.reference import AUTONOMOUS, FAULT, S
 
 from hil_bench.expect.base import Observation, check, describe, not_applicable
 from hil_bench.result import Check, Event, EventKind
+from hil_bench.vehicle import Instant
 from hil_bench.vocabulary import Wait
 
 AT_END_M, AT_END_S = 1.5, 1.0
@@ -59,6 +60,41 @@ class HazardLights:
         if not on:
             return check("hazard lights on", ["never on"]), []
         return check("hazard lights on within 500 ms", [], observed.since_s(on[0].stamp_ns), 0.5), []
+
+
+@dataclass(frozen=True)
+class AsksForItsSpeed:
+    """SPEED_REQUEST is at most the speed of the route near the vehicle, where acceleration is commanded."""
+
+    near_m: float = 6.0
+    tolerance_mps: float = 0.5
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        text = "SPEED_REQUEST is no more than the route's speed where the vehicle is"
+        if not observed.wire.commands_acceleration:
+            return not_applicable(text, "the vehicle's speed is commanded, not told"), []
+        wrong, place = [], 0
+        for pair in observed.pairs[::10]:
+            asked_mps = pair.drive.signals.get("SPEED_REQUEST")
+            if asked_mps is None or not pair.is_enabled or pair.is_stop:
+                continue
+            while place + 1 < len(observed.history) and observed.history[place + 1].at_ns <= pair.stamp_ns:
+                place += 1
+            least_mps, most_mps = self._range_mps(observed, observed.history[place])
+            if not least_mps - self.tolerance_mps <= asked_mps <= most_mps + self.tolerance_mps:
+                between = f"not from {least_mps:.1f} to {most_mps:.1f} m/s"
+                wrong.append(f"{observed.at_s(pair.stamp_ns):.3f} s: {asked_mps:.2f} m/s, {between}")
+        return check(text, wrong), []
+
+    def _range_mps(self, observed: Observation, instant: Instant) -> tuple[float, float]:
+        """Of the points near the vehicle, and 0: where the gear changes, no speed is requested."""
+        route = observed.route
+        near = [0.0] + [
+            speed_mps
+            for x_m, y_m, speed_mps in zip(route.x_m, route.y_m, route.speed_mps, strict=True)
+            if math.hypot(x_m - instant.x_m, y_m - instant.y_m) < self.near_m
+        ]
+        return min(0.0, *near), max(0.0, *near)
 
 
 @dataclass(frozen=True)
