@@ -509,8 +509,8 @@ class Controller:
             wheel_rad = self.wanted_wheel_rad(state, now_ns)
             if not math.isfinite(wheel_rad) and self.defect != "nan_path":
                 wheel_rad, reason = self.wheel_rad, Reason.CONTROLLER_ERROR
-        elif self.defect == "stop_swerves":
-            wheel_rad, jerk_mps3 = 0.0, math.inf
+        else:
+            wheel_rad, jerk_mps3 = 0.0, math.inf if self.defect == "stop_swerves" else LATERAL_MPS3
         if reason == Reason.NOMINAL:
             speed_mps, gear = self.wanted_speed_mps(state)
         dt_s = min(0.05, max(0.0, (now_ns - self.pair_ns) / 1e9))

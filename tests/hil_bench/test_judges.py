@@ -2,6 +2,7 @@
 
 import re
 import tempfile
+from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -91,9 +92,11 @@ def judged(tell: Lie, *, case: Case = CATALOGUE[0], wire: Wire = WIRE) -> dict[s
         send(at_s + 0.001, "STEER_COMMAND", tick, ENABLE=1)
         if tick % 10 == 0:
             send(at_s + 0.002, "BODY_COMMAND", tick, HAZARD_LIGHTS=is_stop)
-            send(at_s + 0.002, "CONTROLLER_STATUS", tick, STATE=4 if is_stop else 3, REASON=number)
+            index = bisect_right(routes.straight(7.0).time_s, at_s) - 1
+            report = {"STATE": 4 if is_stop else 3, "REASON": number, "REF_TEMPORAL_INDEX": index}
+            send(at_s + 0.002, "CONTROLLER_STATUS", tick, **report)
     record = examine(said, wire)
-    history = [at(1.0 + tick / 100, SPEED_MPS) for tick in range(400)]
+    history = [at(1.0 + tick / 100, SPEED_MPS, x_m=0.0) for tick in range(400)]
     rig = SimpleNamespace(wire=wire, touched_ns=0, healthy_ns=0)
     checks = judges.check_protocol(case, rig, record, observed(history=history))  # type: ignore[arg-type]
     return {kind: check.verdict for kind, check in zip(judges.KINDS, checks, strict=True)}
@@ -102,6 +105,31 @@ def judged(tell: Lie, *, case: Case = CATALOGUE[0], wire: Wire = WIRE) -> dict[s
 LIES: dict[str, tuple[str, Lie]] = {
     "a stop that never brakes": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=0.0)),
     "a stop with a third of the brake": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-1.0)),
+    "a stop with 70 % of the brake": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-2.1)),
+    "a stop whose brake rises with a fifth of its jerk": (
+        "brakes",
+        lie(
+            "DRIVE_COMMAND",
+            lambda tick, v: [v | {"ACCEL_REQUEST": max(-3.0, 0.06 * (STOPPED_FROM - tick))} if v["SAFE_STOP"] else v],
+        ),
+    ),
+    "a stop that holds the wheels": ("stop_steering", steered(lambda _: 0.08)),
+    "a place on the route that it has left": ("report", with_value("CONTROLLER_STATUS", REF_SPATIAL_INDEX=9)),
+    "a time of the route that stands still": ("report", with_value("CONTROLLER_STATUS", REF_TEMPORAL_INDEX=0)),
+    "a time of the route that goes back": (
+        "report",
+        lie("CONTROLLER_STATUS", lambda tick, v: [v | {"REF_TEMPORAL_INDEX": 9 - tick // 10 % 2}]),
+    ),
+    "missed deadlines that the bus does not show": (
+        "report",
+        lie("CONTROLLER_STATUS", lambda tick, v: [v | {"DEADLINE_MISSES": tick // 20}]),
+    ),
+    "a moving vehicle that is released at the end": (
+        "release",
+        lambda name, tick, values: [
+            values | ({"ENABLE": 0, "REASON": 15} if name in WIRE.command and tick > STOPPED_FROM + 100 else {})
+        ],
+    ),
     "a stop that lets the brake go": ("brakes", with_value("DRIVE_COMMAND", STOPPED_FROM + 60, ACCEL_REQUEST=-1.0)),
     "a stop that brakes too hard": ("dynamics", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-5.0)),
     "a stop that brakes at once": ("dynamics", with_value("DRIVE_COMMAND", STOPPED_FROM, ACCEL_REQUEST=-3.0)),
@@ -130,7 +158,7 @@ LIES: dict[str, tuple[str, Lie]] = {
     "lights every half second": ("periods", lie("BODY_COMMAND", lambda tick, v: [] if tick % 50 else [v])),
     "no report at all": ("periods", lie("CONTROLLER_STATUS", lambda *_: [])),
     "reports ten times as often": ("periods", lie("CONTROLLER_STATUS", lambda _, values: [values] * 10)),
-    "a report that all is well": ("periods", with_value("CONTROLLER_STATUS", REASON=0)),
+    "a report that all is well": ("report", with_value("CONTROLLER_STATUS", REASON=0)),
     "lights that stay off": ("command", with_value("BODY_COMMAND", HAZARD_LIGHTS=0)),
     "half of a pair that lets go": ("command", with_value("STEER_COMMAND", 150, ENABLE=0)),
     "another gear at speed": ("command", with_value("DRIVE_COMMAND", 150, GEAR_REQUEST=3)),

@@ -10,6 +10,7 @@ from hil_bench.applicable import adapt, find_inapplicable
 from hil_bench.bus import RxFrame
 from hil_bench.case import Case
 from hil_bench.device import Commands
+from hil_bench.lateness import DeviceWatch
 from hil_bench.peer.build import build_vehicle, open_wire
 from hil_bench.result import CaseResult, Verdict
 from hil_bench.rig import Rig
@@ -95,7 +96,8 @@ class VirtualRig(Rig):
         self.exit_status = None
         self._output_bytes = []
         self._of_device = frozenset(wire.of_device)
-        self._commands_ns = 0
+        self.commands_ns, self.armed_ns = 0, []
+        self.watch, self._seen_by_witness = DeviceWatch(list), []
 
     @property
     def now_ns(self) -> int:

@@ -155,7 +155,7 @@ def sum_up(
     def is_own_doing(at_ns: int) -> bool:
         return any(begin <= at_ns <= end + LOOK_NS for begin, end in busy)
 
-    found = list(own)
+    found = [one for one in own if one.at_s >= (from_ns - begin_ns) / S]
     late_ns = 0
     seen = [record for record in records if record[0] >= from_ns and not is_own_doing(record[0])]
     for at_ns, worst_ns, total_ns in seen:

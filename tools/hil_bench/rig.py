@@ -66,12 +66,14 @@ class Rig:
         self.watch = DeviceWatch(self.device.find_processes)
         self._witness: Witness | None = None
         self._seen_by_witness: list[tuple[int, int, int]] = []
-        self._commands_ns = 0
-        """When the first command came; lateness before it does no harm."""
+        self.commands_ns = 0
+        """When the first command came: lateness before it does no harm, unless none comes at all."""
         self.begin_ns = self.inject_ns = self.end_ns = self.then_ns = self.healthy_ns = self.exit_ns = 0
         self.engaged_ns = self.closed_ns = 0
         self.touched_ns = 0
         """The bench began to act; the fault may begin a little later."""
+        self.armed_ns: list[int] = []
+        """When the device was armed again."""
         self.exit_status: int | None = None
         self._output_bytes: list[int] = []
         """Of the device's output, at each mark."""
@@ -91,9 +93,8 @@ class Rig:
     @property
     def lateness(self) -> Lateness:
         """How late bench and host were; complete once the rig is closed."""
-        if not self._commands_ns:
-            return Lateness()
-        return sum_up(self.late, self.watch.waits, self._seen_by_witness, self.begin_ns, self._commands_ns)
+        from_ns = self.commands_ns or self.begin_ns
+        return sum_up(self.late, self.watch.waits, self._seen_by_witness, self.begin_ns, from_ns)
 
     def tick(self) -> None:
         """Wait for the next period; receive, move the vehicle, transmit."""
@@ -162,6 +163,11 @@ class Rig:
         return len(self.vehicle.history) > ticks and not any(
             instant.speed_mps for instant in self.vehicle.history[-ticks:]
         )
+
+    def rearm(self) -> None:
+        """Arm the device again, as the operator does."""
+        self.armed_ns.append(self.now_ns)
+        self.device.rearm()
 
     def run_command(self, command: Sequence[str]) -> None:
         """Run a system command while the vehicle continues. Raises `RigError` when it fails."""
@@ -247,10 +253,8 @@ class Rig:
         self._shell.close()
 
     def _note_lateness(self, late_ns: int) -> None:
-        """Lateness before the device's first command does no harm."""
-        if not self.vehicle.commands:
-            return
-        self._commands_ns = self._commands_ns or time.monotonic_ns()
+        if self.vehicle.commands:
+            self.commands_ns = self.commands_ns or self.now_ns
         if late_ns > LATE_NS:
             self.late.append(Delay(at_s=self._now_s(), by_s=late_ns / S, what="the bench was"))
         self.watch.look(time.monotonic_ns())

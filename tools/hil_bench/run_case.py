@@ -191,7 +191,7 @@ def run_phases(rig: Rig, case: Case) -> list[Stretch]:
     rig.device.start(armed=case.armed, recorded=bool(case.recorded_mib), open_files=case.open_files)
     if not rig.device.is_started:
         rig.run_for(SETTLE_S)
-        rig.device.rearm()
+        rig.rearm()
     if case.at_mps < 0.0:
         stretches = _inject(rig, case)
     elif rig.wait_for(lambda: rig.is_engaged or rig.device.poll() is not None, ENGAGE_S, "the device to engage"):
@@ -308,6 +308,7 @@ def judge_case(
         exit_ns=rig.exit_ns,
         route=route,
         wire=rig.wire,
+        armed_ns=rig.armed_ns,
         said=rig.said(),
     )
     before = judges.check_alive(case, observed, rig) + judges.check_preparation(case, observed, rig)
@@ -325,17 +326,19 @@ def judge_case(
     expected += map(check_measured, measured)
     on_path, drawn = judges.check_path(case, route, rig.vehicle.history)
     answers, distributions = judges.check_answers(case, record, observed, rig)
+    memory = judges.check_memory(rig.watch.memory, rig.commands_ns, rig.wire.period_s)
     protocol = judges.check_protocol(case, rig, record, observed)
     after = judges.check_health(case, observed, rig, killed)
     failed = judges.Failed(
         state=_failed([*before, *after]),
         expected=_failed(expected),
         others=_failed(on_path),
+        content=_failed(memory),
         answers=_failed(answers),
         protocol=_failed(protocol),
     )
     verdict, why = judges.decide(failed, rig.lateness, record)
-    checks = [*before, *expected, *on_path, *answers, *protocol, *after]
+    checks = [*before, *expected, *on_path, *answers, *memory, *protocol, *after]
     events += find_violations(checks)
     return msgspec.structs.replace(
         unjudged_result(config, case, repetition, why, verdict),

@@ -94,7 +94,7 @@ def rearm(rig: Rig) -> None:
     while rig.now_ns < end_ns and not rig.is_engaged:
         rig.vehicle.make_ready()
         rig.run_for(0.3)
-        rig.device.rearm()
+        rig.rearm()
         again_ns = rig.now_ns + round(REARM_AGAIN_S * S)
         while not rig.is_engaged and rig.now_ns < again_ns:
             rig.tick()
@@ -110,7 +110,7 @@ def _carry_out(rig: Rig, step: Step) -> Stretch:
     with step.inject(rig):
         if step.is_from_start:
             rig.run_for(BEFORE_S + rig.wire.later_s[Wait.STATUS_LOST])
-            rig.device.rearm()
+            rig.rearm()
         rig.run_for(step.for_s)
         rig.end_ns = end_ns = rig.now_ns
     rig.run_for(step.after_s)

@@ -7,7 +7,7 @@ INVALID = ("STATE_INVALID",)
 LINK = (Need.OWN_PROCESS, Need.VIRTUAL, Need.ROOT, Need.REARM)
 CABLE = (Need.OWN_PROCESS, Need.VXCAN, Need.ROOT)
 DROPPED = frozenset({"unanswered"})
-BAD_CABLE = frozenset({"unanswered", "doubled", "counter", "damaged", "burst", "periods"})
+BAD_CABLE = frozenset({"unanswered", "doubled", "counter", "damaged", "burst", "periods", "report"})
 ANY = frozenset({"silence", "unanswered", "doubled"})
 BROKEN_LINK = ANY | {"counter"}
 """A command that was in flight when the link failed was never on the bus."""

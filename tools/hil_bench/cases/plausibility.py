@@ -63,7 +63,7 @@ PLAUSIBILITY = (
         see=(Stops(INVALID, within_s=2.5, until_end=False),),
         after_s=1.2,
         then=Then.REARM,
-        allow=frozenset({*ANY, "command", "dynamics", "brakes"}),
+        allow=frozenset({*ANY, "command", "dynamics", "brakes", "stop_steering", "report"}),
         needs=(Need.REARM,),
     ),
     *(
@@ -83,7 +83,7 @@ PLAUSIBILITY = (
             then=Then.HOLDS,
             may_fall_silent=name == "speed-low",  # at rest it is a position that is frozen, with no end (S4)
             exit_status=(4,),
-            allow=frozenset({*ANY, "command", "dynamics", "brakes"}),
+            allow=frozenset({*ANY, "command", "dynamics", "brakes", "stop_steering", "report"}),
         )
         for name, injected, at_mps, about, inject in (
             ("speed-low", "SPEED is 0.7 m/s too low", 4.0, PLACED, signals.offset_signals(SPEED=-0.68)),

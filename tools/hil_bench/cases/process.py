@@ -101,7 +101,7 @@ PROCESS = (
         for_s=0.1,
         see=(LetsGo(("SHUTDOWN",), within_s=0.5), Ends((0,), 4.0)),
         then=Then.ENDED,
-        allow=frozenset({"doubled", "command"}),
+        allow=frozenset({"doubled", "command", "release"}),
         needs=(Need.OWN_PROCESS,),
     ),
     Case(

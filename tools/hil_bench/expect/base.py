@@ -40,6 +40,8 @@ class Observation:
     """The vehicle's bus."""
     told: Sequence[DecodedFrame] = ()
     """Every intact frame of the vehicle."""
+    armed_ns: Sequence[int] = ()
+    """When the bench armed the device again."""
     said: str = ""
     """The device's output from the injection until the operator acts again."""
 

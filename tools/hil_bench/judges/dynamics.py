@@ -4,19 +4,15 @@ import math
 from collections.abc import Iterable, Sequence
 
 from vehicle_bus_contract.judge import JITTER_NS, SILENCE_NS, Pair, Record
-from vehicle_bus_contract.reference import MS, S
+from vehicle_bus_contract.reference import S
 
 from hil_bench.by_speed import max_accel_mps2, max_wheel_rad
 from hil_bench.judges.pace import ANSWERED_NS, Pace, Recent
-from hil_bench.vehicle import Instant
 from hil_bench.wire import Wire
 
-SLOW_MPS = 1.0
-"""Below this speed the brake may be released."""
 STANDS_MPS = 0.05
 LEAST_MPS = 0.1
 """Below this speed steering has no noticeable effect."""
-BRAKES_WITHIN_NS = 250 * MS
 
 
 def find_faults(wire: Wire, record: Record) -> Iterable[str]:
@@ -36,7 +32,7 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
     """Steering, requested speed and acceleration beyond the profile's limits."""
     limits, behavior = wire.profile["limits"], wire.profile["behavior"]
     rear_rad = limits.get("rear_wheel_angle_rad", 0.0)
-    speeds, wheels = _speeds(record), _wheels(wire, record)
+    speeds, wheels = recent_speeds(record), recent_wheels(wire, record)
     before: float | None = None
     braked = 0.0
     for pair in record.pairs:
@@ -73,7 +69,7 @@ def swerving(wire: Wire, record: Record) -> Iterable[str]:
     After the speed has risen, wheels beyond the new limit may return to it at any rate.
     """
     limits, wheelbase_m = wire.profile["limits"], wire.profile["geometry"]["wheelbase_m"]
-    speeds = _speeds(record)
+    speeds = recent_speeds(record)
     for stretch in _stretches(record):
         granted = before = 0.0
         before_ns = stretch[0].stamp_ns
@@ -104,7 +100,7 @@ def led_away(wire: Wire, record: Record) -> Iterable[str]:
     limits = wire.profile["limits"]
     begins_rad = limits["while_engaging"]["front_wheel_rate_radps"] * ANSWERED_NS / S + wire.wheel_count_rad
     apart_rad = limits["front_wheel_deviation_rad"] + wire.wheel_count_rad
-    speeds, wheels = _speeds(record), _wheels(wire, record)
+    speeds, wheels = recent_speeds(record), recent_wheels(wire, record)
     before: float | None = None
     for pair in record.pairs:
         fastest_mps, lately_rad = _fastest_mps(speeds.until(pair.stamp_ns)), wheels.until(pair.stamp_ns)
@@ -120,24 +116,6 @@ def led_away(wire: Wire, record: Record) -> Iterable[str]:
         if is_away:
             yield f"{_at(pair, record)} {angle:.4f} rad, where {lately_rad[-1]:.4f} is measured"
         before = angle
-
-
-def unbraked(wire: Wire, record: Record, history: Sequence[Instant]) -> Iterable[str]:
-    """Lasting stops of a moving vehicle with too little brake."""
-    least_mps2 = wire.profile["behavior"]["safe_deceleration_mps2"] / 2.0
-    place, speed, way, since_ns, before_ns = 0, 0.0, 0.0, 0, 0
-    for pair in record.pairs:
-        while place < len(history) and history[place].at_ns <= pair.stamp_ns:
-            speed, place = history[place].speed_mps, place + 1
-        is_on = pair.is_enabled and pair.is_stop and abs(speed) > SLOW_MPS
-        if not is_on or speed * way <= 0.0 or pair.stamp_ns - before_ns > SILENCE_NS:
-            since_ns, way = pair.stamp_ns, speed if is_on else 0.0
-        before_ns = pair.stamp_ns
-        brake_mps2 = -math.copysign(1.0, speed) * pair.drive["ACCEL_REQUEST"]
-        if is_on and pair.stamp_ns - since_ns > BRAKES_WITHIN_NS and brake_mps2 < least_mps2:
-            yield (
-                f"{_at(pair, record)} a stop with {pair.reason} brakes with {brake_mps2:.2f} m/s² at {speed:.2f} m/s"
-            )
 
 
 def jerky(wire: Wire, record: Record) -> Iterable[str]:
@@ -166,7 +144,7 @@ def rising(wire: Wire, record: Record) -> Iterable[str]:
     rate, unit = (
         (limits["accel_rate_mps3"], "m/s³") if wire.commands_acceleration else (limits["accel_max_mps2"], "m/s²")
     )
-    speeds = _speeds(record)
+    speeds = recent_speeds(record)
     for stretch in _stretches(record):
         if wire.commands_acceleration:
             along = [math.copysign(1.0, speeds.until(p.stamp_ns)[-1]) * p.drive["ACCEL_REQUEST"] for p in stretch]
@@ -181,7 +159,7 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
     """Commands beyond the stricter limits while engaging; harder braking is allowed."""
     limits = wire.profile["limits"]["while_engaging"]
     modes, place, mode = record.of("VEHICLE_STATUS"), 0, -1.0
-    speeds = _speeds(record)
+    speeds = recent_speeds(record)
     autonomous = wire.number("MODE", "AUTONOMOUS")
     for stretch in _stretches(record):
         engaging: list[Pair] = []
@@ -208,11 +186,13 @@ def rash(wire: Wire, record: Record) -> Iterable[str]:
         yield from _faster(engaging, angles, rate, "rad/s while it engages", record, more=rate * wire.wheel_hold_s)
 
 
-def _speeds(record: Record) -> Recent:
+def recent_speeds(record: Record) -> Recent:
+    """The speeds of the samples, m/s."""
     return Recent((sample.stamp_ns, sample.speed_mps) for sample in record.samples)
 
 
-def _wheels(wire: Wire, record: Record) -> Recent:
+def recent_wheels(wire: Wire, record: Record) -> Recent:
+    """The measured front wheels, rad; 0 where they are not measured."""
     if not wire.measures_wheels:
         return Recent(())
     return Recent((told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE")))

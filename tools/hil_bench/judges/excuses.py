@@ -12,9 +12,9 @@ from hil_bench.judges.protocol import KINDS
 from hil_bench.lateness import Lateness
 from hil_bench.result import Check, Verdict
 
-CONTENT = ("damaged", "counter", "command", "dynamics")
+CONTENT = ("damaged", "counter", "command", "dynamics", "brakes", "stop_steering", "release", "unarmed", "report")
 """Findings in the content of frames: no lateness can explain them."""
-RATES = re.compile("faster|swerve")
+RATES = re.compile("faster|swerve|later than its jerk|DEADLINE_MISSES rose")
 """But it can explain wrong rates, which are computed from stamps."""
 BEFORE_S, AFTER_S = 0.15, 1.0
 """A finding may follow from a delay that is so near: a stop lasts until the state has been good again for a while."""
@@ -37,11 +37,13 @@ class Failed:
     """Latency and jitter."""
     protocol: Sequence[Check] = ()
     others: Sequence[Check] = ()
+    content: Sequence[Check] = ()
+    """What no lateness explains, besides the protocol's own."""
 
     @property
     def all(self) -> list[Check]:
         """In the order in which they are reported."""
-        return [*self.state, *self.expected, *self.others, *self.answers, *self.protocol]
+        return [*self.state, *self.expected, *self.others, *self.content, *self.answers, *self.protocol]
 
 
 def select_unexplained(failed: Failed, lateness: Lateness, record: Record) -> list[Check]:
@@ -55,10 +57,14 @@ def select_unexplained(failed: Failed, lateness: Lateness, record: Record) -> li
         found += [one for one in failed.expected if not _is_explained(one, lateness)]
     if not is_void:
         found += failed.others
-    if not is_void and not _is_slow(lateness, record):
+    found += failed.content
+    is_slow = _is_slow(lateness, record)
+    if not (is_void or is_slow):
         found += [one for one in failed.answers if not _is_explained(one, lateness, only_worst=True)]
     content = select_content(failed.protocol)
     for one in failed.protocol:
+        if is_slow and one.text == KINDS["periods"]:
+            continue
         if one in content or not (is_void or _is_explained(one, lateness)):
             found.append(one)
     return found

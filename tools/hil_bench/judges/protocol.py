@@ -9,9 +9,10 @@ from vehicle_bus_contract.reference import S
 
 from hil_bench.case import Case, Then
 from hil_bench.expect import Observation, check, not_applicable
-from hil_bench.judges import dynamics, pacing, regularity
+from hil_bench.judges import dynamics, pacing, regularity, report, stops
 from hil_bench.result import Check
 from hil_bench.rig import Rig
+from hil_bench.vocabulary import Wait
 
 KINDS = {
     "damaged": "every frame of the device is sound: kind, length, checksum",
@@ -21,9 +22,13 @@ KINDS = {
     "silence": "no gap of 200 ms between commands",
     "command": "every value is within the limits, and signals agree with each other",
     "dynamics": "steering, lateral acceleration, braking and jerk keep the profile's limits at the measured speed",
-    "brakes": "a stop brakes: at least half the safe deceleration from 250 ms until it is slow",
+    "brakes": "a stop brakes: 90 % of the safe deceleration, as soon as its jerk allows, until it is slow",
+    "stop_steering": "a stop turns the wheels straight, or holds them, as the profile says",
+    "release": "a moving vehicle is released to its driver only",
+    "unarmed": "nobody drives after an override or a fault of the vehicle, until the device is armed",
+    "report": "the report's reason, place, time and missed deadlines are those that the bus shows",
     "burst": "no burst: at most 1.2 commands per period, plus one, in 250 ms",
-    "periods": "lights and report are sent in their periods, and the report's reason is the command's",
+    "periods": "lights, report and whatever else is periodic are sent in their periods",
 }
 """Kind of finding → what must hold instead."""
 HEALTHY_S = 0.6
@@ -50,11 +55,17 @@ def check_protocol(case: Case, rig: Rig, record: Record, observed: Observation) 
         "silence": [f"{(a - record.begin_ns) / S:.3f} s: silence of {(b - a) / S:.3f} s" for a, b in record.silences],
         "command": record.violations,
         "dynamics": list(dynamics.find_faults(rig.wire, record)),
-        "brakes": list(dynamics.unbraked(rig.wire, record, observed.history)),
+        "brakes": list(stops.find_weak_brakes(rig.wire, record, observed.history)),
+        "stop_steering": list(stops.find_wrong_steering(rig.wire, record)),
+        "release": list(stops.find_released(rig.wire, record, observed.history)),
+        "unarmed": list(stops.find_unarmed(record, observed.history, observed.armed_ns, observed.later_s(Wait.STATUS))),
+        "report": [
+            *pacing.find_contradictions(record),
+            *report.find_wrong_reports(rig.wire, record, observed.route, observed.history),
+        ],
         "burst": list(pacing.find_bursts(rig.wire, record)),
         "periods": [
             *pacing.find_wrong_periods(rig.wire, record),
-            *pacing.find_contradictions(record),
             *regularity.find_irregular(rig.wire, record),
         ],
     }

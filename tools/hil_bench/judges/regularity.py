@@ -46,7 +46,8 @@ def find_irregular(wire: Wire, record: Record) -> Iterable[str]:
 
 def _irregular(wire: Wire, record: Record, name: str, period_s: float, stamps_ns: Sequence[int]) -> Iterable[str]:
     mean_s = (stamps_ns[-1] - stamps_ns[0]) / (len(stamps_ns) - 1) / S
-    at = f"{(stamps_ns[0] - record.begin_ns) / S:.3f} s:"
+    worst_ns = max(pairwise(stamps_ns), key=lambda gap: abs((gap[1] - gap[0]) / S - period_s))[1]
+    at = f"{(worst_ns - record.begin_ns) / S:.3f} s:"
     waits_s = wire.command_period_s
     if not (1.0 - MEAN_SHARE) * period_s <= mean_s <= (1.0 + MEAN_SHARE) * period_s + waits_s:
         yield f"{at} {name} every {mean_s * 1e3:.1f} ms, where its period is {period_s * 1e3:.0f} ms"

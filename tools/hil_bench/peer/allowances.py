@@ -99,6 +99,10 @@ def find_unjudged(layout: Layout, roles: Roles, reader: CommandReader) -> dict[s
         found["counter"] = "no message of the device has a counter"
     if not reader.has_stop or reader.longitudinal == "speed":
         found["brakes"] = "no signal says that a command is a stop; an expected stop is judged by how it brakes"
+        found["stop_steering"] = found["brakes"]
+    if not reader.has_reason or not reader.enabling_messages:
+        found["release"] = "no signal says why a command does not enable, or whether it does"
     if not roles.reports:
         found["periods"] = "the device sends neither lights nor reports"
+    found["report"] = "what this vehicle's reports contain is not compared"
     return found
