@@ -17,6 +17,7 @@ from hil_bench.cases import CATALOGUE, catalogue_for
 from hil_bench.cases.files import FILES
 from hil_bench.expect import MomentaryAtMost
 from hil_bench.faults.base import NotApplicableError
+from hil_bench.faults.frames import drop_samples
 from hil_bench.faults.signals import freeze_sample
 from hil_bench.parts import Part, parts_of
 from hil_bench.peer.build import build_vehicle, examine, open_wire
@@ -245,6 +246,16 @@ def test_each_fault_of_the_state_that_applies_to_a_vehicle_changes_what_it_sends
         if not changed:
             without_effect.append(case.name)
     assert without_effect == []
+
+
+@pytest.mark.parametrize("profile", SHIPPED)
+def test_half_the_rate_is_half_of_each_message(profile: str) -> None:
+    faulty, sound = _DrivenVehicle(profile), _DrivenVehicle(profile)
+    with drop_samples(2)(faulty):  # type: ignore[arg-type]
+        ends = [(sound.tick(), faulty.tick()) for _ in range(200)]
+    for name in sound.wire.sample:
+        sent, left = (sum(sound.wire.name_of(one) == name for tick in ends for one in tick[way]) for way in (0, 1))
+        assert abs(left - sent / 2) <= 1, name
 
 
 @pytest.mark.parametrize("profile", SHIPPED)

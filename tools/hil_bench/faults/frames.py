@@ -234,12 +234,15 @@ def delay_in_gateway(hold_s: float) -> Injection:
 
 
 class _DroppedSamples(Fault):
+    """Loses every n-th frame of each message of the sample, whatever its period."""
+
     def __init__(self, every: int, sample: Sequence[str]) -> None:
-        self._every, self._sample, self._count = every, sample, 0
+        self._every, self._counts = every, dict.fromkeys(sample, 0)
 
     def frames(self, outgoing: list[TxFrame]) -> list[Frame]:
-        self._count += any(tx.name in self._sample for tx in outgoing)
-        return [tx.frame for tx in outgoing if tx.name not in self._sample or self._count % self._every]
+        for name in {tx.name for tx in outgoing} & self._counts.keys():
+            self._counts[name] += 1
+        return [tx.frame for tx in outgoing if self._counts.get(tx.name, 1) % self._every]
 
 
 def drop_samples(every: int) -> Injection:
