@@ -457,3 +457,27 @@ def test_a_count_that_does_not_advance_is_a_gap_of_a_counter_and_no_wrong_value(
         "GLOBAL_CMD.COUNTER from 3 to 3",
     ]
     assert not record.violations
+
+
+@pytest.mark.parametrize(("state", "is_found"), [(3, True), (7, False)])
+def test_a_frame_with_an_undefined_value_need_not_be_echoed(state: int, is_found: bool) -> None:
+    wire = PeerWire("fs_ai_ads_dv")
+
+    def told(at_ms: int, handshake: int, state: int = 3) -> Frame:
+        values = {"VCU2AI_Status.HANDSHAKE": float(handshake), "VCU2AI_Status.AS_STATE": float(state)}
+        return replace(wire.pack_signals("VCU2AI_Status", 0, values), stamp_ns=S + at_ms * MS)
+
+    def answered(at_ms: int) -> Frame:
+        return replace(wire.pack("AI2VCU_Status", 0, **{"AI2VCU_Status.HANDSHAKE": 0}), stamp_ns=S + at_ms * MS)
+
+    frames = [told(0, 0), *(told(at_ms, 1, state) for at_ms in range(10, 500, 10)), answered(500)]
+    assert any("HANDSHAKE" in text for text in examine(wire, frames).violations) is is_found
+
+
+def test_odometry_may_be_off_by_a_share_of_the_way() -> None:
+    case = find_case("drive-figure-eight")
+    (own, far), (other, _) = ((adapt(case, open_wire(name)), case.route()) for name in ("fs_ai_ads_dv", "vbox_kart"))
+    assert own.max_path_error_m is not None
+    assert other.max_path_error_m is not None
+    assert own.max_path_error_m > 0.005 * 0.5 * far.length_m()
+    assert other.max_path_error_m < 0.5

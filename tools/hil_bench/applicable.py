@@ -18,6 +18,8 @@ LEAST_ERROR_SHARE = 0.5
 """Errors of a path shrink less than the path: a controller looks ahead as far as it does."""
 FASTEST_SHARE = 0.9
 """Of the profile's speed limit."""
+ODOMETRY_SHARE = 0.005
+"""Of the way: what odometry may be off, by counts of wheel speed and yaw rate."""
 SHORTEST_STRETCH_M = 5.0
 """From stop to stop, straight on. A controller looks ahead some metres also at a crawl; on a way not much longer than
 that, it sees nothing but the stop, and only creeps."""
@@ -58,12 +60,14 @@ def adapt(case: Case, wire: Wire) -> Case:
         then = Then.MAY_GO_ON if need_not_stop else Then.REARM
         needs = tuple(dict.fromkeys([*needs, Need.REARM]))
         see = tuple(replace(one, most_s=math.inf) if isinstance(one, MomentaryAtMost) else one for one in see)
-    error_m = (
-        None if case.max_path_error_m is None else case.max_path_error_m * max(LEAST_ERROR_SHARE, wire.length_share)
-    )
+    route = scale_for(case.route(), wire)
+    error_m = case.max_path_error_m
+    if error_m is not None:
+        error_m *= max(LEAST_ERROR_SHARE, wire.length_share)
+        error_m += ODOMETRY_SHARE * route.length_m() if wire.loses_its_place else 0.0
     return replace(
         case,
-        route=_always(scale_for(case.route(), wire)),
+        route=_always(route),
         at_mps=case.at_mps * share if case.at_mps > 0.0 else case.at_mps,
         reach_s=case.reach_s * slower,
         see=see,

@@ -38,6 +38,11 @@ class Route:
         """True if it leads straight on."""
         return len(set(self.heading_rad)) == 1
 
+    def length_m(self) -> float:
+        """The way along it, backwards as well as forwards."""
+        steps = itertools.pairwise(zip(self.x_m, self.y_m, strict=True))
+        return sum(math.dist(a, b) for a, b in steps)
+
     def shortest_stretch_m(self) -> float:
         """Shortest distance between two stops, the start and the end included."""
         steps = itertools.pairwise(zip(self.x_m, self.y_m, strict=True))

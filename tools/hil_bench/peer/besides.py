@@ -23,12 +23,17 @@ class Besides:
         self._counts: dict[str, float] = {}
 
     def note(self, decoded: DecodedFrame) -> None:
-        """A frame of the vehicle."""
+        """A frame of the vehicle. A device may reject one with an undefined value, and go on with an older echo."""
+        is_defined = all(map(self._is_defined, decoded.signals, decoded.signals.values()))
         for dotted, sent in self._echoed.items():
             if dotted in decoded.signals:
                 sent.append((decoded.stamp_ns, decoded[dotted]))
-                while sent[0][0] < decoded.stamp_ns - ECHO_NS:
+                while is_defined and sent[0][0] < decoded.stamp_ns - ECHO_NS:
                     sent.popleft()
+
+    def _is_defined(self, dotted: str, value: float) -> bool:
+        names = self._wire.signals[dotted].names if dotted in self._wire.signals else {}
+        return not names or int(value) in names.values()
 
     def find_faults(self, decoded: DecodedFrame) -> Iterator[str]:
         """Values that are not the profile's."""
