@@ -186,7 +186,7 @@ def _never_rests(numbers: Numbers) -> Case:
         lacks=numbers.lacks(key),
         then=Then.ENDED,
         needs=(Need.OWN_PROCESS,),
-        allow=ANYTHING,
+        allow=ANYTHING | {"release"},
         answers_in_time=False,
     )
 
