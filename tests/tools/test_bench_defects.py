@@ -7,7 +7,7 @@ import pytest
 from defect_testing.findings import Findings, Outcome, Scope, sound_key
 from defect_testing.page import NOT_CAUGHT, NOT_MEASURED, PAGE, make_page, share_caught
 from defect_testing.plan import Defect, draw_sample, find_faults, load_plan
-from defect_testing.run import CASES, QUICK, Bench, NotExecutedError, find_open, measure, read_flags
+from defect_testing.run import CASES, QUICK, Bench, NotExecutedError, find_open, main, measure, read_flags
 from promise_testing.project_copy import PlanError, ProjectCopy
 
 PLAN = load_plan()
@@ -165,6 +165,20 @@ def test_the_page_tells_caught_missed_and_not_measured_apart() -> None:
 
 def test_the_page_of_the_project_is_that_of_what_was_measured() -> None:
     assert PAGE.read_text(encoding="utf-8") == make_page(PLAN, Findings.read(), frozenset(QUICK))
+
+
+def test_a_defect_that_was_caught_in_virtual_time_is_caught_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--virtual", "--sample", "1", "--no-page", "--results", str(tmp_path / "found.json")]
+    assert main(words) == 0
+    assert "all cases: 1 of 1 caught" in capsys.readouterr().out
+
+
+def test_what_an_unsound_case_caught_is_measured_again() -> None:
+    findings = found(BRAKES, FAILS)
+    findings.sound[sound_key(BRAKES, "state-lost", Scope.NAMED)] = False
+    assert list(find_open([BRAKES], findings, Scope.NAMED)) == [BRAKES]
 
 
 def test_a_plan_with_an_unknown_key_is_rejected(tmp_path: Path) -> None:

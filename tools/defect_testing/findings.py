@@ -76,13 +76,14 @@ class Findings(msgspec.Struct):
         part.replace(path)
 
     def outcome(self, defect: Defect, scope: Scope) -> Outcome | None:
-        """None where it was not measured, or has changed since."""
+        """None where it was not measured, has changed since, or was caught by a case that the sound device fails."""
         entry = self.defects.get(defect.id)
         if entry is None or entry.digest != defect.digest:
             return None
         found = entry.outcomes.get(scope)
         is_other = scope.is_named and found is not None and not found.case and found.cases != defect.cases
-        return None if is_other else found
+        is_unsound = found is not None and found.case and not self.is_sound(defect, found.case, scope)
+        return None if is_other or is_unsound else found
 
     def note(self, defect: Defect, scope: Scope, outcome: Outcome) -> None:
         """Replaces what was known, and all of it where the defect has changed."""
@@ -102,9 +103,14 @@ class Findings(msgspec.Struct):
             found = self.outcome(defect, scope)
             if found is None or not found.case or (scope.is_virtual and not virtual):
                 continue
-            if self.is_sound(defect, found.case, scope) and (quick is None or found.case in quick):
+            if quick is None or found.case in quick:
                 return scope, found
         return None
+
+    def was_caught(self, defect: Defect, *, virtual: bool) -> bool:
+        """Whether it was caught in virtual time, or else on vcan0."""
+        found = [self.outcome(defect, scope) for scope in Scope if scope.is_virtual is virtual]
+        return any(one is not None and one.case for one in found)
 
     def is_judged(self, defect: Defect, scope: Scope) -> bool:
         """Whether it is known that the defect is, or is not, caught by these cases."""

@@ -182,7 +182,7 @@ def find_open(defects: Sequence[Defect], findings: Findings, scope: Scope) -> It
     quick = frozenset(QUICK) if scope.is_quick else None
     for defect in defects:
         is_in_scope = defect.is_visible and (defect.cases or not scope.is_named)
-        is_alone = not scope.is_virtual or not (defect.is_minimal or defect.timing)
+        is_alone = not scope.is_virtual or not (defect.is_minimal or defect.timing or defect.process)
         if not (is_in_scope and is_alone) or findings.is_judged(defect, scope):
             continue
         if findings.catch(defect, quick=quick, virtual=scope.is_virtual) is None:
@@ -197,9 +197,10 @@ def measure(
     for place, defect in enumerate(defects, 1):
         if time.monotonic() > end_s:
             break
-        cases = QUICK if scope.is_quick else (*defect.cases, *(() if scope.is_named and defect.cases else CASES))
+        named = QUICK if scope.is_quick else (*defect.cases, *(() if scope.is_named and defect.cases else CASES))
+        cases = [case for case in dict.fromkeys(named) if findings.is_sound(defect, case, scope)]
         try:
-            outcome = bench.judge(defect, list(dict.fromkeys(cases)))
+            outcome = bench.judge(defect, cases)
         except NotExecutedError as error:
             said = f"not executed: {error}"
         else:
@@ -287,7 +288,9 @@ def _choose(plan: Sequence[Defect], options: argparse.Namespace) -> list[Defect]
     if options.sample is None:
         return chosen
     caught = Findings.read()
-    return draw_sample([defect for defect in chosen if caught.catch(defect, virtual=options.virtual)], options.sample)
+    return draw_sample(
+        [defect for defect in chosen if caught.was_caught(defect, virtual=options.virtual)], options.sample
+    )
 
 
 def read_flags() -> set[str]:
