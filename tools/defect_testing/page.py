@@ -25,7 +25,9 @@ tools/bench_defects ID… --again     # these, even if they were measured
 What was measured is kept in `tools/bench_defects.json`, so that a measurement may be interrupted. A defect is caught
 where a case fails that the device without the defect passes. A failure by lateness alone counts only for defects of
 timing. In virtual time the same cases and judges have the program's loop as their device, without kernel, process and
-bus. Each line below that has no case is a gap of the bench, or was not measured.
+bus. Each line below that has no case is a gap of the bench, or was not measured; the share of all visible defects is
+the least that is known. A defect counts as measured with the quick run where a quick case caught it, or where the whole
+quick run was made.
 """
 NOT_MEASURED, NOT_CAUGHT, NOT_BY_ITS_CASES = "not measured", "**not caught**", "**not caught by its cases**"
 
@@ -87,7 +89,7 @@ def _is_known(defect: Defect, findings: Findings, *, is_quick: bool, virtual: bo
 
 
 def _summary(of: str, defects: Sequence[Defect], findings: Findings, quick: frozenset[str]) -> str:
-    lines = [f"{of}:\n", "| run | caught | measured | visible on the bus |", "|---|---|---|---|"]
+    lines = [f"{of}:\n", "| run | caught | measured | visible on the bus | share |", "|---|---|---|---|---|"]
     for run, cases, virtual in (
         ("all cases, on vcan0", None, False),
         ("all cases, on vcan0 or in virtual time", None, True),
@@ -95,8 +97,8 @@ def _summary(of: str, defects: Sequence[Defect], findings: Findings, quick: froz
         ("quick, on vcan0 or in virtual time", quick, True),
     ):
         caught, measured, visible = share_caught(defects, findings, cases, virtual=virtual)
-        percent = f" ({caught / measured:.0%})" if measured else ""
-        lines.append(f"| {run} | {caught}{percent} | {measured} | {visible} |")
+        share = f"{caught / visible:.0%}" if visible else "–"
+        lines.append(f"| {run} | {caught} | {measured} | {visible} | {'' if measured == visible else '≥ '}{share} |")
     return "\n".join(lines) + "\n"
 
 
