@@ -110,7 +110,7 @@ FAULTS: list[tuple[Callable[[Frames], None], str]] = [
     (replaced("COMMAND", lambda old: frame(old.stamp_ns, "COMMAND", 299, **COMMAND)), "counter: COMMAND at 3.001 s"),
     (replaced("STATE", lambda old: frame(old.stamp_ns, "STATE", 302)), "counter: STATE at 3.000 s: 43 to 46"),
     (lose_a_status, "counter: VEHICLE_STATUS"),
-    (answer_not_at_all, "unanswered: a sample after 2.991 s"),
+    (answer_not_at_all, "unanswered: sample at 3.000 s"),
     (answer_twice, "doubled: pair at 3.001 s"),
     (fall_silent, "silence: 2.991 s to 3.501 s"),
     (says("COMMAND", **COMMAND | {"ACCEL_REQUEST": 3.001}), "command: 3.001 s: ACCEL_REQUEST 3.001 m/s²"),
