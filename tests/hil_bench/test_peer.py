@@ -481,3 +481,19 @@ def test_odometry_may_be_off_by_a_share_of_the_way() -> None:
     assert other.max_path_error_m is not None
     assert own.max_path_error_m > 0.005 * 0.5 * far.length_m()
     assert other.max_path_error_m < 0.5
+
+
+def test_messages_of_two_commands_are_not_taken_for_one_after_a_loss() -> None:
+    wire = open_wire("new_eagle_raptor")
+
+    def told(at_ms: int, enable: float, lost: str = "") -> list[Frame]:
+        enables = {name.partition(".")[0]: {name: enable} for name in wire.profile["command"]["signals"]["enable"]}
+        names = [name for name in wire.command if name != lost]
+        frames = [wire.pack(name, at_ms // 20, **enables.get(name, {})) for name in names]
+        return [replace(frame, stamp_ns=S + at_ms * MS + place) for place, frame in enumerate(frames)]
+
+    frames = [*told(0, 0.0), *told(20, 0.0, lost=wire.command[0]), *told(40, 1.0), *told(60, 1.0)]
+    record = examine(wire, frames)
+    assert [pair.is_enabled for pair in record.pairs] == [False, True, True]
+    assert not [text for text in record.violations if "contradict" in text]
+    assert len(record.doubled) == 1

@@ -16,6 +16,8 @@ SPREAD_NS = round(0.05 * S)
 """Parts of one sample lie within this time."""
 MISSED_PERIODS = 2.5
 CLOSE_PERIODS = 0.4
+TOGETHER = 0.8
+"""Share of the command's period within which the messages of one command come."""
 DRIVING = ("throttle", "drive_mps2", "speed_mps", "accel_mps2")
 RESTING_SLACK = 1e-6
 ENABLE_SLACK_S = 0.02
@@ -155,9 +157,10 @@ class _Examination:
     def _take_command(self, decoded: DecodedFrame) -> None:
         if decoded.name not in self.wire.command:
             return
-        if decoded.name in self._group:
+        began_ns = min((one.stamp_ns for one in self._group.values()), default=decoded.stamp_ns)
+        if decoded.name in self._group or decoded.stamp_ns - began_ns > TOGETHER * self.wire.command_period_s * S:
             names = ", ".join(self._group)
-            self.record.doubled.append(f"{names} alone at {self._at(self._group[decoded.name].stamp_ns)}")
+            self.record.doubled.append(f"{names} alone at {self._at(began_ns)}")
             self._group.clear()
         self._group[decoded.name] = decoded
         if len(self._group) < len(self.wire.command):
