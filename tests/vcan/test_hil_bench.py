@@ -97,7 +97,7 @@ def test_every_defect_has_a_case() -> None:
 
 
 ATTEMPTS = 3
-OF_THE_MACHINE = ("99 % of the answers", "half of the answers", "no burst", "the bench itself was late")
+OF_THE_MACHINE = ("99 % of the answers", "90 % of the answers", "half of the answers", "no burst", "host too slow")
 """Findings that a machine with too little time makes: the case is run again, and only these."""
 
 
@@ -207,7 +207,7 @@ def test_sigterm_in_a_case_ends_the_device_restores_the_link_and_writes_the_repo
         subprocess.run(["ip", "link", "set", CHANNEL, "up"], check=True)
     run = result.read(tmp_path / "report" / "results.json")
     assert "interrupted in case 1 of 2; links, clock, cables and disks are restored" in said
-    assert (run.verdict, [case.verdict for case in run.cases]) == (Verdict.NOT_EXECUTED, [Verdict.NOT_EXECUTED])
+    assert (run.verdict, [case.verdict for case in run.cases]) == (Verdict.NOT_EXECUTED, 2 * [Verdict.NOT_EXECUTED])
     assert "interrupted in case 1 of 2" in (tmp_path / "report" / "index.html").read_text()
     assert bench.returncode == 130
     assert is_up
