@@ -21,7 +21,7 @@ class Interface(NamedTuple):
 @pytest.fixture
 def set_interfaces(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., None]:
     """A machine with SocketCAN and just these interfaces, and no right to change them."""
-    monkeypatch.setattr(demo_bus, "_has_socketcan", lambda: True)
+    monkeypatch.setattr(demo_bus, "find_socketcan_error", lambda: "")
     monkeypatch.setattr(demo_bus, "_SYS_NET", tmp_path)
     monkeypatch.setattr("os.geteuid", lambda: 1000)
 

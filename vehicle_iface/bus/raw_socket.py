@@ -27,6 +27,17 @@ _MEMORY = struct.Struct("@9I")
 _GONE = (errno.ENODEV, errno.ENXIO)
 
 
+def find_socketcan_error() -> str:
+    """Return why this system has no SocketCAN; empty if it has."""
+    if not hasattr(socket, "AF_CAN"):
+        return "not on this system"
+    try:
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""
+
+
 def pack_frame(frame: CanFrame) -> bytes:
     """Pack `frame` into the kernel's struct can_frame or canfd_frame."""
     can_id, data, _, is_extended, is_remote, is_fd, _, _ = frame

@@ -1,17 +1,17 @@
 """The bus that `vehicle-iface demo` drives on: a vcan interface for each of the profile's, else embedded."""
 
 import os
-import socket
 import subprocess
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from vehicle_iface.bus.raw_socket import find_socketcan_error
+from vehicle_iface.bus.receive import CANFD_MTU
 from vehicle_iface.cli.parser import EMBEDDED
 from vehicle_iface.opening import Channels, describe_channels
 from vehicle_iface.profile import Profile
 
-CANFD_MTU = 72
 _EMBEDDED_BUS = "embedded bus, simulated vehicle inside the loop's process"
 _SYS_NET = Path("/sys/class/net")
 
@@ -35,7 +35,7 @@ class BusChoice:
 
 def choose_bus(profile: Profile) -> BusChoice:
     """Choose vcan0, vcan1, … where SocketCAN exists, creating them if allowed; otherwise the embedded bus."""
-    if not _has_socketcan():
+    if find_socketcan_error():
         return BusChoice(
             interface=EMBEDDED,
             channels={},
@@ -58,16 +58,6 @@ def choose_bus(profile: Profile) -> BusChoice:
         channels=channels,
         why=f"SocketCAN {describe_channels(channels)}; candump {' '.join(mtus)} shows it",
     )
-
-
-def _has_socketcan() -> bool:
-    if not hasattr(socket, "AF_CAN"):
-        return False
-    try:
-        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
-    except OSError:
-        return False
-    return True
 
 
 def _is_usable(channel: str, mtu: int) -> bool:

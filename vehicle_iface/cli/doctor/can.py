@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from vehicle_iface.arming import VIRTUAL_KINDS
+from vehicle_iface.bus.raw_socket import find_socketcan_error
+from vehicle_iface.bus.receive import CANFD_MTU
 from vehicle_iface.bus.socketcan import RECEIVE_BUFFER_BYTES
 from vehicle_iface.cli.doctor.findings import Diagnostic, missing, ok, read_text, warn
 from vehicle_iface.profile import Bus
 
-CANFD_MTU = 72
 FRAME_BITS = 135
 """Length in bits of a classical data frame of 8 bytes with the most stuff bits, and the gap after it."""
 FRAMES_OF_A_PASS = 4
@@ -25,7 +26,7 @@ QUEUED_S = 0.01
 
 def check_socketcan(channels: Iterable[str]) -> Iterator[Diagnostic]:
     """Check the kernel modules for CAN sockets, virtual interfaces and gateways."""
-    error = _socketcan_error()
+    error = find_socketcan_error()
     if error:
         if has_module("can_raw"):
             yield missing("SocketCAN", f"not in use by this kernel ({error})", "sudo modprobe can_raw")
@@ -55,7 +56,7 @@ def has_module(name: str) -> bool:
 
 def check_interface(channel: str, bus: Bus) -> list[Diagnostic]:
     """Check how the interface is set up; return nothing if the kernel has no SocketCAN."""
-    if _socketcan_error():
+    if find_socketcan_error():
         return []
     if not _has_interface(channel):
         return [_describe_absent(channel)]
@@ -171,15 +172,6 @@ def check_receive_buffer(granted_bytes: int) -> Iterator[Diagnostic]:
             f"{granted_bytes} of {RECEIVE_BUFFER_BYTES} bytes of receive buffer: a flood drops frames sooner",
             f"sudo sysctl -w net.core.rmem_max={RECEIVE_BUFFER_BYTES}",
         )
-
-
-def _socketcan_error() -> str:
-    """Return why SocketCAN is not available; empty if it is."""
-    try:
-        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
-    except OSError as error:
-        return error.strerror or str(error)
-    return ""
 
 
 def _has_interface(channel: str) -> bool:
