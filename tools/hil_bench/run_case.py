@@ -235,7 +235,7 @@ def _after_injection(rig: Rig, case: Case) -> None:
 
         def is_stuck() -> bool:
             """A vehicle that is early waits at a turning point; it is stuck if it waits when the route is over."""
-            return rig.is_stuck and time.monotonic_ns() > planned_ns
+            return rig.is_stuck and rig.now_ns > planned_ns
 
         rig.wait_for(
             lambda: rig.is_at_end or is_stuck() or rig.device.poll() is not None, longest_s, "the end of the route"

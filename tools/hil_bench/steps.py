@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import msgspec
 from vehicle_bus_contract.reference import AUTONOMOUS, S
 
 from hil_bench.expect import Expectation, Measurement, Observation, check, measure
@@ -69,7 +70,7 @@ class Stretch:
             return StepFindings(checks=[check(f"{self.step.name}: can begin", [self.why])])
         seen = replace(observed, inject_ns=self.begin_ns, end_ns=self.end_ns, then_ns=self.then_ns)
         judged = [expectation.judge(seen) for expectation in self.step.see]
-        checks = [_name(one, self.step.name) for one, _ in judged]
+        checks = [msgspec.structs.replace(one, text=f"{self.step.name}: {one.text}") for one, _ in judged]
         events = [event for _, at in judged for event in at]
         return StepFindings(checks=checks, events=events, measured=measure(self.step.measure, seen))
 
@@ -138,14 +139,3 @@ def _drive(rig: Rig, at_mps: float) -> str:
         if rig.is_engaged and abs(rig.vehicle.plant.speed_mps) >= 0.9 * at_mps:
             return ""
     return f"it does not drive at {at_mps:.3g} m/s"
-
-
-def _name(one: Check, name: str) -> Check:
-    return Check(
-        text=f"{name}: {one.text}",
-        verdict=one.verdict,
-        measured=one.measured,
-        limit=one.limit,
-        unit=one.unit,
-        found=one.found,
-    )
