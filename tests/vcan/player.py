@@ -16,7 +16,8 @@ LATE_S = 0.002
 def main(file: str, times: str = "1") -> None:
     """Each frame at its time, from the first on, and end; a late frame delays those behind it.
 
-    So no two samples arrive closer to each other than in the log: of two that arrive at once the loop answers the newer.
+    So no two samples arrive closer to each other than in the log: of two that arrive at once the loop answers only
+    the newer.
     """
     lines = [line.split() for line in Path(file).read_text().splitlines()]
     log = [(float(at_s), Frame(0, int(can_id, 16), bytes.fromhex(data))) for at_s, can_id, data in lines]
