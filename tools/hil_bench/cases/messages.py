@@ -3,8 +3,8 @@
 Each message has one case, whose faults follow one another in one drive.
 """
 
-from hil_bench.case import Case, Need, Then
-from hil_bench.cases.thresholds.common import ANYTHING, Numbers, straight
+from hil_bench.case import Case
+from hil_bench.cases.thresholds.common import Numbers, sequence_case, straight
 from hil_bench.expect import DrivesOn, Expectation, NeverDrives, Stops
 from hil_bench.faults import frames, signals, vehicle
 from hil_bench.faults.base import Injection
@@ -49,7 +49,7 @@ def _message(numbers: Numbers, name: str) -> Case:
     if wire.protection_of(name).counters:
         once_more = frames.change_message(name, frames.repeat)
         steps.append(Step(name="each frame twice", inject=once_more, for_s=0.3, see=(DrivesOn(0.0),)))
-    return Case(
+    return sequence_case(
         name=f"message-{name.lower().replace('_', '-')}",
         fault="F1 F2 F3 F4 S1",
         tags=("messages", "frames", "state"),
@@ -57,11 +57,7 @@ def _message(numbers: Numbers, name: str) -> Case:
         injected=f"{name}: {', '.join(step.name for step in steps)}",
         route=straight(),
         at_mps=AT_MPS,
-        steps=tuple(steps),
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
+        steps=steps,
     )
 
 
@@ -117,7 +113,7 @@ def _fields(numbers: Numbers) -> Case:
             Step(name=f"{signal} impossible", inject=inject, for_s=lost_s + 0.1, see=(late,), is_left_alone=True)
         )
         steps.append(_from_start(numbers, f"{signal} impossible from the start", inject))
-    return Case(
+    return sequence_case(
         name="fields-impossible",
         fault="F5",
         tags=("messages", "values", "frames"),
@@ -125,12 +121,8 @@ def _fields(numbers: Numbers) -> Case:
         injected=f"a value beyond the range or a number without a name: {', '.join(step.name for step in steps)}",
         route=straight(),
         at_mps=AT_MPS,
-        steps=tuple(steps),
+        steps=steps,
         lacks="" if steps else "no field of the vehicle can carry an impossible value",
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )
 
 
@@ -170,7 +162,7 @@ def _starts(numbers: Numbers) -> Case:
         ("a fault of the vehicle", "FAULT_CODE", vehicle.change_until_ready(fault_code=5)),
     ]
     steps = tuple(_from_start(numbers, name, inject) for name, signal, inject in found if wire.has(signal))
-    return Case(
+    return sequence_case(
         name="wrong-from-the-start",
         fault="S5 V1 V2",
         tags=("messages", "state", "driver", "engagement"),
@@ -180,8 +172,4 @@ def _starts(numbers: Numbers) -> Case:
         at_mps=0.0,
         steps=steps,
         lacks="" if steps else "the vehicle's bus has neither a frame, a validity, a driver nor a fault",
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )

@@ -1,12 +1,14 @@
-"""What the cases that measure thresholds share: the profile's numbers, tolerances and routes."""
+"""What the cases that measure thresholds share: the profile's numbers, tolerances, routes and how a sequence ends."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from hil_bench import routes
+from hil_bench.case import Case, Need, Then
 from hil_bench.cases.common import ANY
 from hil_bench.routes import Route
+from hil_bench.steps import Step
 from hil_bench.wire import Wire
 
 ANYTHING = frozenset({*ANY, "command", "dynamics", "brakes", "counter", "burst"})
@@ -72,6 +74,37 @@ class Numbers:
         if self.wire.has_stop_signal:
             return 0.0
         return STOP_SHARE * self["behavior.safe_deceleration_mps2"] / self.or_else("behavior.stop_jerk_mps3", 20.0)
+
+
+def sequence_case(
+    *,
+    name: str,
+    fault: str,
+    tags: tuple[str, ...],
+    proves: str,
+    injected: str,
+    route: Callable[[], Route],
+    steps: Iterable[Step],
+    at_mps: float = USUAL_MPS,
+    lacks: str = "",
+    allow: frozenset[str] = ANYTHING,
+) -> Case:
+    """Steps in one drive, between which the device is armed again wherever it has stopped."""
+    return Case(
+        name=name,
+        fault=fault,
+        tags=tags,
+        proves=proves,
+        injected=injected,
+        route=route,
+        at_mps=at_mps,
+        steps=tuple(steps),
+        lacks=lacks,
+        then=Then.REARM,
+        needs=(Need.REARM,),
+        allow=allow,
+        answers_in_time=False,
+    )
 
 
 def straight(length_m: float = 600.0, speed_mps: float = USUAL_MPS + 1.0) -> Callable[[], Route]:

@@ -3,15 +3,15 @@
 import math
 from collections.abc import Callable
 
-from hil_bench.case import Case, Need, Then
+from hil_bench.case import Case
 from hil_bench.cases.thresholds.common import (
-    ANYTHING,
     FAST_MPS,
     SLOW_MPS,
     USUAL_MPS,
     Numbers,
     backwards,
     bend,
+    sequence_case,
     straight,
 )
 from hil_bench.expect.thresholds import Limit, Quantity, StopAt, distance_m, heading_error_rad, speed_mps
@@ -169,7 +169,7 @@ def _case(
     steps: list[Step],
     lacks: str,
 ) -> Case:
-    return Case(
+    return sequence_case(
         name=name,
         fault="C2",
         tags=("thresholds", "deviation"),
@@ -177,10 +177,6 @@ def _case(
         injected=f"the vehicle leaves {'its path' if 'lateral' in name else 'what was asked'} further and further",
         route=route,
         at_mps=at_mps,
-        steps=tuple(steps),
+        steps=steps,
         lacks=lacks,
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )

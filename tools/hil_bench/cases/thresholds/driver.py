@@ -1,7 +1,7 @@
 """The driver's signals, each without a change of mode by the vehicle, and how long an override lasts."""
 
 from hil_bench.case import Case, Need, Then
-from hil_bench.cases.thresholds.common import ANYTHING, USUAL_MPS, Numbers, straight
+from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
 from hil_bench.expect import LetsGo, StaysOut
 from hil_bench.expect.thresholds import Limit, ReleaseAt
 from hil_bench.faults import growing, vehicle
@@ -45,7 +45,7 @@ def _alone(numbers: Numbers) -> Case:
         for at_mps in (USUAL_MPS,)
         if wire.has(signal)
     )
-    return Case(
+    return sequence_case(
         name="driver-signals-alone",
         fault="V1",
         tags=("thresholds", "driver", "quick"),
@@ -54,10 +54,6 @@ def _alone(numbers: Numbers) -> Case:
         route=straight(),
         steps=steps,
         lacks="" if steps else "the vehicle's bus has no signal of the driver",
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )
 
 
@@ -85,19 +81,15 @@ def _torque(numbers: Numbers) -> Case:
             )
         )
     lacks = "" if is_told else "the vehicle's bus has no torque of the driver"
-    return Case(
+    return sequence_case(
         name="threshold-driver-torque",
         fault="V1",
         tags=("thresholds", "driver"),
         proves="A torque of the driver as great as the profile says releases the vehicle, to either side.",
         injected="a torque that grows until the device releases the vehicle; the mode stays AUTONOMOUS",
         route=straight(),
-        steps=tuple(steps),
+        steps=steps,
         lacks=numbers.lacks(key) or lacks,
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )
 
 

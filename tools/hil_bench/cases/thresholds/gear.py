@@ -1,7 +1,7 @@
 """Up to which speed another gear is requested."""
 
-from hil_bench.case import Case, Need, Then
-from hil_bench.cases.thresholds.common import ANYTHING, USUAL_MPS, Numbers, straight
+from hil_bench.case import Case
+from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
 from hil_bench.expect.thresholds import GearRequestedAt, Limit
 from hil_bench.faults import signals
 from hil_bench.profile import ProfileError
@@ -34,7 +34,7 @@ def gear_cases(wire: Wire) -> tuple[Case, ...]:
     )
     lacks = "" if steps else "the vehicle's bus has no gear"
     return (
-        Case(
+        sequence_case(
             name="threshold-gear-change",
             fault="S9",
             tags=("thresholds", "driver"),
@@ -43,10 +43,6 @@ def gear_cases(wire: Wire) -> tuple[Case, ...]:
             route=straight(),
             steps=steps,
             lacks=numbers.lacks(KEY) or lacks or ("" if wire.has("GEAR_REQUEST") else "no gear is requested of it"),
-            then=Then.REARM,
-            needs=(Need.REARM,),
-            allow=ANYTHING,
-            answers_in_time=False,
         ),
     )
 

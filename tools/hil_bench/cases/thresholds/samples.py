@@ -1,7 +1,7 @@
 """Between two samples: how far values may change, how long they may be frozen, how many may be lost."""
 
-from hil_bench.case import Case, Need, Then
-from hil_bench.cases.thresholds.common import ANYTHING, USUAL_MPS, Numbers, straight
+from hil_bench.case import Case
+from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
 from hil_bench.expect.thresholds import FirstDropped, Limit, StopAfter
 from hil_bench.faults import growing, signals
 from hil_bench.steps import Step
@@ -50,19 +50,15 @@ def _jumps(numbers: Numbers) -> Case:
                     is_left_alone=True,
                 )
             )
-    return Case(
+    return sequence_case(
         name="threshold-jumps",
         fault="S3",
         tags=("thresholds", "plausibility"),
         proves="A sample whose values have changed by more than the profile allows is dropped.",
         injected=f"one sample of {EVERY} is changed, each time by more",
         route=straight(speed_mps=USUAL_MPS + 0.3),
-        steps=tuple(steps),
+        steps=steps,
         lacks="" if steps else "the profile has no [plausibility] for a value on its bus",
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )
 
 
@@ -90,19 +86,15 @@ def _frozen(numbers: Numbers) -> Case:
                 is_left_alone=True,
             )
         )
-    return Case(
+    return sequence_case(
         name="threshold-frozen",
         fault="S4",
         tags=("thresholds", "plausibility"),
         proves="A vehicle whose position is frozen, while its speed is not zero, is stopped in the profile's time.",
         injected="all values of the sample are frozen, under a live counter",
         route=straight(speed_mps=9.0),
-        steps=tuple(steps),
+        steps=steps,
         lacks=lacks or (NO_PLACE if numbers.wire.loses_its_place else ""),
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )
 
 
@@ -125,7 +117,7 @@ def _counters(numbers: Numbers) -> Case:
         for_s=(most + 3) * EVERY * wire.period_s,
         measure=(FirstDropped(limit=limit, every=EVERY, step=1.0),),
     )
-    return Case(
+    return sequence_case(
         name="threshold-counter-step",
         fault="F3",
         tags=("thresholds", "frames", "e2e", "quick"),
@@ -134,8 +126,4 @@ def _counters(numbers: Numbers) -> Case:
         route=straight(),
         steps=(step,),
         lacks=lacks,
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )

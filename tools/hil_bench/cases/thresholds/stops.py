@@ -7,7 +7,7 @@ from collections.abc import Callable
 from vehicle_bus_contract.judge import Pair
 
 from hil_bench.case import Case, Need, Then
-from hil_bench.cases.thresholds.common import ANYTHING, FAST_MPS, USUAL_MPS, Numbers, bend, straight
+from hil_bench.cases.thresholds.common import ANYTHING, FAST_MPS, USUAL_MPS, Numbers, bend, sequence_case, straight
 from hil_bench.expect import Ends, EndsOrderly
 from hil_bench.expect.thresholds import AtRest, Brakes, BrakesWithin, Limit, ReleasedAfter, ReleasedAt, StopWay
 from hil_bench.faults import base, frames, process, vehicle
@@ -211,7 +211,7 @@ def _case(
     steps: tuple[Step, ...],
     lacks: str,
 ) -> Case:
-    return Case(
+    return sequence_case(
         name=name,
         fault="S5",
         tags=("thresholds", "state", "limits"),
@@ -220,8 +220,5 @@ def _case(
         route=route,
         steps=steps,
         lacks=lacks,
-        then=Then.REARM,
-        needs=(Need.REARM,),
         allow=ANYTHING - {"dynamics"},
-        answers_in_time=False,
     )

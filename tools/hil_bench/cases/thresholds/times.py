@@ -1,7 +1,7 @@
 """Times of the profile: state and status that are missing, silence, engagement, recovery."""
 
-from hil_bench.case import Case, Need, Then
-from hil_bench.cases.thresholds.common import ANYTHING, USUAL_MPS, Numbers, straight
+from hil_bench.case import Case
+from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
 from hil_bench.expect import StaysOut
 from hil_bench.expect.thresholds import AsksFor, DrivesAfter, Limit, SilentAfter, StopAfter, StopsUntilHeld
 from hil_bench.faults import base, frames, vehicle
@@ -72,19 +72,15 @@ def _missing(numbers: Numbers) -> Case:
             is_left_alone=True,
         )
     )
-    return Case(
+    return sequence_case(
         name="threshold-missing-state",
         fault="S1",
         tags=("thresholds", "state", "timing", "quick"),
         proves="Missing state and status stop the vehicle when the profile says so, and silence follows in its time.",
         injected="samples and status are left out, until the device stops and until it falls silent",
         route=straight(speed_mps=FASTER_MPS + 1.0),
-        steps=tuple(steps),
+        steps=steps,
         lacks=numbers.lacks(stale, silent),
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )
 
 
@@ -93,7 +89,7 @@ def _engaging(numbers: Numbers) -> Case:
     settle_s, timeout_s = numbers.or_else(settle, 0.5), numbers.or_else(timeout, 3.0)
     slow_s = numbers.or_else("timing.status_period_s", 0.02) + getattr(numbers.wire, "enable_period_s", 0.0)
     wide_s = 2.0 * numbers.late_s + slow_s
-    return Case(
+    return sequence_case(
         name="threshold-engaging",
         fault="V2",
         tags=("thresholds", "engagement", "timing"),
@@ -142,10 +138,6 @@ def _engaging(numbers: Numbers) -> Case:
             ),
         ),
         lacks=numbers.lacks(settle, timeout),
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )
 
 
@@ -172,19 +164,15 @@ def _recovery(numbers: Numbers) -> Case:
         )
         for key, name, inject in stated
     ]
-    return Case(
+    return sequence_case(
         name="threshold-recovery",
         fault="S8",
         tags=("thresholds", "state", "timing"),
         proves="A stop lasts until its cause has been gone for the profile's time.",
         injected="missing samples, an invalid pose, another frame of reference, each for a moment",
         route=straight(),
-        steps=tuple(steps),
+        steps=steps,
         lacks="" if steps else "the profile has no [recovery] for a cause that its bus can show",
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )
 
 
@@ -204,7 +192,7 @@ def _latch(numbers: Numbers) -> Case:
         highest=stops,
         place=f"one each {every_s:g} s",
     )
-    return Case(
+    return sequence_case(
         name="threshold-latch",
         fault="S8",
         tags=("thresholds", "state"),
@@ -221,10 +209,6 @@ def _latch(numbers: Numbers) -> Case:
             ),
         ),
         lacks=lacks or ("" if every_s * stops < (window or 0.0) else "its stops last too long to recur so often"),
-        then=Then.REARM,
-        needs=(Need.REARM,),
-        allow=ANYTHING,
-        answers_in_time=False,
     )
 
 
