@@ -23,8 +23,10 @@ from pathlib import Path
 import msgspec
 from hil_bench import result
 from hil_bench.cases import catalogue_for
+from hil_bench.judges.excuses import HOST_DEPENDENT, ONE_DELAY
 from hil_bench.peer.build import open_wire
 from hil_bench.result import CaseResult, Verdict
+from hil_bench.steps import CAN_BEGIN
 from promise_testing.project_copy import PlanError, ProjectCopy
 
 from defect_testing import findings as kept
@@ -36,21 +38,6 @@ CHANNEL = "vcan0"
 CATALOGUE = catalogue_for(open_wire("reference"))
 CASES = tuple(case.name for case in CATALOGUE)
 QUICK = tuple(case.name for case in CATALOGUE if "quick" in case.tags)
-OF_THE_MACHINE = (
-    "half of the answers",
-    "90 % of the answers",
-    "99 % of the answers",
-    "every answer comes",
-    "no burst",
-    "every complete sample is answered",
-    "no gap of 200 ms",
-    "the device engages",
-    "it drives at",
-)
-CAN_BEGIN = ": can begin"
-"""Beginning and end of checks that a machine with too little time fails, too. They count for defects of timing."""
-AFTERWARDS = ("it drives afterwards", "it ends when requested")
-"""Checks that a single delay may fail: they must fail twice in a row."""
 LONGEST_CASE_S = 240.0
 AT_ONCE = 6
 """Cases of one run with the sound device."""
@@ -87,7 +74,7 @@ class Bench:
         unclear = ""
         for one in self._run(cases, minimal=defect.is_minimal, flag=flag):
             found = _find_failure(one, timing=defect.timing)
-            if found.startswith(AFTERWARDS):
+            if found.startswith(ONE_DELAY):
                 again = self._run([one.name], minimal=defect.is_minimal, flag=flag)
                 found = _find_failure(again[0], timing=defect.timing) if again else ""
             if found:
@@ -168,12 +155,15 @@ def _minimal_options(flag: str) -> list[str]:
 
 
 def _find_failure(case: CaseResult, *, timing: bool) -> str:
-    """The first check that failed, and how; empty where the machine may be to blame, or nothing failed."""
+    """The first check that failed, and how; empty where nothing failed, or only what a slow host can fail.
+
+    Such checks count for defects of timing alone.
+    """
     if case.verdict is not Verdict.FAIL:
         return ""
     failed = [check for check in case.checks if check.verdict is Verdict.FAIL]
     for check in failed:
-        if timing or not (check.text.startswith(OF_THE_MACHINE) or check.text.endswith(CAN_BEGIN)):
+        if timing or not (check.text.startswith(HOST_DEPENDENT) or check.text.endswith(CAN_BEGIN)):
             return f"{check.text}: {check.found[0]}" if check.found else check.text
     return "" if failed else case.why
 

@@ -20,6 +20,7 @@ RECOVERS_S = 1.0
 """A device that has not driven on by then is armed again."""
 BEFORE_S = 0.3
 """What is missing from the start has been missing for so long when the device is armed."""
+CAN_BEGIN = ": can begin"
 ATTEMPTS = 3
 STEADY_S = 0.25
 """The vehicle is driven for this long before a step begins."""
@@ -67,7 +68,7 @@ class Stretch:
     def judge(self, observed: Observation) -> StepFindings:
         """What the step expects and measures, by what was observed meanwhile."""
         if self.why:
-            return StepFindings(checks=[check(f"{self.step.name}: can begin", [self.why])])
+            return StepFindings(checks=[check(f"{self.step.name}{CAN_BEGIN}", [self.why])])
         seen = replace(observed, inject_ns=self.begin_ns, end_ns=self.end_ns, then_ns=self.then_ns)
         judged = [expectation.judge(seen) for expectation in self.step.see]
         checks = [msgspec.structs.replace(one, text=f"{self.step.name}: {one.text}") for one, _ in judged]

@@ -15,6 +15,9 @@ from hil_bench.rig import Rig
 
 ON_BUS_S = 0.005
 """Until an answer is on the bus; the profile says how old its sample may be."""
+HALF_ARE_PROMPT = "half of the answers come within one period"
+NEARLY_ALL_ARE_PROMPT = "99 % of the answers come within two periods"
+NONE_IS_TOO_LATE = "every answer comes before its sample is too old"
 
 
 def check_answers(
@@ -45,10 +48,10 @@ def check_answers(
     checks = []
     if case.answers_in_time:
         checks += regularity.check_jitter(rig.wire, latencies, periods)
-        checks.append(check("half of the answers come within one period", [], latency.p50 / 1e3, period_s))
+        checks.append(check(HALF_ARE_PROMPT, [], latency.p50 / 1e3, period_s))
         if "unanswered" not in case.allow or case.is_measured:
-            checks.append(check("99 % of the answers come within two periods", [], latency.p99 / 1e3, 2.0 * period_s))
-            checks.append(check("every answer comes before its sample is too old", [], latency.max / 1e3, oldest_s))
+            checks.append(check(NEARLY_ALL_ARE_PROMPT, [], latency.p99 / 1e3, 2.0 * period_s))
+            checks.append(check(NONE_IS_TOO_LATE, [], latency.max / 1e3, oldest_s))
     return checks, [latency, jitter]
 
 

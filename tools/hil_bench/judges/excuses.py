@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from vehicle_bus_contract.judge import Record
 from vehicle_bus_contract.reference import S
 
+from hil_bench.judges.answers import HALF_ARE_PROMPT, NEARLY_ALL_ARE_PROMPT, NONE_IS_TOO_LATE
+from hil_bench.judges.health import DRIVES_AFTERWARDS, DRIVES_AT, ENDS, ENGAGES
 from hil_bench.judges.protocol import KINDS
+from hil_bench.judges.regularity import EQUALLY_LATE
 from hil_bench.lateness import Lateness
 from hil_bench.result import Check, Verdict
 
@@ -16,6 +19,13 @@ CONTENT = ("damaged", "counter", "command", "dynamics", "brakes", "stop_steering
 """Findings in the content of frames: no lateness can explain them."""
 RATES = re.compile("faster|swerve|later than its jerk|DEADLINE_MISSES rose")
 """But it can explain wrong rates, which are computed from stamps."""
+LATE_ANSWERS = (HALF_ARE_PROMPT, EQUALLY_LATE, NEARLY_ALL_ARE_PROMPT, NONE_IS_TOO_LATE, KINDS["burst"])
+"""Checks that a sound device on a slow host fails first."""
+HOST_DEPENDENT = (*LATE_ANSWERS, KINDS["unanswered"], KINDS["silence"], ENGAGES, DRIVES_AT)
+"""Beginnings of all checks that a slow host can fail, even where the bench measured no delay of its own."""
+ONE_DELAY = (DRIVES_AFTERWARDS, ENDS)
+"""Checks that a single delay of the host may fail: they count if they fail twice in a row."""
+HOST_TOO_SLOW = "host too slow"
 BEFORE_S, AFTER_S = 0.15, 1.0
 """A finding may follow from a delay that is so near: a stop lasts until the state has been good again for a while."""
 VOID_S = 0.1
@@ -85,7 +95,7 @@ def decide(failed: Failed, lateness: Lateness, record: Record) -> tuple[Verdict,
     why = f"{first.text}: {'; '.join(first.found[:1])}"
     if unexplained:
         return Verdict.FAIL, why
-    return Verdict.NOT_EXECUTED, f"host too slow: {lateness.describe()}, which may explain the finding: {why}"
+    return Verdict.NOT_EXECUTED, f"{HOST_TOO_SLOW}: {lateness.describe()}, which may explain the finding: {why}"
 
 
 def _is_explained(one: Check, lateness: Lateness, *, only_worst: bool = False) -> bool:

@@ -10,6 +10,10 @@ from hil_bench.judges.protocol import HEALTHY_S
 from hil_bench.result import Check
 from hil_bench.rig import Rig
 
+ENGAGES = "the device engages"
+DRIVES_AT = "it drives at"
+DRIVES_AFTERWARDS = "it drives afterwards, without a fault"
+ENDS = "it ends when requested, and leaves no process"
 ENOUGH = 0.9
 """Share of the commands of a period of time that must have come."""
 HOLDS_S = 0.3
@@ -42,14 +46,14 @@ def check_preparation(case: Case, observed: Observation, rig: Rig) -> list[Check
         return []
     if case.inject is None:
         is_driven = any(instant.mode == AUTONOMOUS for instant in observed.history)
-        return [check("the device engages", [] if is_driven else ["it never engaged"])]
+        return [check(ENGAGES, [] if is_driven else ["it never engaged"])]
     before = [instant for instant in observed.history if instant.at_ns <= rig.touched_ns][-1:]
     wrong = []
     if not before or before[0].mode != AUTONOMOUS:
         wrong.append("it was not engaged")
     elif abs(before[0].speed_mps) < case.at_mps - SLOWER_MPS * rig.wire.speed_share:
         wrong.append(f"{observed.at_s(rig.touched_ns):.3f} s: {before[0].speed_mps:.2f} m/s")
-    found = [check(f"it drives at {case.at_mps:.3g} m/s when the injection begins", wrong)]
+    found = [check(f"{DRIVES_AT} {case.at_mps:.3g} m/s when the injection begins", wrong)]
     if case.samples:
         ticks = sum(rig.inject_ns <= i.at_ns <= rig.end_ns and i.mode == AUTONOMOUS for i in observed.history)
         driven = ticks // rig.wire.ticks_per_sample
@@ -71,7 +75,7 @@ def check_health(case: Case, observed: Observation, rig: Rig, killed: Sequence[s
         at_end = [instant for instant in observed.history if instant.at_ns <= end_ns][-1:]
         if not at_end or at_end[0].mode != AUTONOMOUS or abs(at_end[0].speed_mps) < MOVING_MPS:
             wrong.append("the vehicle is not moving")
-        checks.append(check("it drives afterwards, without a fault", wrong))
+        checks.append(check(DRIVES_AFTERWARDS, wrong))
     if case.then is Then.HOLDS:
         last = observed.between(observed.then_ns - round(HOLDS_S * S), observed.then_ns)
         wrong = sorted({f"{p.reason}, ENABLE {p.is_enabled:d}" for p in last if not p.is_stop or not p.is_enabled})
@@ -83,7 +87,7 @@ def check_health(case: Case, observed: Observation, rig: Rig, killed: Sequence[s
             wrong.append(f"{observed.at_s(observed.exit_ns):.3f} s: it exited unexpectedly")
         if observed.exit_status is not None and observed.exit_status not in case.exit_status:
             wrong.append(f"exit status {observed.exit_status}, not {' or '.join(map(str, case.exit_status))}")
-        checks.append(check("it ends when requested, and leaves no process", wrong))
+        checks.append(check(ENDS, wrong))
     return checks
 
 

@@ -17,6 +17,7 @@ MEAN_SHARE = 0.1
 """Of a period: tolerance of its mean. A message that is sent with a command may also wait for that command."""
 FEWEST = 50
 """Answers from which a share can be told."""
+EQUALLY_LATE = "90 % of the answers come equally late, within a fifth of a period"
 BLOCK = 20
 """Periods that are judged together."""
 
@@ -30,8 +31,7 @@ def check_jitter(wire: Wire, latencies_s: Sequence[float], periods_s: Sequence[f
         limit_s = JITTER_SHARE * wire.command_period_s + wire.period_s
         return [check(text, [], _most(periods_s, wire.command_period_s), limit_s)]
     usual_s = sorted(latencies_s)[len(latencies_s) // 2]
-    text = "90 % of the answers come equally late, within a fifth of a period"
-    return [check(text, [], _most(latencies_s, usual_s), JITTER_SHARE * wire.period_s)]
+    return [check(EQUALLY_LATE, [], _most(latencies_s, usual_s), JITTER_SHARE * wire.period_s)]
 
 
 def find_irregular(wire: Wire, record: Record) -> Iterable[str]:
