@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hil_bench import routes
 from hil_bench.case import Case
-from hil_bench.cases import CATALOGUE
+from hil_bench.cases import catalogue_for
 from hil_bench.expect import Observation
 from hil_bench.plant import Plant
 from hil_bench.vehicle import Instant, Vehicle
@@ -116,4 +116,4 @@ DRIVES, STOPS, SILENT = [*steady(0, 10)], [*steady(0, 5.06), *steady(5.06, 6, st
 
 
 def find_case(name: str) -> Case:
-    return next(case for case in CATALOGUE if case.name == name)
+    return next(case for case in catalogue_for(WIRE) if case.name == name)

@@ -17,6 +17,7 @@ class Then(StrEnum):
 
     GOES_ON = "drives on by itself"
     REARM = "stays released until armed again, then drives"
+    GOES_ON_IF_MOVING = "drives on by itself; if its stop ended at rest, it may stay stopped until armed again"
     MAY_GO_ON = "drives on by itself, or stays stopped until armed again"
     HOLDS = "holds the vehicle at standstill"
     END_OF_ROUTE = "drives to the end of its route"

@@ -241,7 +241,7 @@ def _after_injection(rig: Rig, case: Case) -> None:
             lambda: rig.is_at_end or is_stuck() or rig.device.poll() is not None, longest_s, "the end of the route"
         )
         rig.run_for(0.6)
-    elif case.then in (Then.GOES_ON, Then.MAY_GO_ON):
+    elif case.then in (Then.GOES_ON, Then.GOES_ON_IF_MOVING, Then.MAY_GO_ON):
         rig.run_for(case.after_s)
         rig.wait_for(lambda: rig.is_engaged, 3.0, "the device to continue")
         rig.run_for(HEALTHY_S)
@@ -256,7 +256,8 @@ def _after_injection(rig: Rig, case: Case) -> None:
         rig.run_for(UNARMED_S)
     rig.then_ns = rig.now_ns
     rig.mark_output()
-    if case.then is Then.REARM or (case.then is Then.MAY_GO_ON and not rig.is_engaged):
+    may_stay = case.then in (Then.GOES_ON_IF_MOVING, Then.MAY_GO_ON)
+    if case.then is Then.REARM or (may_stay and not rig.is_engaged):
         rearm(rig)
         rig.run_for(HEALTHY_S)
     rig.healthy_ns = rig.now_ns

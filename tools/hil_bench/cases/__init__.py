@@ -10,6 +10,7 @@ from hil_bench.cases.buses import BUSES
 from hil_bench.cases.companions import COMPANIONS
 from hil_bench.cases.deviation import DEVIATION
 from hil_bench.cases.driver import DRIVER
+from hil_bench.cases.fields import field_cases
 from hil_bench.cases.files import FILES
 from hil_bench.cases.frames import FRAMES
 from hil_bench.cases.limits import limit_cases
@@ -47,4 +48,5 @@ def catalogue_of(buses: int) -> tuple[Case, ...]:
 
 def catalogue_for(wire: Wire) -> tuple[Case, ...]:
     """The cases of one vehicle: those of every vehicle, and those that are generated from its profile."""
-    return (*catalogue_of(len(wire.buses)), *threshold_cases(wire), *message_cases(wire), *limit_cases(wire))
+    kinds = (threshold_cases, message_cases, field_cases, limit_cases)
+    return (*catalogue_of(len(wire.buses)), *(case for cases_of in kinds for case in cases_of(wire)))

@@ -31,6 +31,7 @@ PLAUSIBILITY = (
         for_s=0.4,
         about=(Part.POSITION,),
         see=(Stops((*INVALID, *STALE), until_end=False),),
+        then=Then.GOES_ON_IF_MOVING,
         allow=ANY,
     ),
     Case(
@@ -88,13 +89,6 @@ PLAUSIBILITY = (
         for name, injected, at_mps, about, inject in (
             ("speed-low", "SPEED is 0.7 m/s too low", 4.0, PLACED, signals.offset_signals(SPEED=-0.68)),
             ("position-scaled", "POS_X is scaled by 1.25", 1.0, PLACED, signals.scale_signals(POS_X=1.25)),
-            (
-                "heading-off",
-                "HEADING is off by 95 % of what one sample may be off",
-                4.0,
-                PLACED,
-                signals.offset_by_tolerance("HEADING", "heading_tolerance_rad", share=0.95),
-            ),
             (
                 "yaw-rate-off",
                 "YAW_RATE is off by 0.3 rad/s",

@@ -22,6 +22,7 @@ from hil_bench.expect.commands import (
     StaysOut,
     Stops,
 )
+from hil_bench.expect.path import StaysNear
 from hil_bench.expect.process import Ends, EndsOrderly, NamesBus, Refuses
 from hil_bench.expect.vehicle import AsksForItsSpeed, HazardLights, ReachesEnd, Standstill, WatchdogActs
 
@@ -46,6 +47,7 @@ __all__ = [
     "ReachesEnd",
     "Refuses",
     "Standstill",
+    "StaysNear",
     "StaysOut",
     "Stops",
     "WatchdogActs",

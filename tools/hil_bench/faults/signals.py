@@ -66,11 +66,6 @@ def offset_signals(count: int = ALWAYS, **by: float) -> Injection:
     return lambda rig: with_fault(rig, _change_each(rig, count, lambda name, value: value + by[name], *by))
 
 
-def offset_by_tolerance(name: str, key: str, *, share: float) -> Injection:
-    """Add to a signal this share of a tolerance of the profile's `[plausibility]`."""
-    return lambda rig: offset_signals(ALWAYS, **{name: share * float(rig.wire.profile["plausibility"][key])})(rig)
-
-
 def swing_signals(**by: float) -> Injection:
     """Add to signals in one sample, and subtract in the next."""
 

@@ -6,7 +6,7 @@ from vehicle_bus_contract.reference import AUTONOMOUS, S
 
 from hil_bench.case import Case, Then
 from hil_bench.expect import Observation, check
-from hil_bench.judges.protocol import HEALTHY_S
+from hil_bench.judges.protocol import HEALTHY_S, MOVING_MPS, what_follows
 from hil_bench.result import Check
 from hil_bench.rig import Rig
 
@@ -17,7 +17,6 @@ ENDS = "it ends when requested, and leaves no process"
 ENOUGH = 0.9
 """Share of the commands of a period of time that must have come."""
 HOLDS_S = 0.3
-MOVING_MPS = 0.05
 SLOWER_MPS = 0.3
 """Tolerance of the speed at the injection."""
 
@@ -64,8 +63,9 @@ def check_preparation(case: Case, observed: Observation, rig: Rig) -> list[Check
 def check_health(case: Case, observed: Observation, rig: Rig, killed: Sequence[str]) -> list[Check]:
     """The device drives, holds or ends as it should after the case, and leaves no process."""
     checks = []
-    if case.then in (Then.GOES_ON, Then.REARM, Then.MAY_GO_ON):
-        end_ns = observed.then_ns if case.then is Then.GOES_ON else rig.healthy_ns
+    then = what_follows(case, observed)
+    if then in (Then.GOES_ON, Then.REARM, Then.MAY_GO_ON):
+        end_ns = observed.then_ns if then is Then.GOES_ON else rig.healthy_ns
         last = observed.between(end_ns - round(HEALTHY_S * S), end_ns)
         wrong = sorted(
             {f"{pair.reason}, ENABLE {pair.is_enabled:d}" for pair in last if pair.is_stop or not pair.is_enabled}

@@ -37,6 +37,8 @@ OWED = 10
 """Answers lost on a bad cable count as unanswered until too old: at most this many after the cable is good again."""
 CROWD_S = 0.05
 """A burst of samples follows a gap that is shorter than this."""
+MOVING_MPS, RESTS_S = 0.05, 0.3
+"""A vehicle that is slower has come to rest; so soon after an injection no stop has ended."""
 JUST_BEFORE_S = 0.05
 """An unanswered sample is dated by the last time at which none was pending."""
 
@@ -74,7 +76,7 @@ def check_protocol(case: Case, rig: Rig, record: Record, observed: Observation) 
         Then.MAY_GO_ON: rig.healthy_ns - round(HEALTHY_S * S),
         Then.REARM: rig.healthy_ns - round(HEALTHY_S * S),
         Then.GOES_ON: observed.end_ns,
-    }.get(case.then, observed.then_ns or observed.end_ns)
+    }.get(what_follows(case, observed), observed.then_ns or observed.end_ns)
     to_s = (until_ns - record.begin_ns) / S + SLACK_AFTER_S
     checks = []
     lacking = rig.wire.unjudged
@@ -91,6 +93,16 @@ def check_protocol(case: Case, rig: Rig, record: Record, observed: Observation) 
             wrong = [text for text in wrong if _time_in(text) < from_s]
         checks.append(check(must, wrong))
     return checks
+
+
+def what_follows(case: Case, observed: Observation) -> Then:
+    """`Case.then`, decided by whether the vehicle came to rest before it could be driven on."""
+    if case.then is not Then.GOES_ON_IF_MOVING:
+        return case.then
+    until_ns = observed.end_ns + round(RESTS_S * S)
+    during = (instant for instant in observed.history if observed.inject_ns <= instant.at_ns < until_ns)
+    rested = any(abs(instant.speed_mps) < MOVING_MPS for instant in during)
+    return Then.MAY_GO_ON if rested else Then.GOES_ON
 
 
 def _without_crowded(unanswered: Sequence[str], crowded_s: Sequence[float]) -> list[str]:
