@@ -11,6 +11,7 @@ from types import ModuleType
 
 from vehicle_iface.codec.checksums import BitPlace
 from vehicle_iface.errors import ConfigError, SignalError
+from vehicle_iface.profile.protection import locate_function
 
 log = logging.getLogger("vehicle_iface")
 
@@ -23,9 +24,9 @@ def load_function(place: str, folder: Path) -> UserFunction:
 
     Any exception that the file raises becomes a `ConfigError` with file and line.
     """
-    file, _, name = place.rpartition(":")
-    path = folder / file
-    if not file.endswith(".py") or not name:
+    located = locate_function(place, folder)
+    path, name = located.file, located.name
+    if path.suffix != ".py" or not name:
         raise ConfigError(f"{place!r}: must be FILE.py:FUNCTION")
     if not path.is_file():
         raise ConfigError(f"{place!r}: no such file {path}")

@@ -1,5 +1,6 @@
 """Keys of a profile for the protection of messages: `[e2e]`, and `[protection]` with its rules."""
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
@@ -48,6 +49,19 @@ class Checksum(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Data id mode of autosar-1 and autosar-11; BOTH where it is left out."""
     function: str | None = None
     """FILE.py:NAME of kind python, relative to the profile: `checksum(can_id: int, data: bytes) -> int`."""
+
+
+class FunctionPlace(msgspec.Struct, frozen=True, kw_only=True):
+    """File and name of a user's checksum function."""
+
+    file: Path
+    name: str
+
+
+def locate_function(function: str, folder: Path) -> FunctionPlace:
+    """Split FILE.py:NAME, where FILE is relative to `folder`; nothing is checked."""
+    file, _, name = function.rpartition(":")
+    return FunctionPlace(file=folder / file, name=name)
 
 
 class SequenceCounter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -8,7 +8,7 @@ import msgspec
 from vehicle_iface.profile.forms import SignalName
 from vehicle_iface.profile.notes import MessageNotes, SignalNotes
 from vehicle_iface.profile.numbers import Negative, NonNegative, Positive
-from vehicle_iface.profile.protection import EndToEnd, MessageProtection
+from vehicle_iface.profile.protection import EndToEnd, MessageProtection, locate_function
 from vehicle_iface.profile.review_record import ReviewRecord
 from vehicle_iface.profile.sends import SentMessage
 from vehicle_iface.profile.signals import Body, Command, CommandSignals, Report, State, Status
@@ -254,8 +254,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         """The Python files with checksum functions that the profile names."""
         rules = self.protection.rules.values() if self.protection else ()
         functions = [rule.checksum.function for rule in rules if rule.checksum and rule.checksum.function]
-        names = sorted({function.rpartition(":")[0] for function in functions})
-        return [Path(self.file).parent / name for name in names]
+        return sorted({locate_function(function, Path(self.file).parent).file for function in functions})
 
     @property
     def only_watches(self) -> bool:
