@@ -10,7 +10,7 @@ import pytest
 from hil_bench.case import Case
 from hil_bench.cases import catalogue_for
 from hil_bench.cases.thresholds import threshold_cases
-from hil_bench.expect.thresholds import Limit
+from hil_bench.expect.limit import Limit
 from hil_bench.peer.build import open_wire
 from hil_bench.result import CaseResult, Verdict
 from scenes import WIRE

@@ -13,6 +13,9 @@ from hil_bench.vehicle import Instant
 from hil_bench.vocabulary import Wait
 from hil_bench.wire import Wire
 
+QUIET_S = 0.15
+"""Commands have ended after this long without one."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:

@@ -14,7 +14,9 @@ from hil_bench.cases.thresholds.common import (
     sequence_case,
     straight,
 )
-from hil_bench.expect.thresholds import Limit, Quantity, StopAt, distance_m, heading_error_rad, speed_mps
+from hil_bench.expect.limit import Limit
+from hil_bench.expect.stop_thresholds import StopAt
+from hil_bench.expect.true_state import Quantity, distance_m, heading_error_rad, speed_mps
 from hil_bench.faults import growing, vehicle
 from hil_bench.faults.base import Injection
 from hil_bench.routes import Route

@@ -3,7 +3,8 @@
 from hil_bench.case import Case, Need, Then
 from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
 from hil_bench.expect import LetsGo, StaysOut
-from hil_bench.expect.thresholds import Limit, ReleaseAt
+from hil_bench.expect.limit import Limit
+from hil_bench.expect.thresholds import ReleaseAt
 from hil_bench.faults import growing, vehicle
 from hil_bench.steps import Step
 from hil_bench.vehicle import DRIVER_TORQUE_NM

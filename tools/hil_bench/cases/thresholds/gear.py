@@ -2,7 +2,8 @@
 
 from hil_bench.case import Case
 from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
-from hil_bench.expect.thresholds import GearRequestedAt, Limit
+from hil_bench.expect.limit import Limit
+from hil_bench.expect.thresholds import GearRequestedAt
 from hil_bench.faults import signals
 from hil_bench.profile import ProfileError
 from hil_bench.steps import Step

@@ -2,7 +2,9 @@
 
 from hil_bench.case import Case
 from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
-from hil_bench.expect.thresholds import FirstDropped, Limit, StopAfter
+from hil_bench.expect.limit import Limit
+from hil_bench.expect.stop_thresholds import StopAfter
+from hil_bench.expect.thresholds import FirstDropped
 from hil_bench.faults import growing, signals
 from hil_bench.steps import Step
 from hil_bench.wire import Wire

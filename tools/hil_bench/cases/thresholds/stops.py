@@ -9,7 +9,9 @@ from vehicle_bus_contract.judge import Pair
 from hil_bench.case import Case, Need, Then
 from hil_bench.cases.thresholds.common import ANYTHING, FAST_MPS, USUAL_MPS, Numbers, bend, sequence_case, straight
 from hil_bench.expect import Ends, EndsOrderly
-from hil_bench.expect.thresholds import AtRest, Brakes, BrakesWithin, Limit, ReleasedAfter, ReleasedAt, StopWay
+from hil_bench.expect.limit import Limit
+from hil_bench.expect.stop_thresholds import AtRest, Brakes, BrakesWithin, StopWay
+from hil_bench.expect.thresholds import ReleasedAfter, ReleasedAt
 from hil_bench.faults import base, frames, process, vehicle
 from hil_bench.faults.base import Injection
 from hil_bench.routes import Route

@@ -3,7 +3,9 @@
 from hil_bench.case import Case
 from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
 from hil_bench.expect import StaysOut
-from hil_bench.expect.thresholds import AsksFor, DrivesAfter, Limit, SilentAfter, StopAfter, StopsUntilHeld
+from hil_bench.expect.limit import Limit
+from hil_bench.expect.stop_thresholds import SilentAfter, StopAfter, StopsUntilHeld
+from hil_bench.expect.thresholds import AsksFor, DrivesAfter
 from hil_bench.faults import base, frames, vehicle
 from hil_bench.faults.base import Injection
 from hil_bench.steps import Step
