@@ -11,11 +11,13 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 from hil_bench import bench, run_case
+from hil_bench.bench_config import BenchConfig
 from hil_bench.beside import Crew, is_settled, must_run_alone
 from hil_bench.case import Case
 from hil_bench.cases import CATALOGUE
 from hil_bench.cases.state import STATE
 from hil_bench.device import Commands
+from hil_bench.judge_case import unjudged_result
 from hil_bench.judges import KINDS
 from hil_bench.result import CaseResult, Check, Run, Verdict
 from scenes import WIRE
@@ -25,20 +27,18 @@ NEWS = ("on_run_start", "on_case_start", "on_case_end", "on_run_end")
 CHANNELS = ("vcan8", "vcan9")
 
 
-def config_of(folder: Path) -> run_case.BenchConfig:
-    return run_case.BenchConfig(
-        wire=WIRE, channel="vcan8", commands=Commands(), folder=folder / "cases", profile="reference"
-    )
+def config_of(folder: Path) -> BenchConfig:
+    return BenchConfig(wire=WIRE, channel="vcan8", commands=Commands(), folder=folder / "cases", profile="reference")
 
 
-def passed(config: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+def passed(config: BenchConfig, case: Case, repetition: int) -> CaseResult:
     """Says on which interface, in the place of a reason."""
     time.sleep(0.02)
-    return run_case.unjudged_result(config, case, repetition, config.channel, Verdict.PASS)
+    return unjudged_result(config, case, repetition, config.channel, Verdict.PASS)
 
 
 @contextmanager
-def crew_of(folder: Path, execute: Callable[[run_case.BenchConfig, Case, int], CaseResult]) -> Iterator[Crew]:
+def crew_of(folder: Path, execute: Callable[[BenchConfig, Case, int], CaseResult]) -> Iterator[Crew]:
     tasks = [(case, repetition) for case in CASES for repetition in (1, 2)]
     with closing(Crew(config_of(folder), CHANNELS, tasks, execute)) as crew:
         yield crew
@@ -58,7 +58,7 @@ def test_every_interface_executes_cases_and_each_case_is_executed_once(tmp_path:
 
 
 def test_a_process_that_dies_leaves_its_case_to_be_executed_alone(tmp_path: Path) -> None:
-    def execute(config: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+    def execute(config: BenchConfig, case: Case, repetition: int) -> CaseResult:
         if case is CASES[2]:
             os._exit(9)
         return passed(config, case, repetition)
@@ -75,7 +75,7 @@ def test_an_interrupted_run_interrupts_the_cases_of_every_process(tmp_path: Path
 
     before = signal.signal(signal.SIGTERM, interrupted)
 
-    def execute(config: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+    def execute(config: BenchConfig, case: Case, repetition: int) -> CaseResult:
         (tmp_path / f"{config.channel}-began").touch()
         try:
             time.sleep(60.0)
@@ -119,7 +119,7 @@ def test_only_what_the_computer_cannot_explain_fails_beside_other_cases() -> Non
 def test_a_late_finding_beside_other_cases_is_judged_by_the_case_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run(config: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+    def run(config: BenchConfig, case: Case, repetition: int) -> CaseResult:
         if case is CASES[1] and os.getpid() != here:
             return with_finding("a stop within 150 ms", "212 ms, more than 150 ms")
         return passed(config, case, repetition)

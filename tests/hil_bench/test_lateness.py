@@ -10,8 +10,10 @@ import msgspec
 import pytest
 from example_run import run_of
 from hil_bench import bench, expect, judges, result, run_case
+from hil_bench.bench_config import BenchConfig
 from hil_bench.case import Case
 from hil_bench.device import Commands, Device
+from hil_bench.judge_case import unjudged_result
 from hil_bench.judges import Failed
 from hil_bench.lateness import Delay, DeviceWatch, Lateness, Wait, Witness, sum_up
 from hil_bench.report import formatting
@@ -153,11 +155,11 @@ def test_memory_and_waits_of_a_running_device_are_measured(tmp_path: Path) -> No
 
 def passed_at_last(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, verdicts: list[Verdict]) -> CaseResult:
     """A case that is executed with these verdicts, as often as the bench tries."""
-    config = run_case.BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    config = BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
     left = iter(verdicts)
 
-    def execute(config: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
-        found = run_case.unjudged_result(config, case, repetition, "", next(left))
+    def execute(config: BenchConfig, case: Case, repetition: int) -> CaseResult:
+        found = unjudged_result(config, case, repetition, "", next(left))
         return msgspec.structs.replace(found, lateness=LATE.describe())
 
     monkeypatch.setattr(run_case, "run", execute)

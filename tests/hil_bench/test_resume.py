@@ -7,9 +7,11 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 from hil_bench import bench, cli, identity, journal, options, result, resume, run_case
+from hil_bench.bench_config import BenchConfig
 from hil_bench.case import Case
 from hil_bench.cases.files import FILES
 from hil_bench.device import Commands
+from hil_bench.judge_case import unjudged_result
 from hil_bench.report import html
 from hil_bench.result import CaseResult, Run, Verdict
 from scenes import WIRE
@@ -40,7 +42,7 @@ class Runner:
 
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self.folder, self.executed = folder, list[str]()
-        self.config = run_case.BenchConfig(
+        self.config = BenchConfig(
             wire=WIRE, channel="vcan9", commands=Commands(), folder=folder / "cases", profile="reference", seed=3
         )
         self.ends: dict[str, Verdict | type[BaseException]] = {}
@@ -50,12 +52,12 @@ class Runner:
         plan = bench.Plan(config=self.config, cases=CASES, journal=written)
         return bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
 
-    def _run_case(self, config: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+    def _run_case(self, config: BenchConfig, case: Case, repetition: int) -> CaseResult:
         self.executed.append(case.name)
         end = self.ends.get(case.name, PASSES)
         if not isinstance(end, Verdict):
             raise end
-        return run_case.unjudged_result(config, case, repetition, "", end)
+        return unjudged_result(config, case, repetition, "", end)
 
 
 @pytest.fixture
@@ -175,11 +177,11 @@ def test_an_interrupted_command_line_is_continued_to_a_complete_report(
     names = [case.name for case in CASES]
     executed: list[str] = []
 
-    def run(config: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+    def run(config: BenchConfig, case: Case, repetition: int) -> CaseResult:
         executed.append(case.name)
         if executed == names[:2]:
             raise KeyboardInterrupt
-        return run_case.unjudged_result(config, case, repetition, "", Verdict.PASS)
+        return unjudged_result(config, case, repetition, "", Verdict.PASS)
 
     monkeypatch.setattr(run_case, "run", run)
     monkeypatch.setattr(bench, "observe_traffic", lambda *_, **__: [])

@@ -7,12 +7,14 @@ from types import SimpleNamespace
 
 import pytest
 from hil_bench import bench, bus, run_case
+from hil_bench.bench_config import BenchConfig
 from hil_bench.case import Case, Need
 from hil_bench.cases import CATALOGUE
 from hil_bench.cases.companions import COMPANIONS
 from hil_bench.cases.files import FILES
 from hil_bench.device import Commands
 from hil_bench.errors import UnexpectedNodeError
+from hil_bench.judge_case import unjudged_result
 from hil_bench.peer.build import open_wire
 from hil_bench.plant import Plant
 from hil_bench.result import CaseResult, Verdict
@@ -84,7 +86,7 @@ def test_bench_stops_sending_when_another_vehicle_appears(monkeypatch: pytest.Mo
         raise UnexpectedNodeError("another node sends POSE")
 
     monkeypatch.setattr(run_case, "run", run)
-    what = run_case.BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    what = BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
     plan = bench.Plan(config=what, cases=FILES[:3])
     found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
     assert [case.verdict for case in found.cases] == [Verdict.FAIL, Verdict.NOT_EXECUTED, Verdict.NOT_EXECUTED]
@@ -92,24 +94,24 @@ def test_bench_stops_sending_when_another_vehicle_appears(monkeypatch: pytest.Mo
 
 
 def test_a_run_leaves_its_process_the_priority_that_it_had(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def run(which: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
-        return run_case.unjudged_result(which, case, repetition, "", Verdict.PASS)
+    def run(which: BenchConfig, case: Case, repetition: int) -> CaseResult:
+        return unjudged_result(which, case, repetition, "", Verdict.PASS)
 
     monkeypatch.setattr(run_case, "run", run)
-    what = run_case.BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    what = BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
     before = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
     bench.run(bench.Plan(config=what, cases=FILES[:1]), SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
     assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == before
 
 
 def test_an_internal_error_of_the_bench_costs_one_case(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def run(which: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+    def run(which: BenchConfig, case: Case, repetition: int) -> CaseResult:
         if case is FILES[1]:
             raise ZeroDivisionError("in the bench")
-        return run_case.unjudged_result(which, case, repetition, "", Verdict.PASS)
+        return unjudged_result(which, case, repetition, "", Verdict.PASS)
 
     monkeypatch.setattr(run_case, "run", run)
-    what = run_case.BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    what = BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
     found = bench.run(bench.Plan(config=what, cases=FILES[:3]), SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
     assert [case.verdict for case in found.cases] == [Verdict.PASS, Verdict.NOT_EXECUTED, Verdict.PASS]
     assert "ZeroDivisionError('in the bench')" in found.cases[1].why
@@ -119,13 +121,13 @@ def test_an_internal_error_of_the_bench_costs_one_case(monkeypatch: pytest.Monke
 def test_an_interrupted_run_keeps_what_it_found_lists_the_rest_and_never_passes(
     first: Verdict, verdict: Verdict, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def run(which: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
+    def run(which: BenchConfig, case: Case, repetition: int) -> CaseResult:
         if repetition == 2:
             raise KeyboardInterrupt
-        return run_case.unjudged_result(which, case, repetition, "", first)
+        return unjudged_result(which, case, repetition, "", first)
 
     monkeypatch.setattr(run_case, "run", run)
-    what = run_case.BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    what = BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
     plan = bench.Plan(config=what, cases=FILES[:3], repeat=4)
     found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
     assert [case.verdict for case in found.cases] == [first, *[Verdict.NOT_EXECUTED] * 11]
@@ -137,11 +139,11 @@ def test_an_interrupted_run_keeps_what_it_found_lists_the_rest_and_never_passes(
 def test_a_run_until_the_first_failure_executes_nothing_after_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def run(which: run_case.BenchConfig, case: Case, repetition: int) -> CaseResult:
-        return run_case.unjudged_result(which, case, repetition, "", Verdict.FAIL if case is FILES[1] else Verdict.PASS)
+    def run(which: BenchConfig, case: Case, repetition: int) -> CaseResult:
+        return unjudged_result(which, case, repetition, "", Verdict.FAIL if case is FILES[1] else Verdict.PASS)
 
     monkeypatch.setattr(run_case, "run", run)
-    what = run_case.BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
+    what = BenchConfig(wire=WIRE, channel="vcan9", commands=Commands(), folder=tmp_path, profile="reference")
     plan = bench.Plan(config=what, cases=FILES[:3], until_failure=True)
     found = bench.run(plan, SimpleNamespace(**dict.fromkeys(NEWS, lambda *_: None)))
     assert [case.verdict for case in found.cases] == [Verdict.PASS, Verdict.FAIL]
@@ -151,9 +153,7 @@ def test_a_run_until_the_first_failure_executes_nothing_after_it(
 @pytest.mark.parametrize("profile", ["j1939_truck", "agilex_hunter_ins"])
 def test_the_changed_copy_of_a_profile_has_beside_it_what_it_names(profile: str, tmp_path: Path) -> None:
     case = replace(FILES[0], profile=lambda toml, dbc: (toml + "\n# changed\n", dbc))
-    what = run_case.BenchConfig(
-        wire=open_wire(profile), channel="vcan9", commands=Commands(), folder=tmp_path, profile=profile
-    )
+    what = BenchConfig(wire=open_wire(profile), channel="vcan9", commands=Commands(), folder=tmp_path, profile=profile)
     copy = Path(run_case._profile(what, case, "copy"))
     assert copy.parent == tmp_path.resolve()
     assert copy.read_text().endswith("# changed\n")

@@ -9,10 +9,11 @@ import tempfile
 from pathlib import Path
 
 import msgspec
-from hil_bench import run_case
+from hil_bench.bench_config import BenchConfig
 from hil_bench.case import Case
 from hil_bench.cases import catalogue_for
 from hil_bench.device import Commands
+from hil_bench.judge_case import unjudged_result
 from hil_bench.peer.build import open_wire
 from hil_bench.result import CaseResult, Verdict
 from virtual_rig import run_virtual
@@ -29,10 +30,8 @@ def run(case: Case, folder: Path) -> CaseResult:
         why = "needs more than the loop and its bus"
     except Exception as error:  # noqa: BLE001  # whatever the rig of virtual time does not have
         why = f"not in virtual time: {error!r}"
-    config = run_case.BenchConfig(
-        wire=open_wire(PROFILE), channel="vcan9", commands=Commands(), folder=folder, profile=PROFILE
-    )
-    return run_case.unjudged_result(config, case, 1, why, Verdict.NOT_EXECUTED)
+    config = BenchConfig(wire=open_wire(PROFILE), channel="vcan9", commands=Commands(), folder=folder, profile=PROFILE)
+    return unjudged_result(config, case, 1, why, Verdict.NOT_EXECUTED)
 
 
 def main() -> None:

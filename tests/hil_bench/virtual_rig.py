@@ -5,16 +5,17 @@ import signal
 from pathlib import Path
 from types import SimpleNamespace
 
-from hil_bench import run_case
 from hil_bench.applicable import adapt, find_inapplicable
+from hil_bench.bench_config import BenchConfig
 from hil_bench.bus import RxFrame
 from hil_bench.case import Case
 from hil_bench.device import Commands
+from hil_bench.judge_case import judge_case, unjudged_result
 from hil_bench.lateness import DeviceWatch
 from hil_bench.peer.build import build_vehicle, open_wire
+from hil_bench.phases import clean_up, run_phases
 from hil_bench.result import CaseResult, Verdict
 from hil_bench.rig import Rig
-from hil_bench.run_case import BenchConfig
 from hil_bench.wire import Wire
 from vehicle_bus_contract.reference import S
 from virtual_drive import BenchBus
@@ -139,10 +140,10 @@ def run_virtual(case: Case, profile: str, folder: Path, device_profile: str = ""
     )
     why = find_inapplicable(case, wire)
     if why:
-        return run_case.unjudged_result(config, case, 1, why, Verdict.NOT_APPLICABLE)
+        return unjudged_result(config, case, 1, why, Verdict.NOT_APPLICABLE)
     route = case.route()
     rig = VirtualRig(wire, device_profile or profile, route.write(folder / "route.csv", wire.frame_id), case)
     rig.vehicle.drives_to(route.x_m[-1], route.y_m[-1])
-    stretches = run_case.run_phases(rig, case)
-    killed = run_case.clean_up(rig, case)
-    return run_case.judge_case(config, case, rig, route, killed, stretches)
+    stretches = run_phases(rig, case)
+    killed = clean_up(rig, case)
+    return judge_case(config, case, rig, route, killed, stretches)

@@ -18,6 +18,7 @@ import msgspec
 from hil_bench import result as results
 from hil_bench import run_case
 from hil_bench.applicable import adapt, find_inapplicable
+from hil_bench.bench_config import BenchConfig
 from hil_bench.beside import Crew
 from hil_bench.bus import is_virtual
 from hil_bench.buses import open_bus
@@ -27,6 +28,7 @@ from hil_bench.device import Commands
 from hil_bench.errors import RigError, UnexpectedNodeError
 from hil_bench.fault_rows import list_fault_rows
 from hil_bench.journal import Journal
+from hil_bench.judge_case import unjudged_result
 from hil_bench.priority import realtime_priority
 from hil_bench.profile import ProfileError
 from hil_bench.result import CaseResult, Run, Verdict
@@ -56,7 +58,7 @@ class ProgressListener(Protocol):
 class Plan:
     """The cases of a run."""
 
-    config: run_case.BenchConfig
+    config: BenchConfig
     cases: Sequence[Case]
     repeat: int = 1
     route: str = ""
@@ -189,22 +191,22 @@ def _execute_in_turn(
             done.append(kept)
             continue
         if interrupted:
-            done.append(run_case.unjudged_result(config, case, repetition, interrupted))
+            done.append(unjudged_result(config, case, repetition, interrupted))
             continue
         listener.on_case_start(case.name, case.proves)
         at_s = round(time.monotonic() - begin_s, 2)
         try:
             found = (
-                run_case.unjudged_result(config, case, repetition, unexpected_node)
+                unjudged_result(config, case, repetition, unexpected_node)
                 if unexpected_node
                 else _execute(config, case, repetition, plan.route)
             )
         except UnexpectedNodeError as error:
             unexpected_node = f"the bench stopped sending: {error}"
-            found = run_case.unjudged_result(config, case, repetition, unexpected_node, Verdict.FAIL)
+            found = unjudged_result(config, case, repetition, unexpected_node, Verdict.FAIL)
         except KeyboardInterrupt:
             interrupted = f"interrupted in case {len(done) + 1} of {total}"
-            found = run_case.unjudged_result(config, case, repetition, interrupted)
+            found = unjudged_result(config, case, repetition, interrupted)
         if (case.name, repetition) in early.repeated:
             found = msgspec.structs.replace(found, counts=found.counts | {"attempts beside other cases": 1})
         done.append(_with_paths(found, config.folder.name, at_s))
@@ -248,14 +250,14 @@ def _execute_beside(plan: Plan, crew: Crew, listener: ProgressListener, begin_s:
     return _Early(results=found, repeated=frozenset(crew.unsettled), interrupted=interrupted)
 
 
-def _execute(config: run_case.BenchConfig, case: Case, repetition: int, route: str) -> CaseResult:
+def _execute(config: BenchConfig, case: Case, repetition: int, route: str) -> CaseResult:
     case = adapt(case, config.wire)
     why = find_inapplicable(case, config.wire)
     if why:
-        return run_case.unjudged_result(config, case, repetition, why, Verdict.NOT_APPLICABLE)
+        return unjudged_result(config, case, repetition, why, Verdict.NOT_APPLICABLE)
     why = missing_needs(case, config.commands, config.channel, route, config.further_channels)
     if why:
-        return run_case.unjudged_result(config, case, repetition, why)
+        return unjudged_result(config, case, repetition, why)
     void: list[str] = []
     while True:
         try:
@@ -263,10 +265,10 @@ def _execute(config: run_case.BenchConfig, case: Case, repetition: int, route: s
         except UnexpectedNodeError:
             raise
         except (RigError, ProfileError, OSError) as error:
-            return run_case.unjudged_result(config, case, repetition, f"the bench could not continue: {error}")
+            return unjudged_result(config, case, repetition, f"the bench could not continue: {error}")
         except Exception as error:  # one case's error must not cost the results of all others
             log.exception("%s: an internal error of the bench", case.name)
-            return run_case.unjudged_result(config, case, repetition, f"an internal error of the bench: {error!r}")
+            return unjudged_result(config, case, repetition, f"an internal error of the bench: {error!r}")
         if found.verdict is not Verdict.NOT_EXECUTED or len(void) == ATTEMPTS - 1:
             return msgspec.structs.replace(found, void=void, counts=found.counts | {"attempts": len(void) + 1})
         void.append(found.lateness)

@@ -14,12 +14,12 @@ from multiprocessing.connection import Connection, wait
 
 import msgspec
 
+from hil_bench.bench_config import BenchConfig
 from hil_bench.case import Case
 from hil_bench.errors import UnexpectedNodeError
 from hil_bench.judges import select_content
 from hil_bench.priority import realtime_priority
 from hil_bench.result import CaseResult, Verdict
-from hil_bench.run_case import BenchConfig
 
 Task = tuple[Case, int]
 """A case and its repetition."""

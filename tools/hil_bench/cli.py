@@ -12,6 +12,7 @@ import msgspec
 from hil_bench import bench, listen, resume
 from hil_bench import result as results
 from hil_bench.applicable import find_inapplicable, scale_for
+from hil_bench.bench_config import BenchConfig
 from hil_bench.buses import describe_channels, read_channels
 from hil_bench.cases import catalogue_for
 from hil_bench.device import OWN, OWN_RECORDING, OWN_VIEWER, Commands, find_template_error
@@ -23,7 +24,6 @@ from hil_bench.profile import ProfileError
 from hil_bench.report import compare, html, junit
 from hil_bench.report.terminal import Progress
 from hil_bench.result import Run, Verdict
-from hil_bench.run_case import BenchConfig
 from hil_bench.wire import Wire
 
 PASSED, FAILED, BAD_USAGE, NOTHING_DONE, INTERRUPTED = 0, 1, 2, 3, 130

@@ -6,9 +6,9 @@ import os
 import sys
 from pathlib import Path
 
+from hil_bench.bench_config import BenchConfig
 from hil_bench.identity import hash_bench, identify_device
 from hil_bench.journal import NAME, Header, Journal, JournalError, read_journal
-from hil_bench.run_case import BenchConfig
 
 WITH_RESUME = ("resume", "json", "strict")
 """Options that may stand beside --resume; the interrupted run has all others."""
