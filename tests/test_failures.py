@@ -17,7 +17,7 @@ PAGE = (ROOT / "vehicle_iface" / "FAILURES.md").read_text(encoding="utf-8")
 FAULTS = {
     *(
         f"{letter}{i + 1}"
-        for letter, count in {"B": 18, "F": 8, "S": 10, "T": 6, "C": 8, "V": 4, "P": 7, "W": 8}.items()
+        for letter, count in {"B": 18, "F": 8, "S": 10, "T": 6, "C": 9, "V": 4, "P": 7, "W": 8}.items()
         for i in range(count)
     ),
 }

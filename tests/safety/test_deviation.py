@@ -25,24 +25,38 @@ def state(**numbers: float) -> VehicleState:
     return VehicleState(stamp_ns=0, **given | numbers)
 
 
+def counted(watching: DeviationMonitor) -> dict[str, int]:
+    return {what: count for what, count in watching.counts.items() if count}
+
+
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize(
-    ("name", "value", "finding", "stops"),
+    ("y_m", "finding", "stops"),
     [
-        ("y_m", 1.0, None, False),
-        ("y_m", 1.001, DeviationKind.BESIDE, False),
-        ("y_m", 3.0, DeviationKind.BESIDE, False),
-        ("y_m", 3.001, DeviationKind.OFF_PATH, True),
-        ("heading_rad", 0.8, None, False),
-        ("heading_rad", 0.801, DeviationKind.HEADING, True),
-        ("heading_rad", math.pi, DeviationKind.HEADING, True),
-        ("heading_rad", 2.0 * math.pi, None, False),
+        (1.0, None, False),
+        (1.001, DeviationKind.BESIDE, False),
+        (3.0, DeviationKind.BESIDE, False),
+        (3.001, DeviationKind.OFF_PATH, True),
     ],
 )
-def test_round_each_limit(name: str, value: float, finding: DeviationKind | None, stops: bool, sign: int) -> None:
+def test_beyond_1_m_from_its_path_a_vehicle_is_counted_and_beyond_3_m_stopped(
+    y_m: float, finding: DeviationKind | None, stops: bool, sign: int
+) -> None:
     watching = monitor()
-    assert watching.update(state(**{name: sign * value}), PATH, 10, 5.0) is stops
-    assert {what: count for what, count in watching.counts.items() if count} == ({finding.value: 1} if finding else {})
+    assert watching.update(state(y_m=sign * y_m), PATH, 10, 5.0) is stops
+    assert counted(watching) == ({finding.value: 1} if finding else {})
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize(
+    ("heading_rad", "stops"), [(0.8, False), (0.801, True), (math.pi, True), (2.0 * math.pi, False)]
+)
+def test_a_vehicle_more_than_0_8_rad_off_its_paths_heading_is_stopped(
+    heading_rad: float, stops: bool, sign: int
+) -> None:
+    watching = monitor()
+    assert watching.update(state(heading_rad=sign * heading_rad), PATH, 10, 5.0) is stops
+    assert counted(watching) == ({DeviationKind.HEADING.value: 1} if stops else {})
 
 
 @pytest.mark.parametrize(("speed_mps", "stops"), [(21.0, False), (21.01, True)])

@@ -56,6 +56,7 @@ def deviation_cases(wire: Wire) -> tuple[Case, ...]:
     cases = [
         _case(
             f"threshold-lateral-{name}",
+            "C2",
             "A vehicle that leaves its path is stopped at the profile's distance, to either side.",
             route,
             at_mps,
@@ -103,7 +104,7 @@ def _heading(numbers: Numbers, lost: str) -> Case:
     ]
     proves = "A vehicle that turns away from its path is stopped at the profile's angle, to either side."
     lacks = numbers.lacks(key) or lost
-    return _case("threshold-heading", proves, straight(speed_mps=TURN_MPS + 0.5), TURN_MPS, steps, lacks)
+    return _case("threshold-heading", "C9", proves, straight(speed_mps=TURN_MPS + 0.5), TURN_MPS, steps, lacks)
 
 
 def _along(numbers: Numbers, no_way_back: str) -> list[Case]:
@@ -128,10 +129,12 @@ def _along(numbers: Numbers, no_way_back: str) -> list[Case]:
         )  # fmt: skip
         lacks = no_stop or lacks
         proves = "A vehicle that is too fast for the profile is stopped."
-        cases.append(_case(f"threshold-overspeed-{name}", proves, fast, 4.0, [too_fast], numbers.lacks(over) or lacks))
+        cases.append(
+            _case(f"threshold-overspeed-{name}", "C7", proves, fast, 4.0, [too_fast], numbers.lacks(over) or lacks)
+        )
         proves = "A vehicle that rolls against its direction of travel as fast as the profile says is stopped."
         lacks = numbers.lacks(roll) or no_sign or lacks
-        cases.append(_case(f"threshold-rollback-{name}", proves, slow, SLOW_MPS, [rolls], lacks))
+        cases.append(_case(f"threshold-rollback-{name}", "C8", proves, slow, SLOW_MPS, [rolls], lacks))
     return cases
 
 
@@ -165,6 +168,7 @@ def _step(
 
 def _case(
     name: str,
+    fault: str,
     proves: str,
     route: Callable[[], Route],
     at_mps: float,
@@ -173,7 +177,7 @@ def _case(
 ) -> Case:
     return sequence_case(
         name=name,
-        fault="C2",
+        fault=fault,
         tags=("thresholds", "deviation"),
         proves=proves,
         injected=f"the vehicle leaves {'its path' if 'lateral' in name else 'what was asked'} further and further",
