@@ -192,6 +192,15 @@ def test_a_speed_does_not_run_away_from_a_vehicle_that_does_not_follow(databases
     assert driving.drive_s(10.0, 1.0, 4.4) == limits.speed_max_mps
 
 
+def test_a_braked_vehicle_that_becomes_faster_does_not_raise_its_commanded_speed(
+    databases: dict[str, VehicleDatabase],
+) -> None:
+    driving = Driving(databases["speed"])
+    sent = [driving.drive_s(0.02, -0.5, speed_mps) for speed_mps in (2.0, 3.0, 4.0, 5.0, 6.0)]
+    assert sent == sorted(sent, reverse=True)
+    assert driving.drive_s(0.02, 0.5, 6.0) == pytest.approx(sent[-1] + 0.02 * 0.5)
+
+
 def test_a_stop_ramps_the_speed_to_zero_though_the_measured_one_is_old(databases: dict[str, VehicleDatabase]) -> None:
     driving = Driving(databases["speed"])
     assert driving.drive_s(1.0, 1.0, 3.0) > 3.5

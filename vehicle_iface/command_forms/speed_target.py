@@ -5,7 +5,8 @@ unless the constant happens to be the lag of its speed controller. An integrator
 the vehicle follows, it accelerates as permitted. It is bounded, so that a vehicle that does not follow (uphill or
 blocked) does not find a distant target when it does.
 
-- The target is within `HORIZON_S` of the greatest drive or braking from the measured speed.
+- The target is within `HORIZON_S` of the greatest drive or braking from the measured speed. A vehicle that becomes
+  faster than it is told to (downhill or pushed) never raises its target.
 - It has the sign of the direction of travel, or is 0; it turns over only where the vehicle stands.
 - It is never above the speed limit, and never above the measured speed while the vehicle waits for a gear or is
   stopped. While the vehicle does not obey yet it is the measured speed.
@@ -67,7 +68,8 @@ class SpeedTarget:
         else:
             target_mps = max(0.0, before_mps) + along_mps2 * dt_s
             ahead_mps = 0.0 if waits else self._ahead_mps
-            target_mps = min(max(target_mps, measured_mps - self._behind_mps), measured_mps + ahead_mps)
+            behind_mps = min(measured_mps - self._behind_mps, before_mps)
+            target_mps = min(max(target_mps, behind_mps), measured_mps + ahead_mps)
         target_mps = min(self._highest_mps, max(0.0, target_mps))
         if self._is_unsigned and motion.reversing and not self._changes_gear:
             target_mps = 0.0  # it can be told to drive forwards only
