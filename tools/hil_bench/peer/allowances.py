@@ -20,6 +20,8 @@ UNCONFIRMED_MPS = 3.0
 """Speed limit of a vehicle whose speed nothing confirms, where its profile has no other."""
 SPEED_BRAKE_MPS2 = 4.0
 """Of the vehicle's own speed controller."""
+TOW_SHARE_PER_S = 0.25
+"""Of the plausible speeds above the limit: what a tow's acceleration takes beyond the brake's in a second."""
 TABLE_SHARE, FEEDBACK_SHARE = 0.05, 0.35
 """Of the greatest acceleration: what a pedal's table and its feedback may make of one."""
 
@@ -69,7 +71,7 @@ def tow_mps2(profile: Mapping[str, Any], reader: CommandReader) -> float:
     limits = profile["limits"]
     brake_mps2 = max(-limits["accel_min_mps2"], SPEED_BRAKE_MPS2 if reader.longitudinal == "speed" else 0.0)
     room_mps = profile.get("plausibility", {}).get("speed_mps", 2.0 * limits["speed_max_mps"]) - limits["speed_max_mps"]
-    return float(brake_mps2 + min(8.0, 0.4 * room_mps))
+    return float(brake_mps2 + min(8.0, TOW_SHARE_PER_S * room_mps))
 
 
 def length_share(profile: Mapping[str, Any]) -> float:
