@@ -115,6 +115,36 @@ def test_the_disabling_message_is_sent_at_the_end_of_a_run(tmp_path: Path) -> No
     assert drive.vehicle.mode is VehicleMode.READY
 
 
+@pytest.mark.parametrize("end", ["override", "second signal"])
+def test_a_value_that_releases_the_vehicle_does_not_wait_for_its_messages_period(tmp_path: Path, end: str) -> None:
+    enabled = 'ENABLED = { value = 1, when = "enabled" }'
+    drive = with_heartbeat(tmp_path, "always", enabled)
+    drive.run_until(Mode.ENGAGED)
+    drive.run_s(0.5)
+    while drive.named("HEARTBEAT")[-1].at_ns < drive.clock.t_ns - ms(15):  # the next one is due in 85 ms or more
+        drive.run_s(0.01)
+    since_ns = drive.clock.t_ns
+    if end == "override":
+        drive.vehicle.brake = True
+        drive.run_s(0.05)
+    else:
+        drive.loop.shutdown.request()
+        drive.loop.shutdown.request()
+        drive.run_s(0.02)
+        assert drive.loop.shutdown.is_done
+    sent = drive.named("HEARTBEAT", since_ns + 1)
+    assert [one["ENABLED"] for one in sent] == [0]
+
+
+def test_a_periodic_message_is_sent_once_more_for_each_change_and_then_in_its_period(tmp_path: Path) -> None:
+    drive = with_heartbeat(tmp_path, "always", 'ENABLED = { value = 1, when = "enabled" }')
+    drive.run_until(Mode.ENGAGED)
+    drive.run_s(1.0)
+    apart_ms = [(b.at_ns - a.at_ns) / ms(1) for a, b in pairwise(drive.named("HEARTBEAT"))]
+    assert len([apart for apart in apart_ms if apart < 90.0]) == 1
+    assert all(apart == pytest.approx(100.0, abs=10.0) for apart in apart_ms if apart >= 90.0)
+
+
 @pytest.mark.parametrize("fault", ["brake", "status lost", "vehicle fault"])
 def test_what_enables_is_not_sent_while_the_driver_brakes_or_the_vehicle_is_not_fit(tmp_path: Path, fault: str) -> None:
     send = ENABLE_AND_DISABLE.replace("once = true", "period_s = 0.02", 1)

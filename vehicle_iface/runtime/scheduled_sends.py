@@ -1,10 +1,14 @@
-"""Messages of the profile's `[[send]]`: sent once when a phase begins, or periodically while it lasts."""
+"""Messages of the profile's `[[send]]`: sent once when a phase begins, or periodically while it lasts.
+
+A periodic message with a value that depends on a phase is sent at once when the phase begins or ends. So a vehicle that
+such a value releases does not wait for the message's period, and the run does not end before it is sent.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from vehicle_iface.command import Phases
-from vehicle_iface.profile.sends import SentMessage
+from vehicle_iface.profile.sends import SentMessage, ValueTable
 from vehicle_iface.runtime.transmitter import Transmitter
 from vehicle_iface.units import ns_from_s
 
@@ -15,7 +19,11 @@ class _Entry:
     when: str
     period_ns: int | None
     """The period; None for a message that is sent once."""
+    watched: frozenset[str]
+    """The phases that its values depend on."""
     holds: bool = False
+    sent_in: frozenset[str] | None = None
+    """The watched phases that held when it was sent last."""
     next_ns: int | None = None
     """Time at which the message is due; None while it is not scheduled."""
 
@@ -35,7 +43,8 @@ class ScheduledSends:
         one."""
         self._transmitter, self._find_phases, self._slack_ns = transmitter, find_phases, sample_period_ns // 2
         self._entries = [
-            _Entry(one.message, one.when, None if one.period_s is None else ns_from_s(one.period_s)) for one in sends
+            _Entry(one.message, one.when, None if one.period_s is None else ns_from_s(one.period_s), _find_watched(one))
+            for one in sends
         ]
 
     def send_due(self, now_ns: int, *, only_once: bool = False) -> None:
@@ -49,12 +58,16 @@ class ScheduledSends:
                 entry.next_ns = None
             elif not held:
                 entry.next_ns = now_ns
+            holding = frozenset(name for name in entry.watched if getattr(phases, name))
+            has_changed = entry.sent_in is not None and holding != entry.sent_in
+            if entry.next_ns is not None and has_changed:
+                entry.next_ns = now_ns
             if entry.next_ns is None or now_ns < entry.next_ns - self._slack_ns:
                 continue
-            if only_once and entry.period_ns is not None:
+            if only_once and entry.period_ns is not None and not has_changed:
                 continue
             if self._transmitter.has_room() and self._transmitter.send(entry.message, None):
-                entry.next_ns = self._next_ns(entry, entry.next_ns, now_ns)
+                entry.next_ns, entry.sent_in = self._next_ns(entry, entry.next_ns, now_ns), holding
 
     def _next_ns(self, entry: _Entry, due_ns: int, now_ns: int) -> int | None:
         """Return the next time on the grid that starts with the phase; missed times are left out."""
@@ -62,3 +75,11 @@ class ScheduledSends:
             return None
         missed = max(0, (now_ns - due_ns) // entry.period_ns)
         return due_ns + (missed + 1) * entry.period_ns
+
+
+def _find_watched(sent: SentMessage) -> frozenset[str]:
+    """Return the phases that the values of a periodic message depend on."""
+    if sent.once:
+        return frozenset()
+    tables = (value for value in sent.values.values() if isinstance(value, ValueTable))
+    return frozenset(table.when for table in tables if table.when is not None)
