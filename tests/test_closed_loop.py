@@ -173,7 +173,7 @@ def test_body_and_status_come_ten_times_a_second() -> None:
 # Engagement
 
 
-def test_who_is_not_armed_sends_not_one_frame_whatever_happens() -> None:
+def test_an_unarmed_loop_sends_no_frame_whatever_happens() -> None:
     drive = Drive(armed=False)
     drive.run_s(2.0)
     drive.loop.arming.request()
@@ -242,7 +242,7 @@ def test_the_gear_is_asked_for_until_it_is_in_and_never_again() -> None:
     assert drive.vehicle.counters["gear_refusals"] == 0
 
 
-def test_backwards_it_asks_for_reverse_and_drives_backwards() -> None:
+def test_backwards_it_requests_reverse_and_drives_backwards() -> None:
     drive = Drive(FixedTrajectory(straight(speed_mps=-3.0))).engage(2.0)
     requests = {pair["GEAR_REQUEST"] for pair in drive.pairs() if pair["ENABLE"]}
     assert requests == {Gear.REVERSE, NO_REQUEST}
@@ -429,7 +429,7 @@ def test_after_a_takeover_the_controller_is_released_until_armed_again(order: st
 
 
 @pytest.mark.parametrize("order", ["brake 1", "throttle 1", "steer 3.0", "steer -3.0"])
-def test_a_vehicle_that_goes_on_under_its_drivers_hands_and_feet_is_let_go(
+def test_a_vehicle_that_stays_autonomous_while_its_driver_acts_is_released(
     order: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(SimulatedVehicle, "is_driver_active", False)
@@ -461,7 +461,7 @@ def test_a_fault_of_the_vehicle_is_latched(order: str) -> None:
     assert drive.loop.shutdown.ended_in_fault
 
 
-def test_a_vehicle_that_drops_out_to_ready_by_itself_is_let_go_for_good() -> None:
+def test_a_vehicle_that_drops_out_to_ready_by_itself_is_released_for_good() -> None:
     drive = cruising()
     assert drive.vehicle._apply(VehicleEvent.RELEASED)
     drive.run_until(lambda: drive.last()["ENABLE"] == 0, 0.2)
@@ -543,7 +543,7 @@ def test_an_autonomous_vehicle_without_a_commander_is_released_and_driven_again(
 
 
 @pytest.mark.parametrize("tick", range(45))
-def test_told_to_end_at_any_moment_of_a_start_it_ends_and_drives_nothing(tick: int) -> None:
+def test_a_request_to_end_at_any_moment_of_a_start_ends_it_without_driving(tick: int) -> None:
     drive = Drive()
     drive.say("mute VEHICLE_STATUS on")  # it is heard for 200 ms
     drive.run_s(tick * 0.01)
@@ -652,7 +652,7 @@ def test_a_link_that_is_down_at_the_start_is_an_error() -> None:
 # The end
 
 
-def test_asked_to_end_it_stops_the_vehicle_then_lets_go_and_is_done() -> None:
+def test_a_request_to_end_stops_the_vehicle_then_releases_it_and_ends() -> None:
     drive = cruising()
     since = len(drive.sent)
     drive.loop.shutdown.request()
@@ -669,7 +669,7 @@ def test_asked_to_end_it_stops_the_vehicle_then_lets_go_and_is_done() -> None:
     assert 1 in hazards(drive, since)
 
 
-def test_a_vehicle_that_does_not_come_to_rest_is_let_go_after_ten_seconds() -> None:
+def test_a_vehicle_that_does_not_come_to_rest_is_released_after_ten_seconds() -> None:
     drive = cruising()
     drive.vehicle._car._target_mps2 = lambda *_: 0.1  # type: ignore[method-assign]  # brakes that do nothing
     drive.loop.shutdown.request()
@@ -678,7 +678,7 @@ def test_a_vehicle_that_does_not_come_to_rest_is_let_go_after_ten_seconds() -> N
     assert says(drive.last(), enable=0, stop=0, reason=Reason.SHUTDOWN)
 
 
-def test_asked_twice_it_sends_exactly_one_pair_that_lets_go() -> None:
+def test_two_requests_to_end_send_exactly_one_pair_that_releases() -> None:
     drive = cruising()
     drive.loop.shutdown.request()
     drive.run_s(0.3)
@@ -690,7 +690,7 @@ def test_asked_twice_it_sends_exactly_one_pair_that_lets_go() -> None:
     assert counters_step_by_one(drive.sent)
 
 
-def test_asked_twice_at_once_it_sends_exactly_one_pair_that_lets_go() -> None:
+def test_two_requests_to_end_at_once_send_exactly_one_pair_that_releases() -> None:
     drive = cruising()
     since = len(drive.sent)
     drive.loop.shutdown.request()
@@ -941,7 +941,7 @@ def test_frozen_values_with_running_counters_stop_a_moving_vehicle() -> None:
     assert drive.mode() is Mode.SILENT
 
 
-def test_a_vehicle_that_drops_out_with_samples_that_cannot_be_true_is_let_go() -> None:
+def test_a_vehicle_that_drops_out_with_implausible_samples_is_released() -> None:
     drive = cruising()
     drive.say("jump 4.0 0.0")
     drive.say("brake 1")
@@ -962,7 +962,7 @@ def test_samples_that_could_not_be_true_and_then_stop_coming_are_stale_and_then_
     assert drive.loop.reason is Reason.STATE_STALE
 
 
-def test_who_does_not_drive_answers_samples_that_cannot_be_true_only_while_they_come() -> None:
+def test_a_loop_that_does_not_drive_answers_implausible_samples_only_while_they_come() -> None:
     drive = Drive(mode=VehicleMode.MANUAL)
     drive.run_s(1.0)
     drive.say("jump 4.0 0.0")

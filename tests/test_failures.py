@@ -135,7 +135,7 @@ def test_the_time_budgets_sums_are_right_within_what_is_allowed_and_made_of_the_
     assert faults_of_budget(PAGE) == []
 
 
-GOOD = "`tests/test_failures.py::test_a_row_that_breaks_its_word_is_found`"
+GOOD = "`tests/test_failures.py::test_a_faulty_row_is_found`"
 
 
 def page_of(row: str, tests: str) -> str:
@@ -161,7 +161,7 @@ def page_of(row: str, tests: str) -> str:
         (f"| B1 | x | x | {'x' * 284} | – |", ["B1: 301 characters"]),
     ],
 )
-def test_a_row_that_breaks_its_word_is_found(row: str, found: list[str]) -> None:
+def test_a_faulty_row_is_found(row: str, found: list[str]) -> None:
     assert faults_of(page_of(row, f"| B1 | {GOOD} |")) == found
 
 

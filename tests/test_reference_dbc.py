@@ -86,7 +86,7 @@ def test_there_are_these_messages_and_no_others() -> None:
     assert all(m.length == 8 and not m.is_extended_frame and not m.is_fd for m in DBC.messages)
 
 
-def test_controller_and_vehicle_hear_one_another() -> None:
+def test_controller_and_vehicle_receive_each_other() -> None:
     for message in DBC.messages:
         (sender,) = message.senders
         assert message.receivers == {"CONTROLLER", "VEHICLE"} - {sender}
@@ -100,7 +100,7 @@ def test_each_message_has_these_signals_and_no_others() -> None:
 
 
 @pytest.mark.parametrize("row", list(rows()), ids=lambda row: ".".join(row[:2]))
-def test_a_signal_lies_where_the_contract_says(row: tuple[str, ...]) -> None:
+def test_a_signal_lies_at_the_contracts_place(row: tuple[str, ...]) -> None:
     message, name, bits, *rest = row
     signed, scale, unit = rest[0].split() if rest else ("", "1", None)
     found = signal(f"{message}.{name}")

@@ -154,7 +154,7 @@ def test_there_are_these_messages_and_no_others_and_all_are_fd_frames() -> None:
 
 
 @pytest.mark.parametrize("name", LAYOUT)
-def test_each_signal_lies_where_the_contract_says(name: str) -> None:
+def test_each_signal_lies_at_the_contracts_place(name: str) -> None:
     found = {
         signal.name: (signal.start, signal.length, signal.is_signed, float(signal.scale))
         for signal in FD[name].signals

@@ -336,7 +336,7 @@ def test_a_sample_message_in_another_multiplexer_branch_is_no_sample() -> None:
 
 
 @pytest.mark.parametrize("mode", list(VehicleMode))
-def test_the_status_is_what_the_message_says(mode: VehicleMode) -> None:
+def test_the_status_has_the_values_of_the_message(mode: VehicleMode) -> None:
     t = assembler()
     assert t.take(status(77, mode=mode, torque=-2.5)) is None
     assert t.status is not None
@@ -345,7 +345,7 @@ def test_the_status_is_what_the_message_says(mode: VehicleMode) -> None:
     assert t.status.driver_steer_torque_nm == -2.5
 
 
-def test_words_of_the_status_may_come_in_a_message_of_their_own() -> None:
+def test_fields_of_the_status_may_come_in_a_message_of_their_own() -> None:
     t = assembler_of(
         sample={"POSE": ("x_m", "y_m", "heading_rad", "speed_mps")},
         others={"MODE": ("mode",), "BRAKES": ("driver_brake", "gear")},
@@ -446,7 +446,7 @@ def test_a_pose_without_a_validity_signal_counts_as_valid() -> None:
     assert sample.pose_valid is True
 
 
-def test_a_fault_code_is_a_word_of_the_status_and_not_of_the_state() -> None:
+def test_a_fault_code_belongs_to_the_status_and_not_to_the_state() -> None:
     t = plain_assembler(STATUS=("mode", "fault_code"))
     t.take(DecodedMessage("STATUS", 0, 0, (1, 7)))
     assert t.status is not None
@@ -454,7 +454,7 @@ def test_a_fault_code_is_a_word_of_the_status_and_not_of_the_state() -> None:
     assert len(taken(t, pair(0))) == 1
 
 
-def test_after_forgetting_no_word_of_another_message_is_left_and_none_counts_as_come() -> None:
+def test_after_a_reset_no_field_is_left_and_no_message_counts_as_received() -> None:
     t = plain_assembler(STATUS=("mode",), HANDS=("driver_steer_torque_nm", "gear"))
     t.take(DecodedMessage("HANDS", 0, 0, (2.5, int(Gear.DRIVE))))
     t.take(DecodedMessage("STATUS", 0, 0, (1,)))

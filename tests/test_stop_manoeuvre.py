@@ -381,7 +381,7 @@ def test_a_second_request_does_not_wait_for_the_warning() -> None:
     assert drive.last()["ENABLE"] == 0
 
 
-def test_a_vehicle_that_does_not_come_to_rest_is_let_go_after_ten_seconds_all_the_same() -> None:
+def test_a_vehicle_that_does_not_come_to_rest_is_released_after_ten_seconds_all_the_same() -> None:
     drive = driving(database=with_handover(9.9, holds=True))
     drive.vehicle._car._target_mps2 = lambda *_: 0.1  # type: ignore[method-assign]  # brakes that do nothing
     drive.loop.shutdown.request()

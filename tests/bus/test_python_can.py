@@ -123,7 +123,7 @@ def echoing(monkeypatch: pytest.MonkeyPatch) -> Iterator[Wire]:
     wire.other.shutdown()
 
 
-def test_what_an_adapter_hands_back_is_no_other_nodes_frame(echoing: Wire) -> None:
+def test_a_frame_that_an_adapter_echoes_is_not_foreign(echoing: Wire) -> None:
     for number in range(3):
         assert echoing.ours.send(CanFrame(0x110, bytes([number])), CanFrame(0x100, bytes([number]))) == 2
         echoing.other_sends(0x110, bytes([number + 10]))

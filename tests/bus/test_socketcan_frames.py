@@ -77,11 +77,11 @@ def test_the_stamp_is_the_kernels_wall_clock_time(wire: Wire) -> None:
 
 
 @given(frames())
-def test_the_length_tells_the_kernel_which_kind_it_is(frame: CanFrame) -> None:
+def test_the_length_distinguishes_classic_and_fd_frames(frame: CanFrame) -> None:
     assert len(pack_frame(frame)) == (CANFD_MTU if frame.is_fd else 16)
 
 
-def test_a_frame_is_laid_out_as_the_header_file_says() -> None:
+def test_a_frame_has_the_layout_of_the_header_file() -> None:
     assert pack_frame(CanFrame(0x123, b"\x01\x02")) == struct.pack("=IB3x8s", 0x123, 2, b"\x01\x02")
     assert pack_frame(CanFrame(0x123, b"", is_extended=True))[:4] == struct.pack("=I", 0x80000123)
     assert pack_frame(CanFrame(0x123, b"", is_remote=True))[:4] == struct.pack("=I", 0x40000123)

@@ -90,7 +90,7 @@ def test_names_and_several_channels_are_refused_for_one_bus_without_a_name(given
 
 
 @pytest.mark.parametrize("command", ["run --route circle", "sim", "doctor"])
-def test_every_command_on_a_bus_asks_for_all_of_them(
+def test_every_subcommand_on_a_bus_needs_all_of_them(
     tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = command.split()

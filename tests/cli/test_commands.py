@@ -84,7 +84,7 @@ def test_a_summary_that_cannot_be_written_at_the_end_costs_the_status_and_not_th
 
 
 @pytest.mark.parametrize("wait", [[], ["--wait"]])
-def test_told_to_end_before_there_is_a_loop_it_ends_without_arming(tmp_path: Path, wait: list[str]) -> None:
+def test_interrupted_before_the_loop_exists_it_ends_without_arming(tmp_path: Path, wait: list[str]) -> None:
     file = tmp_path / "mine.py"
     file.write_text(
         "import os, signal\n"
@@ -97,7 +97,7 @@ def test_told_to_end_before_there_is_a_loop_it_ends_without_arming(tmp_path: Pat
     assert "interrupted before the loop started" in done.stderr
 
 
-def test_told_to_end_while_its_recorder_begins_it_ends_without_arming(tmp_path: Path) -> None:
+def test_interrupted_while_its_recorder_starts_it_ends_without_arming(tmp_path: Path) -> None:
     telemetry, folder = tmp_path / "telemetry", tmp_path / "drive"
     told = ("--telemetry", str(telemetry), "--record", str(folder), "--route", "line", "--duration", "2")
     program = subprocess.Popen(

@@ -157,7 +157,7 @@ def test_a_profile_that_changes_during_the_walk_is_not_written(
 
 
 @pytest.mark.parametrize(("answer", "is_written"), [("y\n", True), ("\n", False), ("", False)])
-def test_on_a_terminal_it_asks_and_enter_means_no(
+def test_on_a_terminal_it_prompts_and_enter_means_no(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str, is_written: bool
 ) -> None:
     asked: list[str] = []

@@ -19,7 +19,7 @@ def test_the_control_process_does_not_load_the_parsers_bench_tools() -> None:
     assert loaded == "[]"
 
 
-def test_who_imports_cantools_afterwards_gets_all_of_it_with_the_same_parser() -> None:
+def test_a_later_import_of_cantools_is_complete_and_has_the_same_parser() -> None:
     program = (
         "import sys, vehicle_iface.cli.run; parser = sys.modules['cantools.database'];"
         "import cantools, cantools.tester;"
@@ -28,7 +28,7 @@ def test_who_imports_cantools_afterwards_gets_all_of_it_with_the_same_parser() -
     assert told_by(program) == "True Tester"
 
 
-def test_who_imported_cantools_before_keeps_it() -> None:
+def test_a_cantools_that_was_imported_before_is_kept() -> None:
     program = (
         "import cantools, sys, vehicle_iface.cli.run; print(sys.modules['cantools'] is cantools, 'can' in sys.modules)"
     )

@@ -74,7 +74,7 @@ def test_state_fields_may_come_from_a_message_of_their_own(variant: Variant) -> 
     assert database.auxiliary[0].fields == ("rear_wheel_angle_rad",)
 
 
-def test_the_limits_are_finite_and_within_what_the_wire_can_say(database: VehicleDatabase) -> None:
+def test_the_limits_are_finite_and_within_the_range_of_the_signal(database: VehicleDatabase) -> None:
     limits = database.profile.limits
     numbers = [number for number in msgspec.structs.astuple(limits) if isinstance(number, float)]
     assert len(numbers) >= 13

@@ -87,7 +87,7 @@ def test_units_are_read_in_both_encodings(tmp_path: Path, encoding: str) -> None
     assert message.get_signal_by_name("ACCEL").unit == "m/s²"
 
 
-def test_words_of_the_grammar_inside_a_comment_are_text(tmp_path: Path) -> None:
+def test_keywords_inside_a_comment_are_text(tmp_path: Path) -> None:
     path = tmp_path / "comment.dbc"
     comment = 'CM_ BO_ 273 "first\nBO_ 273 MOTION: 8 VEHICLE\n SG_ X : said \\"so\\"";\n'
     path.write_text(REFERENCE_DBC.replace("CM_ BO_ 273 ", comment + "CM_ BO_ 274 ", 1))

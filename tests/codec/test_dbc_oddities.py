@@ -318,7 +318,7 @@ def test_a_fault_of_a_received_signal_only_matters_where_the_signal_is_used(
     ]
 
 
-def test_a_statement_that_no_one_knows_does_not_harm_the_message_above_it(tmp_path: Path) -> None:
+def test_an_unknown_statement_leaves_the_message_above_it_intact(tmp_path: Path) -> None:
     statement = "SIG_MAXIMUM_ 512 S 5;"
     path = tmp_path / "reference.dbc"
     path.write_text(re.sub(r"(BO_ 272 POSE.*?\n)\n", rf"\1{statement}\n\n", REFERENCE_DBC, count=1, flags=re.DOTALL))

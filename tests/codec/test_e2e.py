@@ -183,7 +183,7 @@ def test_after_a_reset_any_counter_is_the_first() -> None:
 
 
 @pytest.mark.parametrize("step", [0, -1, 14, 15, 100])
-def test_a_rule_that_could_not_tell_order_is_refused(step: int) -> None:
+def test_a_counter_step_that_hides_the_order_of_frames_is_refused(step: int) -> None:
     with pytest.raises(ConfigError, match=r"max_counter_step = .*must be in \[1, 13\]"):
         CounterCheck(15, step)
 
@@ -274,7 +274,7 @@ def test_the_counter_after_the_greatest_does_not_exist() -> None:
 
 
 @pytest.mark.parametrize(("step", "verdict"), [(13, Sequence.OK), (14, Sequence.WRONG)])
-def test_the_greatest_step_leaves_room_to_tell_forwards_from_a_repetition(step: int, verdict: Sequence) -> None:
+def test_the_greatest_step_distinguishes_an_advance_from_a_repetition(step: int, verdict: Sequence) -> None:
     assert CounterCheck(15, 13)
     check = CounterCheck(15, 12)
     check.step(0)

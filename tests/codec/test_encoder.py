@@ -208,7 +208,7 @@ def test_a_command_arrives_within_half_a_step(
     assert (seen["reason"], seen["gear_request"], seen["enable"]) == (reason, gear, enable)
 
 
-def test_it_knows_which_fields_a_frame_carries(database: VehicleDatabase) -> None:
+def test_it_lists_the_fields_that_a_frame_carries(database: VehicleDatabase) -> None:
     encoder = Encoder(database.sent)
     drive, steer = encoder.encode_command(COMMAND)
     assert encoder.fields_of(()) == set()

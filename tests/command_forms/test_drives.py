@@ -167,7 +167,7 @@ def test_a_speed_without_sign_goes_backwards_by_the_gear(tmp_path: Path, monkeyp
 
 
 @pytest.mark.parametrize(("has_feedback", "expected"), [(False, 0.75), (True, 1.0)])
-def test_feedback_corrects_pedals_that_do_less_than_their_table_says(
+def test_feedback_corrects_pedals_that_do_less_than_their_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_feedback: bool, expected: float
 ) -> None:
     toml = (

@@ -61,7 +61,7 @@ def test_a_simulated_vehicle_brakes_against_its_motion_and_drives_along_its_gear
     assert accel_mps2(0.0, Gear.NEUTRAL, throttle=27.5, brake=0.0) == 0.0
 
 
-def test_a_simulated_vehicle_at_standstill_keeps_its_wheels_where_a_yaw_rate_says_nothing(tmp_path: Path) -> None:
+def test_a_simulated_vehicle_at_standstill_keeps_its_wheels_whatever_the_yaw_rate(tmp_path: Path) -> None:
     interpret = build_interpreter(load_vehicle(tmp_path, TWIST))
     assert interpret is not None
     standing = BicycleState(front_wheel_angle_rad=0.3)

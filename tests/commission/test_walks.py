@@ -150,7 +150,7 @@ WRONG: Mapping[str, tuple[str, Mapping[str, str], list[str]]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_wrong_profile_is_contradicted_in_words(tmp_path: Path, name: str) -> None:
+def test_a_wrong_profile_is_described_in_plain_text(tmp_path: Path, name: str) -> None:
     more, edits, expected = WRONG[name]
     found = walk(tmp_path, write_profile(tmp_path, more, edits))
     texts = of_walk(found)

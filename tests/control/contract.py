@@ -116,7 +116,7 @@ class ControllerContract(ABC):
         assert later_mps * math.copysign(1.0, state.speed_mps) >= -1e-12
         assert (command.front_wheel_angle_rad, command.rear_wheel_angle_rad) == (0.0, 0.0)
 
-    def test_a_stop_at_standstill_asks_for_nothing(self) -> None:
+    def test_a_stop_at_standstill_requests_no_acceleration(self) -> None:
         command = self.controller().compute_stop_command(at(0.0, speed_mps=-0.0))
         assert math.copysign(1.0, command.accel_mps2) == 1.0
         assert command.accel_mps2 == 0.0
@@ -149,7 +149,7 @@ class ControllerContract(ABC):
         controller.set_trajectory(along_x())
         assert controller.compute_stop_command(at(0.0), Reason.NOMINAL).reason is Reason.SHUTDOWN
 
-    def test_it_knows_whether_it_is_stopping(self) -> None:
+    def test_it_reports_whether_it_is_stopping(self) -> None:
         controller = self.controller()
         assert at_present(controller.is_stopping)
         controller.set_trajectory(along_x())

@@ -51,7 +51,7 @@ def test_the_child_is_not_asked_while_the_vehicle_stops() -> None:
     assert controller.seen == []
 
 
-def test_a_tracking_stop_steers_where_the_child_says() -> None:
+def test_a_tracking_stop_steers_the_angle_of_the_subclass() -> None:
     command = Steering(BehaviorConfig(stop_steering=StopSteering.TRACK)).compute_stop_command(at(0.0))
     assert (command.front_wheel_angle_rad, command.rear_wheel_angle_rad) == (0.3, -0.1)
 
@@ -71,7 +71,7 @@ def test_a_tracking_stop_steers_by_a_good_state_in_the_trajectorys_frame_and_is_
 
 
 @pytest.mark.parametrize("answer", [ConfigError("x"), ZeroDivisionError(), (math.nan, 0.0), (0.0, math.inf)], ids=repr)
-def test_a_tracking_stop_is_straight_when_the_child_cannot_say(answer: object) -> None:
+def test_a_tracking_stop_is_straight_when_the_subclass_has_no_angle(answer: object) -> None:
     controller = Steering(BehaviorConfig(stop_steering=StopSteering.TRACK))
     controller.answer = answer
     command = controller.compute_stop_command(at(0.0))
@@ -135,7 +135,7 @@ def test_behaviour_of_another_kind_is_refused(name: str) -> None:
         BehaviorConfig(**{name: "sideways"})  # type: ignore[arg-type]
 
 
-def test_without_a_word_a_stop_brakes_with_three_metres_per_second_squared_and_a_tenth_of_a_second_ahead() -> None:
+def test_by_default_a_stop_brakes_with_three_metres_per_second_squared_and_a_tenth_of_a_second_ahead() -> None:
     controller = Coasting()
     assert controller.stop_acceleration(10.0) == -3.0
     assert controller.stop_acceleration(-1.0) == 3.0
@@ -145,7 +145,7 @@ def test_without_a_word_a_stop_brakes_with_three_metres_per_second_squared_and_a
     assert controller.compute_stop_command(at(0.0)).speed_mps == 0.0
 
 
-def test_a_straight_stop_asks_no_child_where_to_steer() -> None:
+def test_a_straight_stop_does_not_call_the_subclass_for_its_steering() -> None:
     command = Steering().compute_stop_command(at(0.0))
     assert (command.front_wheel_angle_rad, command.rear_wheel_angle_rad) == (0.0, 0.0)
 

@@ -178,7 +178,7 @@ def test_a_trajectory_ends_with_its_last_point_and_without_one_when_it_begins(
     assert not progress.is_past_end_in_time(end_ns - 1)
 
 
-def test_what_is_kept_of_a_trajectory_for_quick_reading_is_what_it_says() -> None:
+def test_the_cached_lists_of_a_trajectory_equal_its_arrays() -> None:
     trajectory = along_x(speed_mps=2.5)
     progress = PathProgress(trajectory)
     assert (list(progress.xs_m), list(progress.ys_m)) == (trajectory.x_m.tolist(), trajectory.y_m.tolist())
@@ -226,7 +226,7 @@ def test_a_reference_in_another_frame_is_refused() -> None:
         tracking_error(at(0.0), point_at(along_x(frame_id="odom"), 0))
 
 
-def test_a_reference_point_that_says_no_more_is_one_of_steady_straight_driving() -> None:
+def test_a_reference_point_without_derivatives_is_one_of_steady_straight_driving() -> None:
     point = ReferencePoint(stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=1.0)
     assert (point.accel_mps2, point.yaw_rate_radps, point.front_wheel_angle_rad) == (0.0, 0.0, 0.0)
 

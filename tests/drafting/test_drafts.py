@@ -255,7 +255,7 @@ def test_a_mode_of_which_no_name_fits_is_not_bound(tmp_path: Path) -> None:
     assert line_of(text, "# mode = …").endswith("TODO no signal is named clearly enough:")
 
 
-def test_a_command_in_a_branch_of_a_multiplexer_asks_for_the_branch(tmp_path: Path) -> None:
+def test_a_command_in_a_branch_of_a_multiplexer_needs_the_branch(tmp_path: Path) -> None:
     text = draft_text(
         tmp_path,
         ("SG_ ACC :", "SG_ ACC m2 :"),

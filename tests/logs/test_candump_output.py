@@ -46,7 +46,7 @@ def test_a_screen_has_the_values_of_the_log_format(tmp_path: Path) -> None:
         f"  vcan0  110  [08]  {DATA}",  # FD
     ],
 )
-def test_every_form_of_a_screen_without_times_is_read_with_stamp_0_and_says_so(tmp_path: Path, line: str) -> None:
+def test_every_form_of_a_screen_without_times_is_read_with_stamp_0_and_a_warning(tmp_path: Path, line: str) -> None:
     log = decode_lines(tmp_path, line, line)
     assert stamps_of(log) == [0, 0]
     assert log.refused == ()

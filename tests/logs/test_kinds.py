@@ -148,7 +148,7 @@ def test_a_length_that_is_not_its_code_is_refused(tmp_path: Path, caplog: pytest
     assert caplog.records == []
 
 
-def test_errors_and_status_lines_of_a_trc_are_counted_and_damaged_ones_refused_without_a_word_of_python_can(
+def test_errors_and_status_lines_of_a_trc_are_counted_and_damaged_ones_refused_without_output_of_python_can(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "can.io")
@@ -203,7 +203,7 @@ def test_a_savvycan_header_without_a_needed_column_is_refused_with_its_name(tmp_
         decode_log(path, CLASSICAL)
 
 
-def test_a_blf_that_is_cut_off_is_read_as_far_as_it_goes_and_says_so(tmp_path: Path) -> None:
+def test_a_truncated_blf_is_read_up_to_its_last_frame_with_a_warning(tmp_path: Path) -> None:
     path = written(tmp_path / "drive.blf", sent() * 2)
     whole = path.read_bytes()
     path.write_bytes(whole[:-40])

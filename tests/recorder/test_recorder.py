@@ -152,7 +152,7 @@ def test_another_run_at_the_same_address_is_not_mixed_in(
     assert recorder.status(2).lost["snapshots"] == 0
 
 
-def test_the_folder_says_what_was_recorded_and_has_the_profile_with_its_hashes(
+def test_the_folder_describes_its_recording_and_has_the_profile_with_its_hashes(
     recorder: Recorder,  # noqa: ARG001
     recording: RecordingRequest,
 ) -> None:

@@ -85,7 +85,7 @@ def test_a_full_disk_is_logged_once(sink: Sink, said: list[str]) -> None:
     assert len(said) == 1
 
 
-def test_without_room_for_its_header_there_is_no_file_to_speak_of(tmp_path: Path, said: list[str]) -> None:
+def test_without_room_for_its_header_no_file_is_left(tmp_path: Path, said: list[str]) -> None:
     with room(3), pytest.raises(OSError, match="No space left"):
         Sink(tmp_path / "other", said.append, b"header\n")
 

@@ -107,7 +107,7 @@ def test_a_field_bound_to_another_quantity_is_named(tmp_path: Path) -> None:
     assert found[0].text.startswith("heading rate does not follow yaw rate: MOTION.YAW_RATE is another quantity")
 
 
-def test_what_a_straight_drive_cannot_tell_is_not_judged(tmp_path: Path) -> None:
+def test_signals_that_a_straight_drive_cannot_show_are_not_judged(tmp_path: Path) -> None:
     found = review(tmp_path, record_noisily("stop_and_go", 1), note(WHEEL, "scale = -1.0"))
     assert found.contradictions == []
     wheel = next(one for one in found.bindings if one.field == "front_wheel_angle_rad")

@@ -78,9 +78,7 @@ def test_after_a_gap_a_sample_is_young_again_eight_tenths_of_a_period_after_the_
     ("since_ns", "arrival"),
     [(ms(5), Arrival.YOUNG), (ms(5) - 1, Arrival.DOUBTFUL), (ms(4), Arrival.DOUBTFUL)],
 )
-def test_a_sample_that_comes_half_a_period_after_its_predecessor_ends_the_doubt(
-    since_ns: int, arrival: Arrival
-) -> None:
+def test_a_burst_is_over_after_a_sample_half_a_period_after_its_predecessor(since_ns: int, arrival: Arrival) -> None:
     """That sample itself comes too soon to be answered; the next one shows whether the doubt has ended."""
     before = [number * PERIOD_NS for number in range(100)]
     first_ns = before[-1] + ms(60)

@@ -141,13 +141,13 @@ def test_at_a_standing_start_the_direction_is_that_of_the_acceleration(accel_mps
     assert decision.permitted.gear_request is wanted
 
 
-def test_braking_to_a_stop_while_rolling_asks_for_no_other_gear() -> None:
+def test_braking_to_a_stop_while_rolling_requests_no_other_gear() -> None:
     decision = Cabin(Always(speed_mps=0.0, accel_mps2=-1.0)).decide(speed_mps=0.3, gear=Gear.DRIVE)
     assert decision.permitted.gear_request is Gear.NO_REQUEST
 
 
 @pytest.mark.parametrize("gear", [Gear.PARK, Gear.REVERSE, Gear.NEUTRAL, Gear.DRIVE])
-def test_a_stop_asks_for_no_gear(gear: Gear) -> None:
+def test_a_stop_requests_no_gear(gear: Gear) -> None:
     decision = Cabin(Always(speed_mps=-3.0, reason=Reason.DEVIATION)).decide(speed_mps=0.0, gear=gear)
     assert decision.permitted.gear_request is Gear.NO_REQUEST
 
@@ -177,7 +177,7 @@ def test_whatever_a_controller_raises_is_a_stop_with_its_reason_and_is_logged_on
     assert "raise self.error" in caplog.text
 
 
-def test_who_wants_the_program_to_end_from_the_keyboard_is_not_kept_from_it() -> None:
+def test_a_keyboard_interrupt_in_a_controller_ends_the_program() -> None:
     with pytest.raises(KeyboardInterrupt):
         Cabin(Raises(KeyboardInterrupt())).decide()
 
@@ -224,7 +224,7 @@ def test_a_stop_for_good_outranks_every_other_reason() -> None:
 
 
 @pytest.mark.parametrize("mode", [Mode.STARTING, Mode.STANDBY, Mode.OVERRIDDEN, Mode.FAULT, Mode.RELEASED])
-def test_who_does_not_drive_lets_go(mode: Mode) -> None:
+def test_a_loop_that_does_not_drive_releases(mode: Mode) -> None:
     cabin = Cabin(pure_pursuit(), mode)
     cabin.engagement.reason = Reason.DRIVER_OVERRIDE
     safe = cabin.decide().permitted

@@ -558,7 +558,7 @@ def test_frames_received_before_a_loss_do_not_make_the_link_up_after_it() -> Non
     assert states(cable) == ["DOWN", "RECOVERING"]
 
 
-def test_a_link_that_is_back_is_believed_half_a_second_later_and_not_with_its_first_frame() -> None:
+def test_a_link_that_is_back_counts_as_up_half_a_second_later_and_not_with_its_first_frame() -> None:
     cable = Cable()
     lost_and_open_again(cable)
     cable.frames = [FRAME]

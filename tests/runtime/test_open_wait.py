@@ -74,7 +74,7 @@ def test_a_request_to_end_ends_the_wait() -> None:
 
 
 @pytest.mark.parametrize(("limit_s", "there_at_s"), [(0.05, 0.11), (2.0, 2.1), (2.0, 1000.0)])
-def test_after_the_limit_the_last_word_is_why_the_bus_cannot_be_used(limit_s: float, there_at_s: float) -> None:
+def test_after_the_limit_the_error_is_why_the_bus_cannot_be_used(limit_s: float, there_at_s: float) -> None:
     interface = Interface(there_at_s)
     with pytest.raises(BusError, match="can0"):
         interface.comes(limit_s)

@@ -228,7 +228,7 @@ def other() -> Other:
     return made
 
 
-def test_taking_over_tells_the_sample_where_our_history_begins_and_compares_nothing(other: Other) -> None:
+def test_a_takeover_returns_the_sample_where_our_history_begins_and_compares_nothing(other: Other) -> None:
     assert other.shadow.takeovers == 1
     assert other.shadow.compared == 0
     other.sample()
@@ -310,7 +310,7 @@ def test_the_limits_of_engaging_hold_until_the_vehicle_is_autonomous(other: Othe
     assert not other.shadow.on_status(VehicleStatus(stamp_ns=0, mode=VehicleMode.AUTONOMOUS, gear=None))
 
 
-def test_one_that_lets_go_takes_nothing_over(other: Other) -> None:
+def test_a_commander_that_releases_takes_nothing_over(other: Other) -> None:
     other.sample()
     other.commands(enable=False, reason=Reason.NOT_ENGAGED)
     assert not other.shadow.is_taking_over

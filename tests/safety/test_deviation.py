@@ -223,7 +223,7 @@ def test_a_vehicle_anywhere_round_a_closed_lap_does_not_deviate_wherever_the_ind
         assert watching.update(state(x_m=x_m, y_m=y_m, heading_rad=turned_rad + 1.0), lap, index, 4.0)
 
 
-def test_while_a_deviation_holds_a_vehicle_that_is_found_again_on_the_next_trajectory_is_let_go_at_standstill() -> None:
+def test_after_a_deviation_a_vehicle_on_its_next_trajectory_drives_on_from_standstill_only() -> None:
     """Two searches are a tenth of a second apart then."""
     watching, lanes = monitor(), [replace(PATH, y_m=np.full(len(PATH), y_m)) for y_m in (0.0, 40.0)]
     assert watching.update(state(y_m=20.0), lanes[0], 10, 5.0)
@@ -279,5 +279,5 @@ def test_of_points_at_one_place_the_place_counts() -> None:
 
 
 @pytest.mark.parametrize(("greatest_mps", "stops"), [(21.0, False), (21.01, True)])
-def test_the_greatest_speed_that_a_source_says_counts(greatest_mps: float, stops: bool) -> None:
+def test_the_greatest_speed_of_all_sources_counts(greatest_mps: float, stops: bool) -> None:
     assert monitor().update(state(speed_mps=10.0), PATH, 10, 5.0, greatest_mps=greatest_mps) is stops

@@ -142,7 +142,7 @@ class Run:
 
 
 @pytest.mark.parametrize(("mode", "event"), ALL_PAIRS, ids=lambda value: value.name)
-def test_every_event_in_every_mode_does_what_the_table_says_or_nothing(mode: Mode, event: Event) -> None:
+def test_every_event_in_every_mode_has_the_transition_of_the_table_or_none(mode: Mode, event: Event) -> None:
     engagement = in_mode(mode)
     before = engagement.reason
     changed = engagement.apply(event, 7, STOP_REASON)
@@ -182,7 +182,7 @@ def test_out_of_what_is_latched_only_arming_leads_to_where_commands_may_follow()
 # Armed or not
 
 
-def test_who_is_not_armed_sends_nothing_whatever_comes() -> None:
+def test_an_unarmed_loop_sends_nothing_whatever_comes() -> None:
     run = Run(armed=False).for_ms(1000, status()).for_ms(1000, status(VehicleMode.AUTONOMOUS))
     run.engagement.apply(Event.ARMED, run.now_ns)
     run.for_ms(2000, status())
@@ -273,7 +273,7 @@ def test_out_of_hearing_it_reports_where_it_sends() -> None:
         assert in_mode(mode).may_report(10**18) is in_mode(mode).mode.may_send
 
 
-def test_a_fault_is_forgotten_only_when_it_speaks_again() -> None:
+def test_a_fault_is_cleared_only_by_a_later_status() -> None:
     assert not hearing().ends_in_fault
     assert not hearing(Mode.STANDBY).ends_in_fault
     again = hearing(Mode.SILENT)
@@ -372,7 +372,7 @@ def test_it_engages_once_for_each_arming() -> None:
         ({}, False),
     ],
 )
-def test_feet_and_hands_take_over_from_their_thresholds_on(driver: dict[str, Any], leaves: bool) -> None:
+def test_pedals_and_steering_torque_override_from_their_thresholds_on(driver: dict[str, Any], leaves: bool) -> None:
     run = Run().until_engaged().for_ms(10, status(VehicleMode.AUTONOMOUS, **driver))
     assert run.mode() is (Mode.OVERRIDDEN if leaves else Mode.ENGAGED)
     assert run.engagement.mode.enables is not leaves
@@ -388,7 +388,9 @@ def test_feet_and_hands_take_over_from_their_thresholds_on(driver: dict[str, Any
         (VehicleMode.EMERGENCY_STOP, Mode.FAULT, Reason.VEHICLE_FAULT),
     ],
 )
-def test_a_vehicle_that_leaves_by_itself_is_let_go_for_good(mode: VehicleMode, then: Mode, reason: Reason) -> None:
+def test_a_vehicle_that_disengages_by_itself_is_released_for_good(
+    mode: VehicleMode, then: Mode, reason: Reason
+) -> None:
     run = Run().until_engaged().for_ms(10, status(mode))
     assert (run.engagement.mode, run.engagement.reason) == (then, reason)
     run.for_ms(5000, status()).for_ms(1000, status(VehicleMode.AUTONOMOUS))
@@ -439,7 +441,7 @@ def test_without_any_sample_nothing_is_lost() -> None:
 # What is told
 
 
-def test_every_mode_has_a_word_on_the_bus() -> None:
+def test_every_mode_has_a_wire_state() -> None:
     for mode in Mode:
         assert isinstance(in_mode(mode).wire_state(stopping=False), ControllerState)
     assert in_mode(Mode.ENGAGED).wire_state(stopping=True) is ControllerState.STOPPING

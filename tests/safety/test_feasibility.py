@@ -244,7 +244,7 @@ def test_a_corner_of_three_points_turns_by_its_circle_and_where_it_leads_back_by
 
 
 @pytest.mark.parametrize(("after_m", "is_judged"), [(0.5, False), (0.7, True), (0.9, True)])
-def test_at_the_end_half_a_chord_is_enough_to_tell_a_turn_and_less_is_not(after_m: float, is_judged: bool) -> None:
+def test_at_the_end_half_a_chord_is_enough_to_measure_a_turn_and_less_is_not(after_m: float, is_judged: bool) -> None:
     assert bool(judged(bent(math.pi / 2, 1.5, after_m))) is is_judged
 
 

@@ -92,7 +92,7 @@ def in_range(command: SafeCommand, *, reversing: bool) -> bool:
 
 
 @given(st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans()), max_size=20))
-def test_any_wish_at_any_time_is_answered_finite_and_within_limits(steps: list[tuple[Command, int, bool]]) -> None:
+def test_any_request_at_any_time_gives_a_finite_command_within_limits(steps: list[tuple[Command, int, bool]]) -> None:
     gate, now_ns = new_gate(), 0
     for command, step_ns, reversing in steps:
         now_ns += step_ns
@@ -198,7 +198,7 @@ def test_a_change_of_direction_cuts_to_the_range_of_the_new_one_at_once() -> Non
 
 @pytest.mark.parametrize("name", NUMBERS)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_one_number_that_is_not_finite_makes_the_whole_wish_a_controller_error(name: str, value: float) -> None:
+def test_one_number_that_is_not_finite_makes_the_whole_request_a_controller_error(name: str, value: float) -> None:
     gate = new_gate()
     good: dict[str, Any] = {"accel_mps2": 1.0, "front_wheel_angle_rad": 0.3, "speed_mps": 5.0}
     safe = gate.permit(wish(**good | {name: value}), state(), now_ns=10**9, reversing=False)
@@ -229,7 +229,7 @@ def test_what_was_cut_is_counted_by_name_and_what_was_only_rounded_is_not() -> N
 
 
 @pytest.mark.parametrize("reason", list(Reason))
-def test_letting_go_asks_for_nothing(reason: Reason) -> None:
+def test_a_release_requests_nothing(reason: Reason) -> None:
     safe = new_gate().release(stamp_ns=7, reason=reason)
     assert (safe.enable, safe.safe_stop, safe.reason, safe.stamp_ns) == (False, False, reason, 7)
     assert [getattr(safe, name) for name in NUMBERS] == [0.0] * 4
@@ -380,7 +380,7 @@ def test_whatever_is_measured_the_answer_is_finite_and_in_range(
 
 
 @given(st.lists(st.tuples(wishes(), st.floats(-30.0, 30.0)), min_size=1, max_size=30))
-def test_at_a_steady_speed_no_sequence_of_wishes_breaks_a_lateral_limit(
+def test_at_a_steady_speed_no_sequence_of_requests_breaks_a_lateral_limit(
     steps: list[tuple[Command, float]],
 ) -> None:
     speed_mps = steps[0][1]
@@ -496,14 +496,14 @@ def test_where_the_rear_wheels_turn_as_well_the_lateral_limits_hold_for_the_curv
     assert all(abs(after - before) <= 5.0 * 0.01 + 1e-6 for before, after in pairwise(felt))
 
 
-def test_a_wish_that_is_no_number_turns_no_rear_wheel() -> None:
+def test_a_request_that_is_not_finite_turns_no_rear_wheel() -> None:
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
     safe = gate.permit(wish(accel_mps2=math.nan, rear_wheel_angle_rad=0.1), state(), now_ns=10**7, reversing=False)
     assert safe.rear_wheel_angle_rad == 0.0
 
 
 @pytest.mark.parametrize("wanted_rad", [0.0, -0.6])
-def test_a_wheel_that_is_beyond_what_the_speed_allows_may_go_back_as_fast_as_it_can_for_any_wish(
+def test_a_wheel_beyond_its_limit_for_the_speed_may_go_back_as_fast_as_it_can_for_any_request(
     wanted_rad: float,
 ) -> None:
     """The lateral jerk holds back what turns in; it must not hold back what turns out of a curve that is too tight."""
@@ -588,7 +588,7 @@ def test_limits_go_by_the_speed_that_is_given_and_else_by_the_measured_one(sign:
     assert sent[20.0 * sign] == pytest.approx((0.0, math.atan(3.0 / 20.0**2 * WHEELBASE_M), -3.0 * sign), abs=1e-4)
 
 
-def test_a_stop_is_not_counted_as_a_wish_that_was_cut() -> None:
+def test_a_stop_is_not_counted_as_a_limited_request() -> None:
     gate = new_gate()
     driven(gate, wish(accel_mps2=9.0, reason=Reason.DEVIATION), 5.0, 12)
     assert not any(gate.limited.values())

@@ -48,7 +48,7 @@ def test_without_control_there_is_no_handover_and_a_new_drive_is_warned_again(is
     assert handover.update(8_700, is_driven=True, is_ending=False)
 
 
-def test_a_vehicle_that_may_be_let_go_when_it_stands_is_not_held_up() -> None:
+def test_a_vehicle_that_may_be_released_at_standstill_is_released_at_once() -> None:
     handover = told()
     assert handover.may_release(0)
     handover.update(500, is_driven=True, is_ending=True)
@@ -59,7 +59,7 @@ def test_a_vehicle_that_may_be_let_go_when_it_stands_is_not_held_up() -> None:
 @pytest.mark.parametrize(
     ("now_ns", "may", "left_ns"), [(500, False, 3_000), (3_499, False, 1), (3_500, True, 0), (9_000, True, 0)]
 )
-def test_where_the_vehicle_is_held_it_is_let_go_when_the_warning_is_over(now_ns: int, may: bool, left_ns: int) -> None:
+def test_a_held_vehicle_is_released_when_the_warning_is_over(now_ns: int, may: bool, left_ns: int) -> None:
     handover = told(holds=True)
     assert handover.may_release(0)
     handover.update(500, is_driven=True, is_ending=True)

@@ -27,7 +27,7 @@ def channels(draw: st.DrawFn) -> Channel:
 
 
 @given(channels(), ANY_FLOAT, st.integers(-(10**9), 10**9), st.floats(-1.0, 10.0))
-def test_whatever_is_wanted_the_result_is_in_range(c: Channel, wanted: float, last_raw: int, dt_s: float) -> None:
+def test_whatever_is_requested_the_result_is_in_range(c: Channel, wanted: float, last_raw: int, dt_s: float) -> None:
     raw = limit_raw(c, wanted, last_raw, dt_s)
     assert type(raw) is int
     assert c.lowest_raw <= raw <= c.highest_raw
@@ -44,7 +44,7 @@ def test_from_a_value_in_range_no_step_is_greater_than_the_rate_grants(
 
 
 @given(channels(), st.floats(-100.0, 100.0), st.data(), st.floats(0.0, 1.0))
-def test_no_value_that_was_allowed_is_nearer_to_the_wanted_one(
+def test_no_allowed_value_is_nearer_to_the_requested_one(
     c: Channel, wanted: float, data: st.DataObject, dt_s: float
 ) -> None:
     last_raw = data.draw(st.integers(c.lowest_raw, c.highest_raw))
@@ -56,7 +56,7 @@ def test_no_value_that_was_allowed_is_nearer_to_the_wanted_one(
 
 
 @pytest.mark.parametrize("wanted", [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_asks_for_zero_and_never_for_full_lock(wanted: float) -> None:
+def test_a_value_that_is_not_finite_becomes_zero_and_never_full_lock(wanted: float) -> None:
     assert limit_raw(channel(), wanted, 0, 1.0) == 0
     assert limit_raw(channel(), wanted, 500, 0.01) == 420
 
@@ -122,7 +122,7 @@ def test_an_interval_beyond_the_range_leads_to_the_end_of_the_range_and_no_furth
 
 
 @pytest.mark.parametrize(("wanted", "raw"), [(0.6, 30), (0.003, 30), (0.0025, 25), (0.002, 20), (-0.6, 20)])
-def test_what_is_wanted_is_cut_to_the_interval(wanted: float, raw: int) -> None:
+def test_a_request_is_clamped_to_the_interval(wanted: float, raw: int) -> None:
     assert limit_raw(channel(), wanted, 10, 0.01, within=(20, 30)) == raw
 
 

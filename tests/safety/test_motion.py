@@ -263,7 +263,7 @@ def speeds(states: list[VehicleState], check: MotionCheck | None = None) -> list
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_limits_go_by_the_greatest_speed_that_a_source_says(sign: float) -> None:
+def test_limits_use_the_greatest_speed_of_all_sources(sign: float) -> None:
     low = distort(drive(3.0, speed_mps=10.0 * sign), "speed_mps", lambda value, _: 0.5 * value)
     assert speeds(low)[-1] == pytest.approx(9.85 * sign, abs=0.05)
     high = distort(drive(3.0, speed_mps=5.0 * sign), "speed_mps", lambda value, _: 2.0 * value)
@@ -333,7 +333,7 @@ def test_while_sources_disagree_a_wrong_sign_is_outvoted_until_standstill(sign: 
     assert check.is_backwards(-3.0 * sign, gear) is (sign < 0.0)
 
 
-def test_where_only_two_tell_a_direction_the_gear_counts_while_sources_disagree() -> None:
+def test_with_two_sources_of_direction_the_gear_decides_while_they_disagree() -> None:
     check = motion_check()
     for state in distort(drive(1.0, speed_mps=0.0), "accel_mps2", lambda _value, _i: 5.0):
         check.update(state, pose_valid=True)
@@ -343,7 +343,7 @@ def test_where_only_two_tell_a_direction_the_gear_counts_while_sources_disagree(
     assert check.is_backwards(-1.0, None) is True
 
 
-def test_samples_of_one_stamp_and_the_first_one_say_nothing() -> None:
+def test_the_first_sample_and_one_with_the_same_stamp_give_no_motion() -> None:
     check = motion_check()
     state = drive(0.01)[0]
     for told in (state, replace(state, x_m=99.0), replace(state, x_m=50.0, stamp_ns=-PERIOD_NS)):

@@ -364,7 +364,7 @@ def disagreeing(way_m: dict[int, float], until: int) -> MotionCheck:
 @pytest.mark.parametrize("gear", [Gear.DRIVE, Gear.REVERSE, Gear.PARK, Gear.NEUTRAL, None])
 @pytest.mark.parametrize("by_position", [1, 0, -1])
 @pytest.mark.parametrize("by_speed", [1, 0, -1])
-def test_while_sources_disagree_most_of_three_tell_the_direction_and_of_two_the_gear(
+def test_while_sources_disagree_the_majority_of_three_decides_the_direction_and_of_two_the_gear(
     by_speed: int, by_position: int, gear: Gear | None
 ) -> None:
     by_gear = 1 if gear is Gear.DRIVE else -1 if gear is Gear.REVERSE else 0
@@ -388,13 +388,13 @@ def test_while_sources_disagree_most_of_three_tell_the_direction_and_of_two_the_
         (-0.051, -0.051, Gear.DRIVE, True),
     ],
 )
-def test_a_position_that_moved_by_5_centimetres_and_a_speed_of_5_centimetres_a_second_tell_no_direction(
+def test_5_centimetres_of_way_and_5_centimetres_a_second_give_no_direction(
     way_m: float, speed_mps: float, gear: Gear | None, backwards: bool
 ) -> None:
     assert disagreeing({350: way_m}, 355).is_backwards(speed_mps, gear) is backwards
 
 
-def test_the_position_tells_the_direction_of_the_last_half_second() -> None:
+def test_the_position_gives_the_direction_of_the_last_half_second() -> None:
     """Forwards until 3 s, and 6 cm back in the sample after that."""
     way_m = dict.fromkeys(range(301), 0.02) | {301: -0.06}
     backwards = {until: disagreeing(way_m, until).is_backwards(0.0, None) for until in (300, 310, 349, 350, 354, 355)}

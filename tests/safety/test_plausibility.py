@@ -47,7 +47,7 @@ def doubts(checked: PlausibilityCheck) -> dict[str, int]:
 
 
 @given(st.floats(-20.0, 20.0), st.floats(-0.6, 0.6), st.lists(st.integers(0, ms(40)), max_size=60))
-def test_a_vehicle_that_drives_as_vehicles_do_is_believed_however_its_samples_come(
+def test_samples_of_an_ordinary_drive_are_accepted_at_any_spacing(
     speed_mps: float, front_rad: float, delays_ns: list[int]
 ) -> None:
     if abs(speed_mps * math.tan(front_rad) / WHEELBASE_M) > 3.0:
@@ -95,7 +95,7 @@ def test_what_no_vehicle_does_is_dropped_and_counted_by_its_kind(
     "change",
     [{"speed_mps": 5.69}, {"x_m": 0.99}, {"heading_rad": 0.19}, {"yaw_rate_radps": 0.79}, {"accel_mps2": 19.9}],
 )
-def test_what_a_vehicle_may_do_is_believed(change: dict[str, Any]) -> None:
+def test_motion_within_the_limits_is_accepted(change: dict[str, Any]) -> None:
     checked, states = check(), drive(12)
     assert all(checked.is_plausible(state, pose_valid=True) for state in states[:10])
     assert checked.is_plausible(replace(states[10], **change), pose_valid=True)
@@ -189,7 +189,7 @@ def test_samples_that_are_dropped_for_long_do_not_become_plausible_by_that(chang
 
 @pytest.mark.parametrize(("front_rad", "accel_mps2"), [(0.0, -3.0), (0.3, 0.0), (-0.3, -2.0), (0.2, 1.5)])
 @pytest.mark.parametrize("lost", [1, 5, 20])
-def test_a_vehicle_that_brakes_or_turns_while_samples_are_dropped_is_believed_after_them(
+def test_samples_of_a_vehicle_that_braked_or_turned_while_others_were_dropped_are_accepted(
     front_rad: float, accel_mps2: float, lost: int
 ) -> None:
     checked, speed_mps, x_m, y_m, heading_rad = check(), 5.0, 0.0, 0.0, 0.0
@@ -206,7 +206,7 @@ def test_a_vehicle_that_brakes_or_turns_while_samples_are_dropped_is_believed_af
         speed_mps += accel_mps2 * 0.01
 
 
-def test_after_a_jump_that_stays_the_new_place_is_believed_in_the_end() -> None:
+def test_after_a_lasting_jump_the_new_position_is_accepted_in_the_end() -> None:
     checked, states = check(), drive(2 * ACCEPTED_AGAIN)
     checked.is_plausible(states[0], pose_valid=True)
     there = [replace(state, x_m=state.x_m + 50.0) for state in states[1:]]
@@ -214,7 +214,7 @@ def test_after_a_jump_that_stays_the_new_place_is_believed_in_the_end() -> None:
     assert believed == [False] * 100 + [True] * (len(there) - 100)
 
 
-def test_a_jump_before_does_not_count_for_the_place_that_is_believed_in_the_end() -> None:
+def test_an_earlier_jump_does_not_count_for_the_position_that_is_accepted_in_the_end() -> None:
     checked, states = check(), drive(2 * ACCEPTED_AGAIN)
     there = [replace(state, x_m=state.x_m + 50.0) for state in states]
     believed = [checked.is_plausible(state, pose_valid=True) for state in [states[0], there[1], states[2], *there[3:]]]
@@ -229,7 +229,7 @@ def test_what_stood_before_forgetting_is_not_frozen_after_it() -> None:
         checked.reset()
 
 
-def test_positions_that_jump_about_are_never_believed() -> None:
+def test_positions_that_jump_about_are_never_accepted() -> None:
     checked, states = check(), drive(300)
     checked.is_plausible(states[0], pose_valid=True)
     for number, state in enumerate(states[1:]):
@@ -237,7 +237,7 @@ def test_positions_that_jump_about_are_never_believed() -> None:
 
 
 @pytest.mark.parametrize("speed_mps", [-5.0, 5.0])
-def test_a_position_that_stands_while_the_speed_says_otherwise_is_frozen(speed_mps: float) -> None:
+def test_a_constant_position_at_a_speed_other_than_zero_is_frozen(speed_mps: float) -> None:
     checked, states = check(), drive(40, speed_mps)
     frozen = [replace(state, x_m=0.0) for state in states]
     believed = [checked.is_plausible(state, pose_valid=True) for state in frozen]
@@ -258,7 +258,7 @@ def test_a_frozen_position_is_found_out_by_its_way_where_it_is_fast_or_slow_and_
 
 
 @given(st.floats(-20.0, 20.0), st.floats(-math.pi, math.pi), st.floats(0.0, 0.004))
-def test_however_slowly_a_vehicle_moves_and_however_coarsely_it_says_so_it_is_not_frozen(
+def test_a_vehicle_that_moves_slowly_with_coarse_signals_is_not_frozen(
     speed_mps: float, heading_rad: float, start_m: float
 ) -> None:
     """The reference vehicle tells its position in steps of 5 mm, its speed in steps of 5 mm/s."""
@@ -296,7 +296,7 @@ def test_a_vehicle_that_stands_may_send_the_same_for_ever_and_then_drive_on(offs
 
 
 @pytest.mark.parametrize("stuck_mps", [0.3, 1.5, 10.0])
-def test_a_speed_that_was_stuck_while_the_vehicle_stood_is_believed_again_when_it_is_right(stuck_mps: float) -> None:
+def test_a_speed_that_was_stuck_at_standstill_is_accepted_again_when_it_is_right(stuck_mps: float) -> None:
     checked = check()
     samples = (still(tick * PERIOD_NS, speed_mps=stuck_mps if tick < 300 else 0.0) for tick in range(600))
     believed = [checked.is_plausible(state, pose_valid=True) for state in samples]
@@ -417,7 +417,7 @@ def test_what_a_place_was_reached_by_does_not_count_from_there_on() -> None:
     assert not checked.is_plausible(still(ms(402), heading_rad=0.201), pose_valid=True)
 
 
-def test_a_place_that_was_believed_again_is_the_one_that_counts_then() -> None:
+def test_a_position_that_is_accepted_again_is_the_reference_from_then_on() -> None:
     checked, states = check(), drive(ACCEPTED_AGAIN + 4)
     checked.is_plausible(states[0], pose_valid=True)
     there = [replace(state, x_m=state.x_m + 50.0) for state in states]
@@ -477,7 +477,7 @@ def test_another_frame_of_reference_or_a_long_gap_resets_the_check() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-50, 50), st.floats(-1e6, 1e6), st.floats(-4, 4), st.integers(-(10**9), 10**10))))
-def test_every_sample_is_believed_or_counted_once(rows: list[tuple[float, float, float, int]]) -> None:
+def test_every_sample_is_accepted_or_counted_once(rows: list[tuple[float, float, float, int]]) -> None:
     checked = check()
     believed = 0
     for speed_mps, x_m, heading_rad, stamp_ns in rows:

@@ -166,7 +166,7 @@ def test_at_standstill_nothing_is_asked_for_unless_the_vehicle_needs_it_to_be_he
 
 
 @pytest.mark.parametrize("reversing", [False, True])
-def test_the_motion_says_where_the_brake_points_and_the_gear_only_where_there_is_none(reversing: bool) -> None:
+def test_the_motion_decides_the_brakes_direction_and_the_gear_only_without_motion(reversing: bool) -> None:
     assert after(0.0, 5.0, reversing=reversing) == pytest.approx(-0.3)
     assert after(0.0, -5.0, reversing=reversing) == pytest.approx(0.3)
     assert after(0.0, math.nan, reversing=reversing) == pytest.approx(0.3 if reversing else -0.3)

@@ -41,7 +41,7 @@ def test_a_driver_at_rest_is_the_default() -> None:
     assert Driver() == Driver(brake=False, throttle=False, steer_torque_nm=0.0)
 
 
-def test_a_watch_knows_no_deadline_before_each_kind_has_come() -> None:
+def test_a_watch_has_no_deadline_before_each_kind_was_received() -> None:
     watch = CommandWatch({"a": 10, "b": 10})
     watch.note("a", enabled=True, seen_ns=5)
     assert watch.expires_ns is None

@@ -74,7 +74,7 @@ def test_the_rear_axle_moves_sideways_only_when_its_wheels_are_steered() -> None
 
 @given(front=st.floats(-0.7, 0.7), rear=st.floats(-0.2, 0.2), speed=st.floats(-10, 20), heading=st.floats(-3, 3))
 @settings(max_examples=50, deadline=None)
-def test_the_pose_moves_as_speed_lateral_speed_and_yaw_rate_say(
+def test_the_pose_moves_by_speed_lateral_speed_and_yaw_rate(
     front: float, rear: float, speed: float, heading: float
 ) -> None:
     car = rolling(speed, front_wheel_angle_rad=front, rear_wheel_angle_rad=rear, heading_rad=heading)
@@ -185,7 +185,7 @@ def test_braking_at_three_takes_the_way_of_the_textbook_and_the_lag(speed_mps: f
     assert abs(end.x_m) == pytest.approx(speed_mps**2 / 6 + abs(speed_mps) * 0.1, abs=0.05)
 
 
-def test_a_vehicle_let_go_in_drive_rolls_on_and_slows_only_by_its_resistance() -> None:
+def test_a_vehicle_released_in_drive_rolls_on_and_slows_only_by_its_resistance() -> None:
     states = drive(rolling(5.0), 10.0, Actuation(gear=Gear.DRIVE))
     assert states[-1].speed_mps == pytest.approx(4.0)
     assert states[-1].accel_mps2 == pytest.approx(-0.1)

@@ -170,7 +170,7 @@ def test_a_lost_bus_ends_the_run_unless_it_can_be_reopened(world: World, vehicle
     assert world.closed == 1
 
 
-def test_without_its_bus_the_vehicle_goes_on_and_speaks_again_when_it_is_back(
+def test_without_its_bus_the_vehicle_goes_on_and_sends_again_when_it_is_back(
     world: World, vehicle: SimulatedVehicle
 ) -> None:
     world.coming = commands(0, 100)

@@ -215,7 +215,7 @@ def test_a_state_is_read_within_the_resolution_of_its_signals(name: str, tmp_pat
     check()
 
 
-def test_names_that_mean_the_same_and_missing_modes_are_said_by_the_nearest_one(tmp_path: Path) -> None:
+def test_modes_without_a_name_of_their_own_are_reported_by_the_nearest_one(tmp_path: Path) -> None:
     database = load_vehicle("forms", tmp_path)
     writer, read = writer_of(database), {}
     for mode in VehicleMode:
@@ -226,7 +226,7 @@ def test_names_that_mean_the_same_and_missing_modes_are_said_by_the_nearest_one(
     assert read == {mode: mode for mode in VehicleMode} | {VehicleMode.EMERGENCY_STOP: VehicleMode.FAULT}
 
 
-def test_a_fault_without_code_has_one_where_nothing_else_can_say_it(tmp_path: Path) -> None:
+def test_a_fault_without_a_code_gets_one_where_no_other_signal_reports_it(tmp_path: Path) -> None:
     database = load_vehicle("fault_code", tmp_path)
     for mode, code, read in ((VehicleMode.FAULT, 0, 1), (VehicleMode.EMERGENCY_STOP, 300, 255)):
         row = row_of(database, writer_of(database), report(mode=mode, fault_code=code))

@@ -331,14 +331,14 @@ def test_pairs_from_before_ready_do_not_count() -> None:
 
 
 @pytest.mark.parametrize("kind", ["drive", "steer"])
-def test_enable_0_in_either_command_lets_go_to_ready(engaged: VehicleHarness, kind: str) -> None:
+def test_enable_0_in_either_command_releases_to_ready(engaged: VehicleHarness, kind: str) -> None:
     getattr(engaged, kind)(ENABLE=0)
     assert engaged.vehicle.mode is VehicleMode.READY
     engaged.wait_ms(20)
     assert engaged.last("VEHICLE_STATUS")["MODE"] == READY
 
 
-def test_a_vehicle_let_go_rolls_on() -> None:
+def test_a_released_vehicle_rolls_on() -> None:
     harness = cruising(5.0)
     harness.pair(enable=0)
     harness.wait_ms(2000)
@@ -384,7 +384,7 @@ def test_it_does_not_engage_against_a_driver(harness: VehicleHarness, line: str,
     assert harness.vehicle.mode is VehicleMode.AUTONOMOUS
 
 
-def test_after_an_override_it_stays_manual_until_the_driver_hands_over(engaged: VehicleHarness) -> None:
+def test_after_an_override_it_stays_manual_until_it_is_made_ready(engaged: VehicleHarness) -> None:
     engaged.say("brake 1")
     assert engaged.say("ready").startswith("error: ready: only from MANUAL with feet and hands off")
     engaged.say("brake 0")

@@ -158,7 +158,7 @@ def test_a_late_reader_gets_the_ring_and_the_number_of_dropped_snapshots(
     assert reader.since(found[-1].sequence) == []
 
 
-def test_the_session_tells_of_itself(writer: TelemetryWriter, reader: TelemetryReader) -> None:
+def test_the_session_describes_itself(writer: TelemetryWriter, reader: TelemetryReader) -> None:
     assert reader.info == INFO
     assert reader.session != 0
     assert stat.S_IMODE(writer.path.stat().st_mode) == 0o600
@@ -236,7 +236,9 @@ def test_a_torn_snapshot_is_not_there(writer: TelemetryWriter, reader: Telemetry
 
 
 @pytest.mark.parametrize("head", [0, 1, 3, 4, RING_LENGTH + 2, 2**63, 2**64 - 1])
-def test_a_head_that_lies_does_not_hide_the_newest(writer: TelemetryWriter, reader: TelemetryReader, head: int) -> None:
+def test_a_wrong_head_index_does_not_hide_the_newest_snapshot(
+    writer: TelemetryWriter, reader: TelemetryReader, head: int
+) -> None:
     for number in (1, 2, 3):
         writer.publish(numbered(number))
     writer._head[0] = head
@@ -332,7 +334,7 @@ def test_a_closed_session_goes_on_being_readable(writer: TelemetryWriter, reader
         assert reader.newest() is None
 
 
-def test_readers_asking_who_is_alive_do_not_keep_a_writer_out(address: str) -> None:
+def test_readers_that_check_for_a_writer_do_not_keep_one_out(address: str) -> None:
     TelemetryWriter(address, INFO).close()
     with TelemetryReader(address) as reader:
         for _ in range(20):

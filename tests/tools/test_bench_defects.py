@@ -145,7 +145,7 @@ def test_shares_count_what_was_measured_and_leave_out_what_cannot_be_seen() -> N
     assert share_caught([BRAKES], found(BRAKES, PASSES, Scope.QUICK), quick) == (0, 1, 1)
 
 
-def test_what_was_caught_in_virtual_time_is_still_open_on_the_bus_and_says_so() -> None:
+def test_a_defect_that_was_caught_in_virtual_time_is_listed_as_open_on_the_bus() -> None:
     findings = found(BRAKES, FAILS, Scope.VIRTUAL_NAMED)
     assert list(find_open([BRAKES, LATE], findings, Scope.VIRTUAL_NAMED)) == []  # the lateness of a loop is not virtual
     assert list(find_open([BRAKES], findings, Scope.NAMED)) == [BRAKES]
@@ -154,7 +154,7 @@ def test_what_was_caught_in_virtual_time_is_still_open_on_the_bus_and_says_so() 
     assert "*in virtual time* `state-lost`" in make_page([BRAKES], findings, frozenset(QUICK))
 
 
-def test_the_page_tells_caught_missed_and_not_measured_apart() -> None:
+def test_the_page_distinguishes_caught_missed_and_not_measured() -> None:
     quick = frozenset(QUICK)
     page = make_page([BRAKES, LATE, HIDDEN], found(BRAKES, FAILS), quick)
     assert "| weak | brakes weakly | `state-lost`: a stop brakes: it does not | `state-lost` |" in page

@@ -191,7 +191,7 @@ def test_where_there_is_no_history_at_all_everything_is_judged(project: Path) ->
     assert modules_of(project, "--changed")[0] == ["brake.py"]
 
 
-def test_a_sample_is_the_same_each_time_and_says_how_many_of_how_many_it_has(project: Path) -> None:
+def test_a_sample_is_the_same_each_time_and_reports_its_share(project: Path) -> None:
     first, again = (mutation(project, "--sample", "3", "--json") for _ in range(2))
     (module,), (same,) = (json.loads(done.stdout)["modules"] for done in (first, again))
     assert module["mutants"] == 3
@@ -215,7 +215,7 @@ def test_a_sample_of_nothing_is_refused(project: Path, count: str) -> None:
 
 
 @pytest.mark.parametrize(("least", "status"), [(85.0, 0), (86.0, 1)])
-def test_fewer_killed_than_the_plan_asks_for_is_a_failure(project: Path, least: float, status: int) -> None:
+def test_fewer_killed_than_the_plan_requires_is_a_failure(project: Path, least: float, status: int) -> None:
     plan = project / "plan.toml"
     plan.write_text(f"least_percent = {least}\n" + plan.read_text())
     done = mutation(project)  # six of seven

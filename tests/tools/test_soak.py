@@ -213,7 +213,7 @@ def test_what_is_not_as_it_should_be_is_named(scene: Scene, tamper: Callable[[Sc
     assert any(text.endswith(told) for text in scene.judged(pieces=3).wrong)
 
 
-def test_a_vehicle_with_a_fault_is_a_cause_to_let_go(scene: Scene) -> None:
+def test_a_vehicle_with_a_fault_is_a_cause_of_release(scene: Scene) -> None:
     let_go_of_a_vehicle_with_a_fault(scene)
     assert not any("no cause" in text for text in scene.judged().wrong)
 

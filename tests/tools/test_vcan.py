@@ -116,7 +116,7 @@ with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as one, socke
     assert run(*python(code)).stdout == b"23010000020000000708000000000000\n"
 
 
-def test_output_and_errors_stay_apart_and_nothing_else_is_said() -> None:
+def test_output_and_errors_stay_apart_and_nothing_else_is_printed() -> None:
     done = run("sh", "-c", "echo out; echo err >&2")
     assert (done.stdout, done.stderr) == (b"out\n", b"err\n")
 

@@ -354,7 +354,7 @@ def test_a_reversing_piece_has_negative_speeds_from_its_first_point_on() -> None
     assert waited[-1].accel_mps2[0] < 0.0
 
 
-def test_who_overshoots_a_stop_waits_for_the_dwell_and_then_goes_on_from_it() -> None:
+def test_a_vehicle_that_overshoots_a_stop_waits_for_the_dwell_and_then_goes_on_from_it() -> None:
     route = make_route("stop_and_go")
     source = RecedingRoute(route)
     given_by(source, 0, at(route, 24.0, speed_mps=3.0))
@@ -365,7 +365,7 @@ def test_who_overshoots_a_stop_waits_for_the_dwell_and_then_goes_on_from_it() ->
     assert trajectory.speed_mps[0] >= 0.3
 
 
-def test_who_stops_short_of_a_stop_counts_as_having_stopped_there() -> None:
+def test_a_vehicle_that_stops_short_of_a_stop_counts_as_having_stopped_there() -> None:
     route = make_route("stop_and_go", RouteConfig(dwell_s=0.1))
     source = RecedingRoute(route)
     given_by(source, 0, at(route, 20.0, speed_mps=3.0))

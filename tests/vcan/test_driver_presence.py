@@ -117,7 +117,9 @@ def test_of_two_armed_loops_the_second_never_sends_and_the_first_drives_on(progr
     assert not own_faults(record)  # two would show in the counters
 
 
-def test_the_simulated_vehicles_driver_brakes_hands_back_and_is_driven_again(programs: Programs, bus: Observer) -> None:
+def test_the_simulated_vehicles_driver_brakes_makes_it_ready_and_is_driven_again(
+    programs: Programs, bus: Observer
+) -> None:
     pedals = str(programs.folder / "pedals.sock")
     programs.start("sim", "--driver-socket", pedals)
     bus.wait_for("the vehicle's first sample", "CHASSIS")

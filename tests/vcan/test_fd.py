@@ -187,5 +187,5 @@ def test_frames_of_another_kind_or_a_wrong_checksum_change_nothing(fd_programs: 
     assert re.search(r"STATE.*bad CRC|bad CRC.*STATE", loop.text)
 
 
-def test_the_contract_knows_every_identifier() -> None:
+def test_the_contract_has_every_identifier() -> None:
     assert sorted(NAMES) == [0x080, 0x082, 0x100, 0x110, 0x180]

@@ -87,7 +87,7 @@ def test_a_vehicle_of_which_nothing_new_is_known_is_stopped(name: str, tmp_path:
     assert drive.vehicle.state.speed_mps < speed_mps
 
 
-def test_a_fault_that_only_a_code_tells_stops_the_vehicle_and_latches(tmp_path: Path) -> None:
+def test_a_fault_that_is_only_a_code_stops_the_vehicle_and_latches(tmp_path: Path) -> None:
     drive = drive_of("fault_code", tmp_path).engage(1.0)
     drive.say("fault 7")
     drive.run_s(0.1)
@@ -111,7 +111,7 @@ def test_the_gear_gives_the_speed_its_sign(tmp_path: Path) -> None:
     assert status.gear is Gear.REVERSE
 
 
-def test_flags_tell_of_each_override_and_of_a_fault(tmp_path: Path) -> None:
+def test_flags_report_each_override_and_a_fault(tmp_path: Path) -> None:
     for line, mode in (("steer 5", Mode.OVERRIDDEN), ("fault 1", Mode.FAULT), ("emergency_stop", Mode.FAULT)):
         drive = drive_of("flags", tmp_path).engage(1.0)
         drive.say(line)

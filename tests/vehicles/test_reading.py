@@ -257,7 +257,7 @@ def test_many_names_mean_one_gear_and_names_left_out_mean_none_or_a_fault(tmp_pa
     assert reader.assembler.status.mode is VehicleMode.FAULT
 
 
-def test_a_fault_code_is_a_fault_whatever_the_mode_says(tmp_path: Path) -> None:
+def test_a_fault_code_is_a_fault_in_every_mode(tmp_path: Path) -> None:
     dbc = (("SG_ BRAKE : 3|1@1+", 'SG_ CODE : 8|8@1+ (1,0) [0|255] "" PC\n SG_ BRAKE : 3|1@1+'),)
     reader = Reader(
         load_vehicle(tmp_path, dbc=dbc, toml=(("[status.signals]", '[status.signals]\nfault_code = "STATUS.CODE"'),))

@@ -94,7 +94,7 @@ def test_a_shipped_vehicle_without_samples_is_stopped(name: str) -> None:
     ("order", "mode"), [("brake 1", Mode.OVERRIDDEN), ("fault 1", Mode.FAULT), ("emergency_stop", Mode.FAULT)]
 )
 @pytest.mark.parametrize("name", VEHICLES)
-def test_a_shipped_vehicle_is_let_go_when_a_person_takes_over_or_it_reports_a_fault(
+def test_a_shipped_vehicle_is_released_when_a_person_takes_over_or_it_reports_a_fault(
     name: str, order: str, mode: Mode
 ) -> None:
     drive, _ = drive_of(name, "line")

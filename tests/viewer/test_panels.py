@@ -167,7 +167,7 @@ def test_engaged_stopping_fault_shadow_and_old_differ_in_colour() -> None:
 
 
 @pytest.mark.parametrize(("left_ns", "when"), [(2_140_000_000, "in 2.1 s at the earliest"), (0, "at standstill")])
-def test_the_banner_asks_the_driver_to_take_over(left_ns: int, when: str) -> None:
+def test_the_banner_shows_the_driver_when_to_take_over(left_ns: int, when: str) -> None:
     shown = driving(handover_pending=True, handover_in_ns=left_ns)
     assert f"TAKE OVER: control is returned {when}" in _Words(banner_html(view(shown))).text
     assert "TAKE OVER" not in _Words(banner_html(view(shown, age_s=1.0))).text
@@ -218,7 +218,7 @@ def test_any_stamps_and_counters_can_be_shown(stamp_ns: int, numbers: int) -> No
     whole_page(view(driving(published_ns=stamp_ns, stamp_ns=stamp_ns, samples=numbers, latency_ns=numbers, sent=True)))
 
 
-def test_trajectory_and_vehicle_in_different_frames_are_not_drawn_together_and_it_says_so() -> None:
+def test_trajectory_and_vehicle_in_different_frames_are_not_drawn_together_but_named() -> None:
     words = _Words(banner_html(view(driving(frame_id="odom"), text="map"))).text
     assert "trajectory in frame map, vehicle in odom" in words
 

@@ -35,7 +35,7 @@ def banner(state: RecorderHealth | None) -> str:
     )
 
 
-def test_without_a_recorder_the_page_speaks_of_none() -> None:
+def test_without_a_recorder_the_page_shows_none() -> None:
     assert RecorderMonitor().check("", NOW_NS) is None
     assert "record" not in banner(None).lower()
 
@@ -64,7 +64,7 @@ def test_what_is_wrong_with_it_is_on_the_page(
     assert f"RECORDER: {words}" in banner(RecorderHealth(folder=str(tmp_path), fault=said))
 
 
-def test_a_recorder_that_has_ended_in_order_need_not_speak_on(tmp_path: Path) -> None:
+def test_a_recorder_that_has_ended_in_order_need_not_report_on(tmp_path: Path) -> None:
     over = msgspec.structs.replace(WELL, is_over=True)
     assert fault(tmp_path, over, NOW_NS + 60 * NS_PER_S) == ""
 
