@@ -3,7 +3,8 @@
 With `--defer-to FILE`, such a test is not reported but written to the file, a node id a line: `tools/test` runs those
 again when no other kernel runs, and that run decides.
 
-In a kernel of `tools/vcan` a busy host takes the processor away for 50 ms and more, and to stop is right then. Who says
+In a kernel of `tools/vcan` a busy host takes the processor away: for 50 ms, and to stop is right; or for 12, and two
+samples come at once, of which the newer is answered. Who says
 so is `witness.py`, which nothing in that kernel can hold up, or the test's own vehicle, whose thread may only be kept
 waiting by the test itself; without them, or without their word, a failure is a failure.
 """
