@@ -22,6 +22,7 @@ BEFORE_S = 0.3
 """What is missing from the start has been missing for so long when the device is armed."""
 CAN_BEGIN = ": can begin"
 ATTEMPTS = 3
+STOPPED_S = 0.3
 STEADY_S = 0.25
 """The vehicle is driven for this long before a step begins."""
 
@@ -41,6 +42,8 @@ class Step:
     """The injection begins at this speed; None: at the case's."""
     is_from_start: bool = False
     """The device is released, and armed again during the injection."""
+    ends_with_stop: bool = False
+    """The injection ends when the device has stopped the vehicle, if that is sooner."""
     is_left_alone: bool = False
     """The operator arms the device again after it, even if it drives on."""
 
@@ -113,13 +116,26 @@ def _carry_out(rig: Rig, step: Step) -> Stretch:
         if step.is_from_start:
             rig.run_for(BEFORE_S + rig.wire.later_s[Wait.STATUS_LOST])
             rig.rearm()
-        rig.run_for(step.for_s)
+        if step.ends_with_stop:
+            _run_until_stopped(rig, step.for_s)
+        else:
+            rig.run_for(step.for_s)
         rig.end_ns = end_ns = rig.now_ns
     rig.run_for(step.after_s)
     then_ns = rig.now_ns
     if step.is_left_alone:
         release(rig)
     return Stretch(step=step, begin_ns=begin_ns, end_ns=end_ns, then_ns=then_ns)
+
+
+def _run_until_stopped(rig: Rig, longest_s: float) -> None:
+    """Until a stop has lasted for a moment."""
+    end_ns = rig.now_ns + round(longest_s * S)
+    was_driven, stopped_ns = rig.is_engaged, 0
+    while rig.now_ns < end_ns and not (stopped_ns and rig.now_ns - stopped_ns > STOPPED_S * S):
+        rig.tick()
+        was_driven = was_driven or rig.is_engaged
+        stopped_ns = 0 if rig.is_engaged or not was_driven else stopped_ns or rig.now_ns
 
 
 def _release(rig: Rig) -> str:

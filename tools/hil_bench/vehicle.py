@@ -72,6 +72,8 @@ class Instant:
     accel_mps2: float
     wheel_rad: float
     mode: int
+    drift_mps: float = 0.0
+    """To the left."""
 
 
 @dataclass
@@ -162,6 +164,7 @@ class Vehicle:
                 plant.accel_mps2,
                 plant.wheel_rad,
                 self.mode,
+                plant.drift_mps,
             )
         )
 

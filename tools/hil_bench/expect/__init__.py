@@ -22,6 +22,7 @@ from hil_bench.expect.commands import (
     StaysOut,
     Stops,
 )
+from hil_bench.expect.fields import DoesNoHarm, StopsOnContradiction
 from hil_bench.expect.path import StaysNear
 from hil_bench.expect.process import Ends, EndsOrderly, NamesBus, Refuses
 from hil_bench.expect.vehicle import AsksForItsSpeed, HazardLights, ReachesEnd, Standstill, WatchdogActs
@@ -29,6 +30,7 @@ from hil_bench.expect.vehicle import AsksForItsSpeed, HazardLights, ReachesEnd, 
 __all__ = [
     "Answers",
     "AsksForItsSpeed",
+    "DoesNoHarm",
     "DrivesOn",
     "Ends",
     "EndsOrderly",
@@ -50,6 +52,7 @@ __all__ = [
     "StaysNear",
     "StaysOut",
     "Stops",
+    "StopsOnContradiction",
     "WatchdogActs",
     "check",
     "check_measured",

@@ -53,6 +53,18 @@ def combine(*injections: Injection) -> Injection:
     return inject
 
 
+def a_tick_later(injection: Injection) -> Injection:
+    """The other faults begin before it."""
+
+    @contextmanager
+    def inject(rig: Rig) -> Iterator[None]:
+        rig.tick()
+        with injection(rig):
+            yield
+
+    return inject
+
+
 @contextmanager
 def inject_nothing(_rig: Rig) -> Iterator[None]:
     """Let the vehicle drive undisturbed."""

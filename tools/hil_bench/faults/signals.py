@@ -4,9 +4,11 @@ import itertools
 from collections.abc import Callable, Collection, Iterable
 from contextlib import AbstractContextManager
 
+from hil_bench.contradictions import OPPONENTS
 from hil_bench.faults.base import ALWAYS, Injection, NotApplicableError, with_fault
 from hil_bench.rig import Rig
 from hil_bench.vehicle import Fault, SignalValues
+from hil_bench.wrong_fields import WrongFields
 
 
 class _ChangedSignals(Fault):
@@ -98,6 +100,23 @@ def freeze_signal(name: str) -> Injection:
             return first[0]
 
         return with_fault(rig, _change_each(rig, ALWAYS, change, name))
+
+    return inject
+
+
+def tell_wrong(wrong: WrongFields) -> Injection:
+    """Tell fields of the state otherwise than they are."""
+
+    def inject(rig: Rig) -> AbstractContextManager[None]:
+        first: dict[str, float] = {}
+
+        def change(values: SignalValues) -> None:
+            true = {name: values[rig.wire.part_of(name)][name] for name in OPPONENTS if rig.wire.has(name)}
+            first.update({} if first else true)
+            for name, value in wrong.change(true, first).items():
+                values[rig.wire.part_of(name)][name] = value
+
+        return with_fault(rig, _ChangedSignals(rig, _messages_of(rig, wrong.fields), ALWAYS, change))
 
     return inject
 
