@@ -70,7 +70,7 @@ def wish(**numbers: float) -> Command:
     """A wish with any numbers, also those that `Command` itself would refuse."""
     command = Command(stamp_ns=1, accel_mps2=0.0, front_wheel_angle_rad=0.0)
     for name, number in numbers.items():
-        object.__setattr__(command, name, number)
+        msgspec.structs.force_setattr(command, name, number)
     return command
 
 
@@ -708,7 +708,7 @@ def test_a_steering_sensor_that_is_wrong_does_not_drag_the_wheels_along(
 @pytest.mark.parametrize("apart_rad", [0.3, math.inf])
 def test_what_is_measured_and_no_angle_moves_nothing(measured_rad: float, apart_rad: float) -> None:
     broken = state(speed_mps=5.0)
-    object.__setattr__(broken, "front_wheel_angle_rad", measured_rad)
+    msgspec.structs.force_setattr(broken, "front_wheel_angle_rad", measured_rad)
     gate = new_gate(front_wheel_deviation_rad=apart_rad)
     for engaging in (False, True):
         safe = gate.permit(wish(), broken, now_ns=10_000_000, reversing=False, engaging=engaging)

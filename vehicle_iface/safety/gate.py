@@ -3,14 +3,15 @@
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from math import isfinite, tan
 from typing import NamedTuple
 
 from vehicle_iface.command import Command, SafeCommand
 from vehicle_iface.interpolation import interpolate
 from vehicle_iface.profile import Limits
 from vehicle_iface.reason import Reason
-from vehicle_iface.safety.lateral import curvature_per_m, front_angle_rad
-from vehicle_iface.safety.limits import Channel, clamp_interval, limit_raw, raw_range
+from vehicle_iface.safety.lateral import front_angle_rad
+from vehicle_iface.safety.limits import UNBOUNDED, Channel, clamp_interval, floor_raw, limit_raw, nearest_raw, raw_range
 from vehicle_iface.safety.stop import StopShape, stop_accel_raw
 from vehicle_iface.standstill import CREEPING_MPS
 from vehicle_iface.state import VehicleState
@@ -19,6 +20,7 @@ from vehicle_iface.units import NS_PER_S
 
 LONGEST_STEP_S = 0.1
 """The longest time that one step of a rate limit counts, also after a longer pause."""
+_NOMINAL = Reason.NOMINAL
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,8 +76,8 @@ class Gate:
         """Start the rate limits from the measured wheel angles and an acceleration of 0."""
         front, rear = self._channels.front_wheel_angle_rad, self._channels.rear_wheel_angle_rad
         front_raw, rear_raw = (
-            _nearest_raw(front, state.front_wheel_angle_rad),
-            _nearest_raw(rear, state.rear_wheel_angle_rad),
+            nearest_raw(front, state.front_wheel_angle_rad),
+            nearest_raw(rear, state.rear_wheel_angle_rad),
         )
         self._last = self._proposed = _Sent(now_ns, 0, now_ns, front_raw, now_ns, rear_raw, now_ns)
 
@@ -100,30 +102,30 @@ class Gate:
         """
         if speed_mps is None:
             speed_mps = state.speed_mps
-        numbers = (
+        reason, channels, last = requested.reason, self._channels, self._last
+        accel, front, rear, told_mps = (
             requested.accel_mps2,
             requested.front_wheel_angle_rad,
             requested.rear_wheel_angle_rad,
             requested.speed_mps,
         )
-        finite = all(map(math.isfinite, numbers))
-        reason = requested.reason if finite else Reason.CONTROLLER_ERROR
-        front, rear, told_mps = numbers[1:] if finite else (0.0, 0.0, 0.0)
-        self.limited["not_finite"] += not finite
-        channels, last = self._channels, self._last
-        accel_s, rear_s = _step_s(now_ns, last.accel_ns), _step_s(now_ns, last.rear_ns)
-        is_stop = reason is not Reason.NOMINAL
+        finite = isfinite(accel) and isfinite(front) and isfinite(rear) and isfinite(told_mps)
+        if not finite:
+            reason, front, rear, told_mps = Reason.CONTROLLER_ERROR, 0.0, 0.0, 0.0
+            self.limited["not_finite"] += 1
+        accel_s = _step_s(now_ns, last.accel_ns)
+        is_stop = reason is not _NOMINAL
         if is_stop:
             braked_mps = speed_mps if speed_is_known else -math.inf if reversing else math.inf
             accel_raw = stop_accel_raw(
                 self._stop, self._backwards, last.accel_raw, braked_mps, accel_s, reversing=reversing
             )
         else:
-            accel_raw = self._accel_raw(requested.accel_mps2, speed_mps, accel_s, reversing, engaging=engaging)
-        rear_raw = self._limit(channels.rear_wheel_angle_rad, rear, last.rear_raw, rear_s)
-        measured_rad = state.front_wheel_angle_rad
-        front_raw = self._front_raw(front, rear_raw, measured_rad, speed_mps, now_ns, engaging=engaging)
-        speed_raw = self._limit(channels.speed_mps, told_mps, 0, accel_s)
+            accel_raw = self._accel_raw(accel, speed_mps, accel_s, reversing, engaging)
+        rear_raw = self._rear_raw(rear, now_ns)
+        front_raw = self._front_raw(front, rear_raw, state.front_wheel_angle_rad, speed_mps, now_ns, engaging)
+        speed_raw = nearest_raw(channels.speed_mps, told_mps)
+        self._count_if_limited(channels.speed_mps, told_mps, speed_raw)
         turned = front_raw != last.front_raw or rear_raw != last.rear_raw
         turned_ns = now_ns if turned else last.turned_ns
         self._proposed = _Sent(now_ns, accel_raw, now_ns, front_raw, now_ns, rear_raw, turned_ns)
@@ -175,7 +177,7 @@ class Gate:
             gear_request=Gear.NO_REQUEST,
         )
 
-    def _accel_raw(self, accel: float, speed_mps: float, dt_s: float, reversing: bool, *, engaging: bool) -> int:
+    def _accel_raw(self, accel: float, speed_mps: float, dt_s: float, reversing: bool, engaging: bool) -> int:
         channels, limits = self._channels, self._limits
         if abs(speed_mps) >= channels.speed_mps.highest and accel * speed_mps > 0.0:
             self.limited["overspeed"] += 1
@@ -183,11 +185,19 @@ class Gate:
         drive = interpolate(limits.accel_max_by_speed, abs(speed_mps))
         if engaging:
             drive = min(drive, limits.while_engaging.accel_max_mps2)
-        lowest, highest = (-drive, math.inf) if reversing else (-math.inf, drive)
+        drive_raw = floor_raw(channels.accel_mps2, drive)
+        within = (-drive_raw, UNBOUNDED) if reversing else (-UNBOUNDED, drive_raw)
         channel = self._backwards if reversing else channels.accel_mps2
-        within = raw_range(channel, lowest, highest)
-        raw = limit_raw(channel, accel, self._last.accel_raw, dt_s, within=within)
-        return self._count_if_limited(channel, accel, raw)
+        raw = limit_raw(channel, accel, self._last.accel_raw, dt_s, math.inf, within)
+        self._count_if_limited(channel, accel, raw)
+        return raw
+
+    def _rear_raw(self, requested: float, now_ns: int) -> int:
+        channel, last, raw = self._channels.rear_wheel_angle_rad, self._last, 0
+        if channel.lowest_raw < channel.highest_raw:  # otherwise the rear wheels do not steer
+            raw = limit_raw(channel, requested, last.rear_raw, _step_s(now_ns, last.rear_ns))
+        self._count_if_limited(channel, requested, raw)
+        return raw
 
     def _front_raw(
         self,
@@ -196,60 +206,64 @@ class Gate:
         measured: float,
         speed_mps: float,
         now_ns: int,
-        *,
         engaging: bool,
     ) -> int:
         channel, limits, last = self._channels.front_wheel_angle_rad, self._limits, self._last
-        at_speed = interpolate(limits.front_wheel_angle_by_speed, abs(speed_mps))
-        within = raw_range(channel, -at_speed, at_speed)
+        last_raw = last.front_raw
+        at_speed_raw = floor_raw(channel, interpolate(limits.front_wheel_angle_by_speed, abs(speed_mps)))
+        within = -at_speed_raw, at_speed_raw
         apart = limits.front_wheel_deviation_rad
         if math.isfinite(measured) and apart < math.inf:
             if engaging:  # a vehicle that begins to obey must not find a step in the commanded angle
                 apart = min(apart, limits.while_engaging.front_wheel_rate_radps * LONGEST_STEP_S)
             nearest, farthest = raw_range(channel, measured - apart, measured + apart)
-            within = clamp_interval((min(nearest, last.front_raw), max(farthest, last.front_raw)), within)
+            if last_raw < nearest:
+                nearest = last_raw
+            elif last_raw > farthest:
+                farthest = last_raw
+            within = clamp_interval((nearest, farthest), within)
         if abs(speed_mps) >= CREEPING_MPS:
-            since_ns, held_s = max(last.front_ns, last.rear_ns), (now_ns - last.turned_ns) / NS_PER_S
-            lateral = self._lateral_rad(rear_raw, last, speed_mps, _step_s(now_ns, since_ns), held_s)
-            within = clamp_interval(within, raw_range(channel, *lateral))
+            within = clamp_interval(within, self._lateral_raw(rear_raw, speed_mps, now_ns))
         rate_per_s = limits.while_engaging.front_wheel_rate_radps if engaging else math.inf
-        dt_s = _step_s(now_ns, last.front_ns)
-        raw = limit_raw(channel, requested, last.front_raw, dt_s, rate_per_s=rate_per_s, within=within)
-        return self._count_if_limited(channel, requested, raw)
+        raw = limit_raw(channel, requested, last_raw, _step_s(now_ns, last.front_ns), rate_per_s, within)
+        self._count_if_limited(channel, requested, raw)
+        return raw
 
-    def _lateral_rad(
-        self, rear_raw: int, last: _Sent, speed_mps: float, dt_s: float, held_s: float
-    ) -> tuple[float, float]:
-        """Lowest and highest front wheel angle with lateral acceleration and jerk within their limits.
+    def _lateral_raw(self, rear_raw: int, speed_mps: float, now_ns: int) -> tuple[int, int]:
+        """Lowest and highest front wheel angle, in counts, with lateral acceleration and jerk within their limits.
 
-        The jerk limit allows a change for `dt_s`, or for `held_s` (time since the wheels were turned) up to one count.
-        So the limit holds from one change to the next, and a coarse signal can still change.
+        The jerk limit allows a change for one step of time, or for as long as the wheels were not turned up to one
+        count. So the limit holds from one change to the next, and a coarse signal can still change.
         """
-        channels, limits, wheelbase_m = self._channels, self._limits, self._wheelbase_m
+        channels, limits, last, wheelbase_m = self._channels, self._limits, self._last, self._wheelbase_m
         front_lsb, rear_lsb = channels.front_wheel_angle_rad.lsb, channels.rear_wheel_angle_rad.lsb
         most = limits.lateral_accel_mps2 / (speed_mps * speed_mps)
         per_s = limits.lateral_jerk_mps3 / (speed_mps * speed_mps)
-        was_rad, was_rear_rad = last.front_raw * front_lsb, last.rear_raw * rear_lsb
-        right = curvature_per_m(was_rad - front_lsb, was_rear_rad, wheelbase_m)
-        now = curvature_per_m(was_rad, was_rear_rad, wheelbase_m)
-        left = curvature_per_m(was_rad + front_lsb, was_rear_rad, wheelbase_m)
-        low = now - max(per_s * dt_s, min(per_s * held_s, now - right))
-        high = now + max(per_s * dt_s, min(per_s * held_s, left - now))
+        by_step = per_s * _step_s(now_ns, max(last.front_ns, last.rear_ns))
+        by_hold = per_s * ((now_ns - last.turned_ns) / NS_PER_S)
+        # The curvature of the angles sent last, and with the front wheels one count further right or left.
+        was_rad, rear_tan = last.front_raw * front_lsb, tan(last.rear_raw * rear_lsb)
+        now = (tan(was_rad) - rear_tan) / wheelbase_m
+        one_right = now - (tan(was_rad - front_lsb) - rear_tan) / wheelbase_m
+        one_left = (tan(was_rad + front_lsb) - rear_tan) / wheelbase_m - now
+        low = now - max(by_step, min(by_hold, one_right))
+        high = now + max(by_step, min(by_hold, one_left))
         if now > most:  # the speed has risen: return to the limit at the wheels' rate, then further by the jerk
-            low, high = min(low, most - (left - now)), most
+            low, high = min(low, most - one_left), most
         elif now < -most:
-            low, high = -most, max(high, (now - right) - most)
+            low, high = -most, max(high, one_right - most)
         else:
             low, high = max(-most, low), min(most, high)
         rear_rad = rear_raw * rear_lsb
-        return front_angle_rad(low, rear_rad, wheelbase_m), front_angle_rad(high, rear_rad, wheelbase_m)
+        return raw_range(
+            channels.front_wheel_angle_rad,
+            front_angle_rad(low, rear_rad, wheelbase_m),
+            front_angle_rad(high, rear_rad, wheelbase_m),
+        )
 
-    def _limit(self, channel: Channel, requested: float, last_raw: int, dt_s: float) -> int:
-        return self._count_if_limited(channel, requested, limit_raw(channel, requested, last_raw, dt_s))
-
-    def _count_if_limited(self, channel: Channel, requested: float, raw: int) -> int:
-        self.limited[channel.name] += abs(raw * channel.lsb - requested) > channel.lsb
-        return raw
+    def _count_if_limited(self, channel: Channel, requested: float, raw: int) -> None:
+        if abs(raw * channel.lsb - requested) > channel.lsb:
+            self.limited[channel.name] += 1
 
 
 def gate_channels(limits: Limits, lsb: Callable[[str], float]) -> GateChannels:
@@ -278,7 +292,8 @@ def gate_channels(limits: Limits, lsb: Callable[[str], float]) -> GateChannels:
 
 def _step_s(now_ns: int, since_ns: int) -> float:
     """The time step of a rate limit, at most `LONGEST_STEP_S`."""
-    return min(LONGEST_STEP_S, max(0.0, (now_ns - since_ns) / NS_PER_S))
+    dt_s = (now_ns - since_ns) / NS_PER_S
+    return LONGEST_STEP_S if dt_s > LONGEST_STEP_S else dt_s if dt_s > 0.0 else 0.0
 
 
 def _mirrored(channel: Channel) -> Channel:
@@ -289,7 +304,3 @@ def _mirrored(channel: Channel) -> Channel:
         highest=-channel.lowest,
         rate_per_s=channel.rate_per_s,
     )
-
-
-def _nearest_raw(channel: Channel, value: float) -> int:
-    return round(min(float(channel.highest_raw), max(float(channel.lowest_raw), value / channel.lsb)))

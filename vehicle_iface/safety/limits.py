@@ -4,15 +4,17 @@ Everything is checked on the raw value that will be on the wire: a limit that ho
 hold after it. A value is raw · lsb; raw 0 is 0 in SI units.
 """
 
-import math
 from dataclasses import dataclass, field
 from enum import Enum
+from math import ceil, floor, inf, isfinite
 from typing import NamedTuple
 
 from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
 
-_BEYOND = 10**15
+_ROUNDING = 1e-6
+"""In counts: 0.6 / 0.0001 = 5999.999… is the 6000 that is meant."""
+UNBOUNDED = 10**15
 """More counts than any signal has; a float still resolves single counts here."""
 
 
@@ -42,7 +44,7 @@ class Channel:
     lowest: float
     highest: float
     rate_per_s: float
-    """Greatest change per second; `math.inf` for a quantity that may jump, like the reported speed."""
+    """Greatest change per second; `inf` for a quantity that may jump, like the reported speed."""
     lowest_raw: int = field(init=False)
     """The least raw value that is not below `lowest`."""
     highest_raw: int = field(init=False)
@@ -56,18 +58,18 @@ class Channel:
         highest = checks.finite(f"{self.name}: highest", self.highest)
         if not lowest <= 0.0 <= highest:
             raise InvalidValueError(f"{self.name}: the range [{lowest}, {highest}] must contain 0")
-        object.__setattr__(self, "lowest_raw", _ceil(lowest / self.lsb))
-        object.__setattr__(self, "highest_raw", _floor(highest / self.lsb))
+        object.__setattr__(self, "lowest_raw", ceil(lowest / self.lsb - _ROUNDING))
+        object.__setattr__(self, "highest_raw", floor(highest / self.lsb + _ROUNDING))
 
-    def step_raw(self, dt_s: float, rate_per_s: float = math.inf) -> int:
+    def step_raw(self, dt_s: float, rate_per_s: float = inf) -> int:
         """The greatest change of the raw value within `dt_s`, at the lower of this rate and the channel's own."""
         whole_range = self.highest_raw - self.lowest_raw
         if rate_per_s > self.rate_per_s:
             rate_per_s = self.rate_per_s
-        if rate_per_s == math.inf:
+        if rate_per_s == inf:
             return whole_range
         step = rate_per_s * dt_s / self.lsb if dt_s > 0.0 else 0.0
-        return whole_range if step >= whole_range else _floor(step)
+        return whole_range if step >= whole_range else floor(step + _ROUNDING)
 
 
 def limit_raw(
@@ -75,9 +77,8 @@ def limit_raw(
     wanted: float,
     last_raw: int,
     dt_s: float,
-    *,
-    rate_per_s: float = math.inf,
-    within: tuple[int, int] = (-_BEYOND, _BEYOND),
+    rate_per_s: float = inf,
+    within: tuple[int, int] = (-UNBOUNDED, UNBOUNDED),
 ) -> int:
     """The raw value nearest to `wanted` (SI units) that is in range and within one step of `last_raw`.
 
@@ -90,22 +91,29 @@ def limit_raw(
     [last − step, last + step]: it lies between last and t. So every interval that contains both last and t contains the
     result: the range always (last is clamped to it first), and `within` once last is in it.
     """
-    whole = channel.lowest_raw, channel.highest_raw
-    low, high = clamp_interval(within, whole)
-    target = wanted / channel.lsb if math.isfinite(wanted) else 0.0
+    lowest, highest = channel.lowest_raw, channel.highest_raw
+    low, high = clamp_interval(within, (lowest, highest))
+    target = wanted / channel.lsb if isfinite(wanted) else 0.0
     raw = high if target >= high else low if target <= low else round(target)
-    low, high = whole
-    last_raw = high if last_raw > high else low if last_raw < low else last_raw
+    last_raw = highest if last_raw > highest else lowest if last_raw < lowest else last_raw
     step = channel.step_raw(dt_s, rate_per_s)
     return last_raw + step if raw > last_raw + step else last_raw - step if raw < last_raw - step else raw
+
+
+def nearest_raw(channel: Channel, value: float) -> int:
+    """The raw value in range that is nearest to `value` (SI units, finite)."""
+    counts = value / channel.lsb
+    if counts >= channel.highest_raw:
+        return channel.highest_raw
+    return round(counts) if counts > channel.lowest_raw else channel.lowest_raw
 
 
 def raw_range(channel: Channel, lowest: float, highest: float) -> tuple[int, int]:
     """First and last raw value from `lowest` to `highest` (SI units); if there is none, the nearest one, twice."""
     lsb = channel.lsb
     first, last = lowest / lsb, highest / lsb
-    low = _ceil(-_BEYOND if first < -_BEYOND else _BEYOND if first > _BEYOND else first)
-    high = _floor(-_BEYOND if last < -_BEYOND else _BEYOND if last > _BEYOND else last)
+    low = ceil((-UNBOUNDED if first < -UNBOUNDED else UNBOUNDED if first > UNBOUNDED else first) - _ROUNDING)
+    high = floor((-UNBOUNDED if last < -UNBOUNDED else UNBOUNDED if last > UNBOUNDED else last) + _ROUNDING)
     if low > high:
         low = high = round((lowest + highest) / (2.0 * lsb))
     return low, high
@@ -125,13 +133,5 @@ def clamp_interval(inner: tuple[int, int], outer: tuple[int, int]) -> tuple[int,
 
 def floor_raw(channel: Channel, value: float) -> int:
     """The greatest raw value in range that does not exceed `value` (SI units, at least 0). NaN counts as +inf."""
-    return _floor(min(float(channel.highest_raw), value / channel.lsb))
-
-
-def _floor(ratio: float) -> int:
-    """Round down, but take 0.6 / 0.0001 = 5999.999… as the 6000 that is meant."""
-    return math.floor(ratio + 1e-6)
-
-
-def _ceil(ratio: float) -> int:
-    return math.ceil(ratio - 1e-6)
+    counts = value / channel.lsb
+    return floor(counts + _ROUNDING) if counts < channel.highest_raw else channel.highest_raw
