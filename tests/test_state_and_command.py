@@ -1,7 +1,9 @@
 """State and command reject what is no finite number, and cannot be changed."""
 
+import copy
 import dataclasses
 import math
+import pickle
 from fractions import Fraction
 from typing import Any
 
@@ -10,6 +12,7 @@ import pytest
 
 from tests.values import COMMAND, LINE, NOT_FINITE, NOT_NUMBERS, STATE, refusal
 from vehicle_iface import Command, Reason, Trajectory, VehicleState
+from vehicle_iface.errors import InvalidValueError
 
 STATE_NUMBERS = [f.name for f in dataclasses.fields(VehicleState) if f.name not in ("stamp_ns", "frame_id")]
 COMMAND_NUMBERS = [f.name for f in dataclasses.fields(Command) if f.name not in ("stamp_ns", "reason")]
@@ -56,8 +59,29 @@ def test_other_kinds_of_numbers_become_plain_floats(number: Any) -> None:
 @pytest.mark.parametrize("value", [VehicleState(**STATE), Command(**COMMAND), Trajectory(**LINE)])
 def test_data_cannot_be_changed(value: Any) -> None:
     for field in dataclasses.fields(value):
-        with pytest.raises(dataclasses.FrozenInstanceError):
+        with pytest.raises(AttributeError):
             setattr(value, field.name, 0)
+        with pytest.raises(AttributeError):
+            delattr(value, field.name)
+
+
+@pytest.mark.parametrize(("kind", "given"), [(VehicleState, STATE), (Command, COMMAND)])
+def test_the_functions_of_dataclasses_take_state_and_command(kind: Any, given: dict[str, Any]) -> None:
+    value = kind(**given)
+    assert dataclasses.asdict(value) == {name: getattr(value, name) for name in kind.__annotations__}
+    assert dataclasses.replace(value) == value
+    assert dataclasses.replace(value, stamp_ns=77).stamp_ns == 77
+    with pytest.raises(InvalidValueError):
+        dataclasses.replace(value, speed_mps=math.nan)
+
+
+@pytest.mark.parametrize("value", [VehicleState(**STATE), Command(**COMMAND)])
+def test_equal_data_has_one_hash_and_survives_copies_and_pickling(value: Any) -> None:
+    for same in (copy.copy(value), copy.deepcopy(value), pickle.loads(pickle.dumps(value))):
+        assert same == value
+        assert hash(same) == hash(value)
+    assert dataclasses.replace(value, speed_mps=value.speed_mps + 1.0) != value
+    assert repr(value).startswith(f"{type(value).__name__}(stamp_ns={value.stamp_ns}, ")
 
 
 @pytest.mark.parametrize("kind", [VehicleState, Command, Trajectory])

@@ -1,19 +1,22 @@
 """Commands: what a controller requests, and what the gate permits."""
 
-import math
-from dataclasses import dataclass
+from math import isfinite
 from typing import NamedTuple
+
+import msgspec
 
 from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import Gear
+from vehicle_iface.value import Value, as_dataclass
 
 _NUMBERS = ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps")
+_ALL_FLOAT = [float] * len(_NUMBERS)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+@as_dataclass
+class Command(Value, frozen=True, kw_only=True, gc=False):
     """What a controller requests: acceleration, wheel angles and speed. Only `safety.gate` may permit it on the bus.
 
     Raises `InvalidValueError` when a number is not finite.
@@ -33,12 +36,12 @@ class Command:
     """`NOMINAL`, or the cause of a stop."""
 
     def __post_init__(self) -> None:
-        for name in _NUMBERS:
-            value = getattr(self, name)
-            if type(value) is not float or not math.isfinite(value):
-                object.__setattr__(self, name, checks.finite(name, value))
+        numbers = (self.accel_mps2, self.front_wheel_angle_rad, self.rear_wheel_angle_rad, self.speed_mps)
+        if list(map(type, numbers)) != _ALL_FLOAT or not isfinite(sum(numbers)):  # a finite sum has finite terms
+            for name, value in zip(_NUMBERS, numbers, strict=True):
+                msgspec.structs.force_setattr(self, name, checks.finite(name, value))
         if type(self.stamp_ns) is not int:
-            object.__setattr__(self, "stamp_ns", checks.integer("stamp_ns", self.stamp_ns))
+            msgspec.structs.force_setattr(self, "stamp_ns", checks.integer("stamp_ns", self.stamp_ns))
         if not isinstance(self.reason, Reason):
             raise InvalidValueError(f"reason = {self.reason!r}: must be a Reason")
 
@@ -48,8 +51,8 @@ class Command:
         return self.reason is not Reason.NOMINAL
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SafeCommand:
+@as_dataclass
+class SafeCommand(Value, frozen=True, kw_only=True, gc=False):
     """A permitted command, the only one that can be encoded. Only `safety.gate` builds it (`test_architecture` checks).
 
     The numbers are finite, within the limits, and already multiples of what the wire can express.

@@ -1,9 +1,11 @@
 """The vehicle's pose and motion at one instant."""
 
-import math
-from dataclasses import dataclass
+from math import isfinite
+
+import msgspec
 
 from vehicle_iface import checks
+from vehicle_iface.value import Value, as_dataclass
 
 _NUMBERS = (
     "x_m",
@@ -16,10 +18,11 @@ _NUMBERS = (
     "front_wheel_angle_rad",
     "rear_wheel_angle_rad",
 )
+_ALL_FLOAT = [float] * len(_NUMBERS)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleState:
+@as_dataclass
+class VehicleState(Value, frozen=True, kw_only=True, gc=False):
     """Pose and motion of the rear axle's centre at one instant (ISO 8855 signs: x forward, y left).
 
     Raises `InvalidValueError` when a number is not finite or the frame has no name.
@@ -47,10 +50,20 @@ class VehicleState:
     """Road-wheel angle, positive to the left."""
 
     def __post_init__(self) -> None:
-        for name in _NUMBERS:
-            value = getattr(self, name)
-            if type(value) is not float or not math.isfinite(value):
-                object.__setattr__(self, name, checks.finite(name, value))
+        numbers = (
+            self.x_m,
+            self.y_m,
+            self.heading_rad,
+            self.speed_mps,
+            self.accel_mps2,
+            self.yaw_rate_radps,
+            self.lateral_speed_mps,
+            self.front_wheel_angle_rad,
+            self.rear_wheel_angle_rad,
+        )
+        if list(map(type, numbers)) != _ALL_FLOAT or not isfinite(sum(numbers)):  # a finite sum has finite terms
+            for name, value in zip(_NUMBERS, numbers, strict=True):
+                msgspec.structs.force_setattr(self, name, checks.finite(name, value))
         if type(self.stamp_ns) is not int:
-            object.__setattr__(self, "stamp_ns", checks.integer("stamp_ns", self.stamp_ns))
+            msgspec.structs.force_setattr(self, "stamp_ns", checks.integer("stamp_ns", self.stamp_ns))
         checks.frame_id("frame_id", self.frame_id)
