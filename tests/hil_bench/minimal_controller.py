@@ -318,25 +318,34 @@ class Controller:
     def run(self) -> int:
         """Run until told to end; return the exit status."""
         while not self.is_over:
-            self.wait()
-            now_ns = time.monotonic_ns()
-            try:
-                self.obey(now_ns)
-                if self.bus is None:
-                    self.reopen(now_ns)
-                else:
-                    self.hear(now_ns)
-                    self.speak(now_ns)
-            except OSError as error:
-                self.lose_link(now_ns, error)
+            self.step()
         if self.bus is not None:
             self.bus.raw.close()
         if self.recorder is not None:
             self.recorder.close()
         if self.view is not None:
             self.view.close()
+        return self.exit_status
+
+    @property
+    def exit_status(self) -> int:
+        """What it would end with now."""
         is_fault = self.phase == "silent" or (self.phase == "out" and self.latched != Reason.DRIVER_OVERRIDE)
         return 4 if is_fault else 0
+
+    def step(self) -> None:
+        """Wait for frames, and answer them."""
+        self.wait()
+        now_ns = time.monotonic_ns()
+        try:
+            self.obey(now_ns)
+            if self.bus is None:
+                self.reopen(now_ns)
+            else:
+                self.hear(now_ns)
+                self.speak(now_ns)
+        except OSError as error:
+            self.lose_link(now_ns, error)
 
     def wait(self) -> None:
         """Wait for frames, at most one period."""
@@ -505,7 +514,7 @@ class Controller:
     def command(self, state: State, reason: Reason, now_ns: int) -> None:
         """Drive on, or stop for a reason; within the limits either way."""
         wheel_rad, speed_mps, gear, jerk_mps3 = self.wheel_rad, 0.0, NO_REQUEST, LATERAL_MPS3
-        if reason in (Reason.NOMINAL, Reason.SHUTDOWN):
+        if reason == Reason.NOMINAL:
             wheel_rad = self.wanted_wheel_rad(state, now_ns)
             if not math.isfinite(wheel_rad) and self.defect != "nan_path":
                 wheel_rad, reason = self.wheel_rad, Reason.CONTROLLER_ERROR

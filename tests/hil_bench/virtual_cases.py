@@ -1,10 +1,10 @@
-"""Runs cases of the bench with the program in virtual time: virtual_cases.py RESULTS.json CASE…
+"""Runs cases of the bench in virtual time, with the program's loop or with the minimal controller.
 
 What needs a bus, a process or another program beside the loop is NOT EXECUTED.
 """
 
+import argparse
 import logging
-import sys
 import tempfile
 from pathlib import Path
 
@@ -21,12 +21,12 @@ from virtual_rig import run_virtual
 PROFILE = "reference"
 
 
-def run(case: Case, folder: Path) -> CaseResult:
+def run(case: Case, folder: Path, *, is_minimal: bool = False, defect: str = "") -> CaseResult:
     """The result of a case; NOT EXECUTED where virtual time has nothing for it."""
     try:
-        beside = (case.on_vxcan, case.breaks, case.profile, case.recorded_mib, case.viewed, case.open_files)
-        if case.armed and not any((*beside, case.channel, case.link_is_down)):
-            return run_virtual(case, PROFILE, folder)
+        beside = (case.on_vxcan, case.profile, case.recorded_mib, case.viewed, case.open_files, case.channel)
+        if not any(beside):
+            return run_virtual(case, PROFILE, folder, is_minimal=is_minimal, defect=defect)
         why = "needs more than the loop and its bus"
     except Exception as error:  # noqa: BLE001  # whatever the rig of virtual time does not have
         why = f"not in virtual time: {error!r}"
@@ -35,17 +35,23 @@ def run(case: Case, folder: Path) -> CaseResult:
 
 
 def main() -> None:
-    """See the module; ends after the first case that fails."""
+    """See the module."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path, help="JSON file that is written")
+    parser.add_argument("cases", nargs="+")
+    parser.add_argument("--minimal", action="store_true", help="the minimal controller instead of the program")
+    parser.add_argument("--defect", default="", help="which the minimal controller has")
+    parser.add_argument("--until-failure", action="store_true", help="end after the first case that fails")
+    given = parser.parse_args()
     logging.disable(logging.CRITICAL)
-    results, names = Path(sys.argv[1]), sys.argv[2:]
     cases = {case.name: case for case in catalogue_for(open_wire(PROFILE))}
     done: list[CaseResult] = []
     with tempfile.TemporaryDirectory() as folder:
-        for name in names:
-            done.append(run(cases[name], Path(folder)))
-            if done[-1].verdict is Verdict.FAIL:
+        for name in given.cases:
+            done.append(run(cases[name], Path(folder), is_minimal=given.minimal, defect=given.defect))
+            if given.until_failure and done[-1].verdict is Verdict.FAIL:
                 break
-    results.write_bytes(msgspec.json.encode(done))
+    given.results.write_bytes(msgspec.json.encode(done))
 
 
 if __name__ == "__main__":

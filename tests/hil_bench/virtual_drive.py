@@ -14,6 +14,7 @@ from vehicle_bus_contract.reference import Frame, S
 
 from vehicle_iface import compose
 from vehicle_iface.codec.database import load_database
+from vehicle_iface.errors import BusError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
 from vehicle_iface.trajectories.csv_file import load_csv
@@ -32,14 +33,28 @@ class BenchBus:
         self.now_ns = S
         self.frames: list[Frame] = []
         """Everything that was on the bus."""
+        self.of_others: set[int] = set()
+        """The numbers of those frames that neither the device nor the vehicle sent."""
         self.vehicle, self._change = vehicle, change
         self._due_ns, self._inbox = S, list[CanFrame]()
         self.ticks = 0
+        self.is_up = True
+        self.transmits = True
+        """Whether the vehicle does."""
+        self.delay_s: Callable[[], float] = lambda: 0.0
+        """By how much each of the vehicle's samples is late."""
 
     def open(self) -> "BenchBus":
+        self.check_link()
         return self
 
+    def check_link(self) -> None:
+        """Raises `BusError` while the link is down."""
+        if not self.is_up:
+            raise BusError("the bus is down")
+
     def wait(self, until_ns: int) -> bool:
+        self.check_link()
         while not self._inbox:
             due_ns = min(until_ns, self._due_ns)
             self.sleep_until(due_ns)
@@ -49,14 +64,35 @@ class BenchBus:
                 break
         return bool(self._inbox)
 
+    def pass_until(self, until_ns: int) -> None:
+        """Let time pass for the vehicle, whatever the device does meanwhile."""
+        while self._due_ns <= until_ns:
+            self.sleep_until(self._due_ns)
+            self._tick()
+        self.sleep_until(until_ns)
+
+    def pass_tick(self) -> None:
+        """Let time pass until the vehicle has sent its next sample."""
+        self.pass_until(self._due_ns)
+
     def drain(self) -> list[CanFrame]:
+        self.check_link()
         frames, self._inbox = self._inbox, []
         return frames
 
     def has_room(self) -> bool:
         return True
 
+    def put(self, frame: Frame, *, to_vehicle: bool) -> None:
+        """A frame of another node, which the vehicle obeys or not."""
+        if self.is_up:
+            self.of_others.add(len(self.frames))
+            self._deliver(self._note(frame))
+            if to_vehicle:
+                self.vehicle.receive(self.frames[-1], self.now_ns)
+
     def send(self, *frames: CanFrame) -> int:
+        self.check_link()
         for sent in frames:
             frame = Frame(0, sent.can_id, sent.data, is_extended=sent.is_extended, is_fd=sent.is_fd, bus=sent.bus)
             for changed in self._change(frame):
@@ -73,12 +109,18 @@ class BenchBus:
         self.now_ns = max(self.now_ns, deadline_ns)
 
     def _tick(self) -> None:
-        self.vehicle.move(self.vehicle.period_ns / S, self.now_ns)
-        for frame in map(self._note, self.vehicle.next_frames()):
-            kind = {"is_extended": frame.is_extended, "is_fd": frame.is_fd, "is_remote": frame.is_remote}
-            self._inbox.append(CanFrame(frame.can_id, frame.data, frame.stamp_ns, bus=frame.bus, **kind))
         self._due_ns += self.vehicle.period_ns
         self.ticks += 1
+        self.vehicle.move(self.vehicle.period_ns / S, self.now_ns)
+        frames = self.vehicle.next_frames()
+        if self.is_up and self.transmits:
+            self.sleep_until(self.now_ns + round(self.delay_s() * S))
+            for frame in frames:
+                self._deliver(self._note(frame))
+
+    def _deliver(self, frame: Frame) -> None:
+        kind = {"is_extended": frame.is_extended, "is_fd": frame.is_fd, "is_remote": frame.is_remote}
+        self._inbox.append(CanFrame(frame.can_id, frame.data, frame.stamp_ns, bus=frame.bus, **kind))
 
     def _note(self, frame: Frame) -> Frame:
         """Frames of one instant follow one another by 0.1 ms."""

@@ -1,7 +1,6 @@
-"""A case of the bench in virtual time: the program's loop in place of a device, no bus between them."""
+"""A case of the bench in virtual time: a device without a process, and no bus between them."""
 
 import random
-import signal
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,79 +16,22 @@ from hil_bench.phases import clean_up, run_phases
 from hil_bench.result import CaseResult, Verdict
 from hil_bench.rig import Rig
 from hil_bench.wire import Wire
-from vehicle_bus_contract.reference import S
+from vehicle_bus_contract.reference import Frame
+from virtual_clock import virtual_time
+from virtual_device import LoopDevice, MinimalDevice, VirtualDevice
 from virtual_drive import BenchBus
-
-from vehicle_iface import compose
-from vehicle_iface.codec.database import load_database
-from vehicle_iface.profile import load_profile
-from vehicle_iface.trajectories.csv_file import load_csv
-from vehicle_iface.trajectories.source import FixedTrajectory
-
-LATCHED = 4
-"""Exit status of a run that ended in a latched fault."""
-
-
-class VirtualDevice:
-    """The program's loop, with what a rig asks of a device."""
-
-    is_started = True
-
-    def __init__(self, profile: str, bus: BenchBus, trajectory: Path, log: Path) -> None:
-        database = load_database(load_profile(profile))
-        self.log = log
-        self._bus = bus
-        self.loop = compose.build_loop(
-            database=database,
-            open_bus=bus.open,
-            controller=compose.build_controller("pure_pursuit", database.profile),
-            source=FixedTrajectory(load_csv(trajectory)),
-            telemetry=None,
-            armed=True,
-            now_ns=lambda: bus.now_ns,
-            sleep_until=bus.sleep_until,
-        )
-
-    def start(self, *, armed: bool = True, recorded: bool = False, open_files: int = 0) -> None:
-        """It runs already."""
-        assert armed
-        assert not recorded
-        assert not open_files
-
-    def rearm(self) -> None:
-        """As SIGUSR1."""
-        self.loop.arming.request()
-
-    def stop(self) -> None:
-        """As SIGINT."""
-        self.loop.shutdown.request()
-
-    def send(self, number: signal.Signals) -> None:
-        """Only what ends a run."""
-        assert number in (signal.SIGINT, signal.SIGTERM)
-        self.stop()
-
-    def poll(self) -> int | None:
-        """Its exit status."""
-        shutdown = self.loop.shutdown
-        return None if not shutdown.is_done else LATCHED if shutdown.ended_in_fault else 0
-
-    def kill(self) -> list[str]:
-        """Nothing is left of it."""
-        return []
 
 
 class VirtualRig(Rig):
     """A rig whose clock is the virtual bus's."""
 
-    def __init__(self, wire: Wire, profile: str, trajectory: Path, case: Case) -> None:
+    def __init__(self, wire: Wire, bus: BenchBus, device: VirtualDevice, trajectory: Path, case: Case) -> None:
         self.wire, self.folder, self.name = wire, trajectory.parent, case.name
         self.random = random.Random(f"0 {case.name}")
-        self.vehicle = build_vehicle(wire)
-        self.virtual = BenchBus(self.vehicle, lambda frame: [frame])
-        self.device = VirtualDevice(profile, self.virtual, trajectory, self.folder / "none.log")  # type: ignore[assignment]
+        self.vehicle, self.virtual, self._virtual_device = bus.vehicle, bus, device
+        self.device = device  # type: ignore[assignment]
         self.events, self.every_tick, self.late = [], [], []
-        self.bus = SimpleNamespace(rejected=0)  # type: ignore[assignment]
+        self.bus = SimpleNamespace(rejected=0, send=self._send)  # type: ignore[assignment]
         self.delay_s = lambda: 0.0
         self.vehicle_transmits = True
         self.begin_ns = self.inject_ns = self.end_ns = self.then_ns = self.healthy_ns = self.exit_ns = 0
@@ -108,31 +50,52 @@ class VirtualRig(Rig):
         self.begin_ns = self.now_ns
 
     def tick(self) -> None:
-        loop = self.device.loop  # type: ignore[attr-defined]
-        ticks = self.virtual.ticks
+        device, ticks = self._virtual_device, self.virtual.ticks
+        self.virtual.transmits, self.virtual.delay_s = self.vehicle_transmits, self.delay_s
         while self.virtual.ticks == ticks:
-            if loop.shutdown.is_done:
-                self.exit_ns = self.exit_ns or self.now_ns
-                self.virtual.wait(self.now_ns + S)
-                self.virtual.drain()
+            if device.is_paused or device.poll() is not None:
+                self.virtual.pass_tick()
             else:
-                loop.step()
+                device.step()
+            if device.poll() is not None:
+                self.exit_ns = self.exit_ns or self.now_ns
         for call in tuple(self.every_tick):
             call()
 
+    def set_link(self, *, up: bool, bus: int = 0) -> None:
+        assert not bus
+        self.virtual.is_up = up
+
+    def receive_commands(self) -> None:
+        """They came at once."""
+
     @property
     def received(self) -> list[RxFrame]:  # type: ignore[override]
+        of_others = self.virtual.of_others
         return [
-            RxFrame(frame, is_ours=self.wire.name_of(frame) not in self._of_device, hardware_ns=0)
-            for frame in self.virtual.frames
+            RxFrame(frame, is_ours=number in of_others or not self._has_device_name(frame), hardware_ns=0)
+            for number, frame in enumerate(self.virtual.frames)
         ]
 
     def close(self) -> None:
         """There is nothing to close."""
 
+    def _send(self, frame: Frame) -> bool:
+        assert not frame.is_error, "no error frames in virtual time"
+        self.virtual.put(frame, to_vehicle=self._has_device_name(frame))
+        return True
 
-def run_virtual(case: Case, profile: str, folder: Path, device_profile: str = "") -> CaseResult:
-    """The result of a case, driven with this profile; the device may have another one."""
+    def _has_device_name(self, frame: Frame) -> bool:
+        return self.wire.name_of(frame) in self._of_device
+
+
+def run_virtual(
+    case: Case, profile: str, folder: Path, device_profile: str = "", *, is_minimal: bool = False, defect: str = ""
+) -> CaseResult:
+    """The result of a case, driven with this profile, by the program's loop or by the minimal controller.
+
+    The loop may have another profile than the bench, the minimal controller a defect of its own.
+    """
     wire = open_wire(profile)
     case = adapt(case, wire)
     config = BenchConfig(
@@ -142,8 +105,18 @@ def run_virtual(case: Case, profile: str, folder: Path, device_profile: str = ""
     if why:
         return unjudged_result(config, case, 1, why, Verdict.NOT_APPLICABLE)
     route = case.route()
-    rig = VirtualRig(wire, device_profile or profile, route.write(folder / "route.csv", wire.frame_id), case)
+    trajectory = route.write(folder / "route.csv", wire.frame_id)
+    if case.breaks is not None:
+        trajectory.write_text(case.breaks(trajectory.read_text()))
+    bus, log = BenchBus(build_vehicle(wire), lambda frame: [frame]), folder / "device.log"
+    device = (
+        MinimalDevice(bus, trajectory, log, defect)
+        if is_minimal
+        else LoopDevice(device_profile or profile, bus, trajectory, log)
+    )
+    rig = VirtualRig(wire, bus, device, trajectory, case)
     rig.vehicle.drives_to(route.x_m[-1], route.y_m[-1])
-    stretches = run_phases(rig, case)
-    killed = clean_up(rig, case)
+    with virtual_time(bus):
+        stretches = run_phases(rig, case)
+        killed = clean_up(rig, case)
     return judge_case(config, case, rig, route, killed, stretches)

@@ -18,16 +18,16 @@ tools/bench_defects                 # every defect that was not measured yet, wi
 tools/bench_defects --quick         # with the quick run, where it is not known yet whether that catches it
 tools/bench_defects --whole         # with the whole catalogue, where its own cases did not catch it
 tools/bench_defects --sample 5      # five of those that were caught, each time the same
-tools/bench_defects --virtual       # the program's loop alone, in virtual time: no vcan0, seconds instead of minutes
+tools/bench_defects --virtual       # in virtual time: no vcan0, seconds instead of minutes
 tools/bench_defects ID… --again     # these, even if they were measured
 ```
 
 What was measured is kept in `tools/bench_defects.json`, so that a measurement may be interrupted. A defect is caught
 where a case fails that the device without the defect passes. A failure by lateness alone counts only for defects of
-timing. In virtual time the same cases and judges have the program's loop as their device, without kernel, process and
-bus. Each line below that has no case is a gap of the bench, or was not measured; the share of all visible defects is
-the least that is known. A defect counts as measured with the quick run where a quick case caught it, or where the whole
-quick run was made.
+timing. In virtual time the same cases and judges have the program's loop or the minimal controller as their device,
+without kernel, process and bus. Each line below that has no case is a gap of the bench, or was not measured; the share
+of all visible defects is the least that is known. A defect counts as measured with the quick run where a quick case
+caught it, or where the whole quick run was made.
 """
 NOT_MEASURED, NOT_CAUGHT, NOT_BY_ITS_CASES = "not measured", "**not caught**", "**not caught by its cases**"
 
@@ -62,6 +62,17 @@ def make_page(defects: Sequence[Defect], findings: Findings, quick: frozenset[st
 
 def write_page(defects: Sequence[Defect], findings: Findings, quick: frozenset[str], path: Path = PAGE) -> None:
     path.write_text(make_page(defects, findings, quick), encoding="utf-8")
+
+
+def summarise(defects: Sequence[Defect], findings: Findings, quick: frozenset[str]) -> str:
+    """The shares that were caught, in one line."""
+    seen, unseen = [one for one in defects if not one.unseen], [one for one in defects if one.unseen]
+    parts = []
+    for run, chosen, cases in (("all cases", seen, None), ("quick", seen, quick), ("written apart", unseen, None)):
+        caught, measured, visible = share_caught(chosen, findings, cases)
+        if visible:
+            parts.append(f"{run} {caught} of {visible} ({caught / visible:.0%}), {visible - measured} not measured")
+    return f"caught: {'; '.join(parts) or 'nothing is visible'}"
 
 
 def share_caught(

@@ -32,7 +32,7 @@ class Defect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     timing: bool = False
     """It shows only in the lateness of answers."""
     process: bool = False
-    """It shows only in the process: its memory, its exit status. The loop alone does not have it."""
+    """It shows only in the process: its memory, its exit status. Virtual time does not have it."""
     unseen: bool = False
     """Written without looking at the cases: it may have none, and is then measured with the whole catalogue."""
 
