@@ -43,6 +43,14 @@ def test_a_vehicle_that_jumps_brought_to_rest_may_wait_to_be_armed_and_one_in_mo
     assert any("armed again" in event.text for event in found.events) is (profile == "vbox_kart")
 
 
+@pytest.mark.parametrize("profile", ["reference", "vbox_kart"])
+def test_a_vehicle_that_drifts_is_stopped_where_no_reason_is_sent_also_for_a_contradiction(
+    profile: str, tmp_path: Path
+) -> None:
+    found = run("drifting-off", tmp_path, profile)
+    assert found.verdict is Verdict.PASS, found.why
+
+
 def test_a_device_that_does_not_drive_on_after_jumps_in_motion_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
