@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from example_run import run_of
-from hil_bench import bench, expect, judges, result, run_case
+from hil_bench import bench, expect, judges, phases, result, run_case
 from hil_bench.bench_config import BenchConfig
 from hil_bench.case import Case
 from hil_bench.device import Commands, Device
@@ -18,9 +18,10 @@ from hil_bench.judges import Failed
 from hil_bench.lateness import Delay, DeviceWatch, Lateness, Wait, Witness, sum_up
 from hil_bench.report import formatting
 from hil_bench.result import CaseResult, Check, Verdict
-from scenes import WIRE, pair
+from scenes import WIRE, find_case, pair
 from vehicle_bus_contract.judge import Record
 from vehicle_bus_contract.reference import MS, S
+from virtual_rig import VirtualRig, run_virtual
 
 QUIET = Lateness()
 LATE = Lateness(delays=[Delay(at_s=3.2, by_s=0.034, what="the bench was")])
@@ -82,6 +83,36 @@ def test_no_delay_explains_the_content_of_frames(kind: str) -> None:
         expect.check(KINDS["dynamics"], ["3.210 s: a swerve at 8.00 m/s, wheels to 0.1000 rad"]),
     ]
     assert decided(LATE, protocol=rates) is Verdict.NOT_EXECUTED
+
+
+def test_a_device_that_does_not_engage_in_time_fails_unless_the_host_was_late_while_it_started() -> None:
+    idle = expect.check("it drives at 2.5 m/s when the injection begins", ["it was not engaged"])
+    unanswered = expect.check(KINDS["unanswered"], ["a sample after 24.000 s"])
+    off_path = expect.check("stays near its path", ["it was never driven"])
+
+    damaged = expect.check(KINDS["damaged"], ["STEER_COMMAND at 24.000 s"])
+
+    assert decided(LATE, start=[idle], others=[off_path], protocol=[unanswered]) is Verdict.NOT_EXECUTED
+    assert decided(QUIET, start=[idle], others=[off_path], protocol=[unanswered]) is Verdict.FAIL
+    assert decided(LATE, start=[idle], protocol=[damaged]) is Verdict.FAIL
+
+
+@pytest.mark.parametrize(
+    ("at_s", "verdict"), [(0.1, Verdict.NOT_EXECUTED), (None, Verdict.FAIL)], ids=["late", "in time"]
+)
+def test_what_was_late_before_the_first_command_explains_a_start_that_took_too_long(
+    at_s: float | None, verdict: Verdict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin = VirtualRig.begin
+
+    def begin_late(rig: VirtualRig) -> None:
+        begin(rig)
+        rig.late += [] if at_s is None else [Delay(at_s=at_s, by_s=0.034, what="the bench was")]
+
+    monkeypatch.setattr(VirtualRig, "begin", begin_late)
+    monkeypatch.setattr(phases, "ENGAGE_S", 0.52)  # it sends commands, and is not engaged yet
+    found = run_virtual(find_case("position-jumps-once"), "reference", tmp_path)
+    assert found.verdict is verdict, found.why
 
 
 def test_the_verdict_names_the_delay_and_the_finding() -> None:

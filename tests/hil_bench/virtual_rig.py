@@ -36,6 +36,7 @@ class VirtualRig(Rig):
         self.vehicle_transmits = True
         self.begin_ns = self.inject_ns = self.end_ns = self.then_ns = self.healthy_ns = self.exit_ns = 0
         self.touched_ns = self._next_ns = 0
+        self.is_not_engaged_in_time = False
         self.exit_status = None
         self._output_bytes = []
         self._of_device = frozenset(wire.of_device)

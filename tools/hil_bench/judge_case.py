@@ -65,7 +65,8 @@ def judge_case(
     protocol = judges.check_protocol(case, rig, record, observed)
     after = judges.check_health(case, observed, rig, killed)
     failed = judges.Failed(
-        state=_failed([*before, *after]),
+        start=_failed(before) if rig.is_not_engaged_in_time else (),
+        state=_failed(after if rig.is_not_engaged_in_time else [*before, *after]),
         expected=_failed(expected),
         others=_failed(on_path),
         content=_failed(memory),

@@ -42,6 +42,8 @@ def run_phases(rig: Rig, case: Case) -> list[Stretch]:
                 lambda: abs(rig.vehicle.plant.speed_mps) >= case.at_mps, case.reach_s, f"{case.at_mps:.3g} m/s"
             )
         stretches = _inject(rig, case)
+    else:
+        rig.is_not_engaged_in_time = True
     _after_injection(rig, case)
     return stretches
 

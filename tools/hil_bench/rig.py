@@ -70,6 +70,8 @@ class Rig:
         """When the first command came: lateness before it does no harm, unless none comes at all."""
         self.begin_ns = self.inject_ns = self.end_ns = self.then_ns = self.healthy_ns = self.exit_ns = 0
         self.engaged_ns = self.closed_ns = 0
+        self.is_not_engaged_in_time = False
+        """The device runs, and the time in which it should have engaged is over."""
         self.touched_ns = 0
         """The bench began to act; the fault may begin a little later."""
         self.armed_ns: list[int] = []
@@ -93,7 +95,7 @@ class Rig:
     @property
     def lateness(self) -> Lateness:
         """How late bench and host were; complete once the rig is closed."""
-        from_ns = self.commands_ns or self.begin_ns
+        from_ns = self.begin_ns if self.is_not_engaged_in_time else self.commands_ns or self.begin_ns
         return sum_up(self.late, self.watch.waits, self._seen_by_witness, self.begin_ns, from_ns)
 
     def tick(self) -> None:

@@ -49,20 +49,25 @@ class Failed:
     others: Sequence[Check] = ()
     content: Sequence[Check] = ()
     """What no lateness explains, besides the protocol's own."""
+    start: Sequence[Check] = ()
+    """That the device ran, but had not engaged when its time was over."""
 
     @property
     def all(self) -> list[Check]:
         """In the order in which they are reported."""
-        return [*self.state, *self.expected, *self.others, *self.content, *self.answers, *self.protocol]
+        return [*self.start, *self.state, *self.expected, *self.others, *self.content, *self.answers, *self.protocol]
 
 
 def select_unexplained(failed: Failed, lateness: Lateness, record: Record) -> list[Check]:
     """The failed checks that the lateness does not explain.
 
-    What a device should have done is not judged after a delay because of which it may not have driven at all.
+    What a device should have done is not judged after a delay because of which it may not have driven at all. If it did
+    not engage in its time, any delay since its start may be why.
     """
+    if failed.start and lateness.delays:
+        return [*failed.content, *select_content(failed.protocol)]
     is_void = lateness.worst is not None and lateness.worst.by_s >= VOID_S
-    found = [] if lateness.delays else list(failed.state)
+    found = [] if lateness.delays else [*failed.start, *failed.state]
     if not is_void and (found or not failed.state):
         found += [one for one in failed.expected if not _is_explained(one, lateness)]
     if not is_void:
