@@ -1,5 +1,6 @@
 """What must be observed when fields of the vehicle's state are wrong: a stop where they show it, and no harm anyway."""
 
+import math
 from bisect import bisect_right
 from dataclasses import dataclass
 
@@ -50,9 +51,13 @@ class DoesNoHarm:
     """While it is driven, the vehicle is truly within the profile's distance of its path, and not long too fast."""
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
-        most_m = float(observed.wire.profile["deviation"]["lateral_stop_m"])
-        over_mps = float(observed.wire.profile["deviation"]["overspeed_mps"])
-        most_mps = max(map(abs, observed.route.speed_mps)) + over_mps
+        may = observed.wire.profile["deviation"]
+        most_m, most_mps = float(may["lateral_stop_m"]), max(map(abs, observed.route.speed_mps))
+        if (
+            observed.wire.loses_its_place
+        ):  # no position confirms the speed, and dead reckoning by a wrong one goes astray
+            most_m, most_mps = math.inf, float(observed.wire.profile["limits"]["speed_max_mps"])
+        most_mps += float(may["overspeed_mps"])
         wrong, too_fast_s, before_ns = [], 0.0, observed.inject_ns
         driven = _driven(observed)
         for instant, place in zip(driven, follow_route(observed.route, driven), strict=True):
@@ -63,7 +68,8 @@ class DoesNoHarm:
             before_ns = instant.at_ns
             if too_fast_s > TOO_FAST_S:
                 wrong.append(f"{observed.at_s(instant.at_ns):.3f} s: {instant.speed_mps:.2f} m/s")
-        text = f"driven no further than {most_m:g} m off its path, nor for {TOO_FAST_S:g} s above {most_mps:.3g} m/s"
+        beside = f"no further than {most_m:g} m off its path, nor " if most_m < math.inf else ""
+        text = f"not driven {beside}for {TOO_FAST_S:g} s above {most_mps:.3g} m/s"
         return check(text, wrong), []
 
 
