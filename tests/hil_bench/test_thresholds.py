@@ -22,6 +22,7 @@ from vehicle_iface.safety.modes import Event
 
 SOUND = (
     "threshold-missing-state",
+    "threshold-command-age",
     "threshold-engaging",
     "threshold-recovery",
     "threshold-latch",
@@ -65,6 +66,7 @@ def test_the_program_acts_where_its_profile_says(name: str, tmp_path: Path) -> N
     [
         ("state_stale_s = 0.05 ", "state_stale_s = 0.1 ", "threshold-missing-state"),
         ("status_stale_s = 0.1 ", "status_stale_s = 0.2 ", "threshold-missing-state"),
+        ("max_command_age_s = 0.1 ", "max_command_age_s = 0.3 ", "threshold-command-age"),
         ("state_silent_s = 0.5 ", "state_silent_s = 0.6 ", "threshold-missing-state"),
         ("engage_timeout_s = 3.0", "engage_timeout_s = 4.0", "threshold-engaging"),
         ("engage_settle_s = 0.5", "engage_settle_s = 0.1", "threshold-engaging"),

@@ -39,6 +39,18 @@ class DrivesAfter:
 
 
 @dataclass(frozen=True, kw_only=True)
+class OldestAnswered:
+    """The greatest age of the newest sample when a command that drives was sent; 0 without such a command."""
+
+    limit: Limit
+
+    def measure(self, observed: Observation) -> list[Measured]:
+        driving = [pair.stamp_ns for pair in observed.between(observed.inject_ns, observed.end_ns) if _drives(pair)]
+        ages_s = [(at_ns - newest_ns) / S for at_ns in driving if (newest_ns := _newest_ns(observed, at_ns))]
+        return self.limit.at(max(ages_s, default=0.0))
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReleaseAt:
     """The value of a signal in the last frame before the first ENABLE = 0."""
 
@@ -128,3 +140,8 @@ class GearRequestedAt:
 
 def _drives(pair: Pair) -> bool:
     return pair.is_enabled and not pair.is_stop
+
+
+def _newest_ns(observed: Observation, at_ns: int) -> int:
+    """When the last complete sample before an instant was on the bus; 0 if there was none."""
+    return max((stamp_ns for stamp_ns in observed.samples_ns if stamp_ns <= at_ns), default=0)

@@ -7,7 +7,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from hil_bench.faults.base import Injection, NotApplicableError
+from hil_bench.faults.frames import change_frames, drop
 from hil_bench.rig import Rig
+
+UNREAD_PERIODS = 2.5
+"""A paused device has samples before it that it has not answered."""
 
 
 def send_signals(*numbers: signal.Signals, apart_s: float = 0.0) -> Injection:
@@ -31,6 +35,24 @@ def pause() -> Injection:
         rig.device.send(signal.SIGSTOP)
         try:
             yield
+        finally:
+            rig.device.send(signal.SIGCONT)
+
+    return inject
+
+
+def pause_and_mute(age_s: float) -> Injection:
+    """Stop the device, then the vehicle's samples; continue the device when the newest sample is so old."""
+
+    @contextmanager
+    def inject(rig: Rig) -> Iterator[None]:
+        rig.device.send(signal.SIGSTOP)
+        try:
+            rig.run_for(UNREAD_PERIODS * rig.wire.period_s)
+            with change_frames(drop)(rig):
+                rig.run_for(age_s)
+                rig.device.send(signal.SIGCONT)
+                yield
         finally:
             rig.device.send(signal.SIGCONT)
 

@@ -1,12 +1,14 @@
 """Times of the profile: state and status that are missing, silence, engagement, recovery."""
 
-from hil_bench.case import Case
-from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
+from dataclasses import replace
+
+from hil_bench.case import Case, Need
+from hil_bench.cases.thresholds.common import JITTER_S, USUAL_MPS, Numbers, sequence_case, straight
 from hil_bench.expect import StaysOut
 from hil_bench.expect.limit import Limit
 from hil_bench.expect.stop_thresholds import SilentAfter, StopAfter, StopsUntilHeld
-from hil_bench.expect.thresholds import AsksFor, DrivesAfter
-from hil_bench.faults import base, frames, vehicle
+from hil_bench.expect.thresholds import AsksFor, DrivesAfter, OldestAnswered
+from hil_bench.faults import base, frames, process, vehicle
 from hil_bench.faults.base import Injection
 from hil_bench.steps import Step
 from hil_bench.wire import Wire
@@ -15,12 +17,15 @@ FASTER_MPS = 5.0
 ENGAGES_S = 0.25
 """Between the first request and the first command that drives, the vehicle changes its mode."""
 BLIP_S, PAUSE_S = 0.06, 1.0
+AGES = (0.5, 1.3, 2.5)
+"""Times the greatest age of a sample that is answered."""
+AGED_S = 0.08
 
 
 def time_cases(wire: Wire) -> tuple[Case, ...]:
     """For one vehicle."""
     numbers = Numbers(wire)
-    return (_missing(numbers), _engaging(numbers), _recovery(numbers), _latch(numbers))
+    return (_missing(numbers), _command_age(numbers), _engaging(numbers), _recovery(numbers), _latch(numbers))
 
 
 def _after(numbers: Numbers, key: str, name: str, place: str = "", more_s: float = 0.0) -> Limit:
@@ -83,6 +88,45 @@ def _missing(numbers: Numbers) -> Case:
         route=straight(speed_mps=FASTER_MPS + 1.0),
         steps=steps,
         lacks=numbers.lacks(stale, silent),
+    )
+
+
+def _command_age(numbers: Numbers) -> Case:
+    key = "timing.max_command_age_s"
+    stated_s = numbers.or_else(key, 0.1)
+    steps = [
+        Step(
+            name=f"the newest sample is {share:g} times as old",
+            inject=base.combine(vehicle.change_vehicle(has_watchdog=False), process.pause_and_mute(share * stated_s)),
+            for_s=AGED_S,
+            measure=(
+                OldestAnswered(
+                    limit=Limit(
+                        key=key,
+                        name="age of a sample that a driving command answers",
+                        unit="s",
+                        profile=stated_s,
+                        highest=stated_s + JITTER_S + numbers.inferred_s,
+                        place=f"after {share * stated_s:.3g} s",
+                    )
+                ),
+            ),
+            is_left_alone=True,
+        )
+        for share in AGES
+    ]
+    return replace(
+        sequence_case(
+            name="threshold-command-age",
+            fault="P5",
+            tags=("thresholds", "process", "timing"),
+            proves="No sample is answered by a command that drives when it is older than the profile says.",
+            injected="the device is paused, then samples are left out, and the device goes on before the next sample",
+            route=straight(),
+            steps=steps,
+            lacks=numbers.lacks(key),
+        ),
+        needs=(Need.REARM, Need.OWN_PROCESS),
     )
 
 
