@@ -14,7 +14,7 @@ from pathlib import Path
 from tests.vcan.claims import Claims
 from tests.vcan.standstill import Standstill
 
-NEWS = []
+DELAYS_S = []
 
 def pytest_addoption(parser):
     parser.addoption("--defer-to", type=Path)
@@ -22,13 +22,13 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     defer_to = config.getoption("--defer-to")
-    news = lambda: [NEWS.pop()] if NEWS else []
+    take_delays_s = lambda: [DELAYS_S.pop()] if DELAYS_S else []
     claims = Claims(config.getoption("--share"), lambda item: item.nodeid)
-    config.pluginmanager.register(Standstill(news, lambda item: item.path.name, defer_to, claims))
+    config.pluginmanager.register(Standstill(take_delays_s, lambda item: item.path.name, defer_to, claims))
 """
 TEST = """
 import pytest
-from conftest import NEWS
+from conftest import DELAYS_S
 
 made = []
 
@@ -36,7 +36,7 @@ made = []
 def shared():
     made.append(len(made))
     if len(made) in {stands_still}:
-        NEWS.append(0.055)
+        DELAYS_S.append(0.055)
     return len(made)
 
 def test_first(shared):
@@ -67,7 +67,7 @@ def run_pytest(
 
 
 @pytest.mark.parametrize(
-    ("stands_still", "passes_with", "said", "again"),
+    ("stands_still", "passes_with", "summary", "again"),
     [
         ([], 1, "3 passed", 0),
         ([], 2, "1 passed, 2 failed", 0),
@@ -79,10 +79,10 @@ def run_pytest(
     ],
 )
 def test_a_failure_counts_unless_the_machine_stood_still(
-    tmp_path: Path, stands_still: list[int], passes_with: int, said: str, again: int
+    tmp_path: Path, stands_still: list[int], passes_with: int, summary: str, again: int
 ) -> None:
     done = run_pytest(tmp_path, stands_still, passes_with)
-    counts = {word: int(number) for number, word in (part.split() for part in said.split(", "))}
+    counts = {word: int(number) for number, word in (part.split() for part in summary.split(", "))}
     found = done.stdout.splitlines()[-1]
     assert all(f"{number} {word}" in found for word, number in counts.items()), done.stdout + done.stderr
     assert ("failed" in found) is ("failed" in counts)
@@ -90,19 +90,19 @@ def test_a_failure_counts_unless_the_machine_stood_still(
 
 
 @pytest.mark.parametrize(
-    ("stands_still", "said", "deferred"),
+    ("stands_still", "summary", "deferred"),
     [
         ([1], "1 passed", ["test_it.py::test_second", "test_it.py::test_third"]),
         ([], "1 passed, 2 failed", []),
     ],
 )
 def test_a_failed_test_is_deferred_only_if_the_machine_stood_still(
-    tmp_path: Path, stands_still: list[int], said: str, deferred: list[str]
+    tmp_path: Path, stands_still: list[int], summary: str, deferred: list[str]
 ) -> None:
     file = tmp_path / "deferred"
     done = run_pytest(tmp_path, stands_still, 9, "--defer-to", str(file))
-    assert done.returncode == ("failed" in said)
-    assert all(part in done.stdout.splitlines()[-1] for part in said.split(", ")), done.stdout
+    assert done.returncode == ("failed" in summary)
+    assert all(part in done.stdout.splitlines()[-1] for part in summary.split(", ")), done.stdout
     assert (file.read_text().splitlines() if file.exists() else []) == deferred
     assert done.stdout.count("deferred, the machine stood still for 55 ms") == len(deferred)
 

@@ -33,12 +33,12 @@ _HOW = "run it through tools/vcan: tools/vcan python -m pytest tests/vcan"
 
 
 class Program:
-    """One process of the program; every line that it says is kept."""
+    """One process of the program; every line that it prints is kept."""
 
     def __init__(self, name: str, process: subprocess.Popen[str] | Forked) -> None:
         self.name = name
         self.lines: list[str] = []
-        self._news = threading.Condition()
+        self._changed = threading.Condition()
         self._process = process
         self._reader = threading.Thread(target=self._read, name=f"reads {name}")
         self._reader.start()
@@ -48,12 +48,12 @@ class Program:
         """Whether it has not ended."""
         return self._process.poll() is None
 
-    def says(self, pattern: str, patience_s: float = PATIENCE_S) -> re.Match[str]:
+    def wait_for_line(self, pattern: str, patience_s: float = PATIENCE_S) -> re.Match[str]:
         """The first line that matches, now or later."""
         deadline_s = time.monotonic() + patience_s
         seen = 0
         while True:
-            with self._news:
+            with self._changed:
                 while seen < len(self.lines):
                     match = re.search(pattern, self.lines[seen])
                     seen += 1
@@ -62,16 +62,16 @@ class Program:
                 left_s = deadline_s - time.monotonic()
                 is_over = not self._reader.is_alive()
                 if not is_over and left_s > 0.0:
-                    self._news.wait(min(left_s, 0.5))
+                    self._changed.wait(min(left_s, 0.5))
                     continue
-            raise AssertionError(f"{self.name} never said {pattern!r}\n{self.text}")
+            raise AssertionError(f"{self.name} never printed {pattern!r}\n{self.text}")
 
-    def tell(self, number: signal.Signals) -> None:
+    def send_signal(self, number: signal.Signals) -> None:
         """Send it a signal."""
         self._process.send_signal(number)
 
-    def ends(self, patience_s: float = PATIENCE_S) -> int:
-        """Its exit status, once it has ended by itself and its last words are kept."""
+    def wait_for_end(self, patience_s: float = PATIENCE_S) -> int:
+        """Its exit status, once it has ended by itself and its last lines are kept."""
         try:
             status = self._process.wait(patience_s)
             self._reader.join(patience_s)
@@ -87,18 +87,18 @@ class Program:
 
     @property
     def text(self) -> str:
-        """All that it has said."""
+        """All that it has printed."""
         return "\n".join(self.lines)
 
     def _read(self) -> None:
         assert self._process.stdout is not None
         with self._process.stdout as lines:
             for line in lines:
-                with self._news:
+                with self._changed:
                     self.lines.append(line.rstrip("\n"))
-                    self._news.notify_all()
-        with self._news:
-            self._news.notify_all()
+                    self._changed.notify_all()
+        with self._changed:
+            self._changed.notify_all()
 
 
 class Programs:
@@ -137,8 +137,8 @@ class Programs:
 
     def run(self, *arguments: str) -> Program:
         """The loop, with its summary in the test's folder."""
-        told = ("--telemetry", self.telemetry, "--summary", str(self.folder / "summary.json"))
-        return self.start("run", "--channel", self.channel, *told, *arguments)
+        outputs = ("--telemetry", self.telemetry, "--summary", str(self.folder / "summary.json"))
+        return self.start("run", "--channel", self.channel, *outputs, *arguments)
 
     def kill_all(self) -> None:
         """Nothing of ours runs on."""
@@ -156,7 +156,7 @@ class Programs:
 
     @property
     def text(self) -> str:
-        """Who said what."""
+        """The output of each program."""
         return "\n".join(f"── {program.name}\n{program.text}" for program in self.started)
 
 
@@ -200,21 +200,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    with suppress(PermissionError):  # without the right to go first nobody can say that the machine stood still
+    with suppress(PermissionError):  # without real-time priority nothing shows that the machine stood still
         witness = Witness()
         session.config.add_cleanup(witness.close)
         defer_to: Path | None = session.config.getoption("--defer-to")
         share: Path | None = session.config.getoption("--share")
 
-        def news() -> list[float]:
-            return [*witness.news(), *peer.news()]
+        def take_delays_s() -> list[float]:
+            return [*witness.take_delays_s(), *peer.take_delays_s()]
 
-        session.config.pluginmanager.register(Standstill(news, _unit, defer_to, Claims(share, _claimed)))
-    gc.disable()  # with all that a test has heard it takes 0.1 s, and for so long the test's own vehicle is silent
+        session.config.pluginmanager.register(Standstill(take_delays_s, _unit, defer_to, Claims(share, _claimed)))
+    gc.disable()  # with all frames of a test it takes 0.1 s, in which the test's own vehicle would be silent
 
 
 def pytest_runtest_logfinish() -> None:
-    """Between two tests nobody waits for the vehicle."""
+    """Between two tests no program waits for the vehicle."""
     gc.collect()
 
 
@@ -269,7 +269,7 @@ def bus(vcan0: None) -> Iterator[Observer]:  # noqa: ARG001
 
 def _judge(observer: Observer) -> None:
     """However the test ended: from its first frame to its last the controller kept to the bus contract."""
-    found = breaches(frame for frame in observer.frames if not observer.is_strangers(frame))
+    found = breaches(frame for frame in observer.frames if not observer.is_foreign(frame))
     assert not found, "\n".join(found)
 
 
@@ -345,7 +345,7 @@ _PROGRAMS = pytest.StashKey[Programs]()
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """A failing test shows what its programs said."""
+    """A failing test shows what its programs printed."""
     report = yield
     programs = item.stash.get(_PROGRAMS, None)
     if report.failed and programs is not None:

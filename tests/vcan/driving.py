@@ -38,14 +38,14 @@ def wait_until_driven(bus: Observer, since: int = 0) -> int:
     return index
 
 
-def is_moving(told: DecodedFrame) -> bool:
-    """Whether it says that the vehicle is well on its way."""
-    return told.name == "MOTION" and told["SPEED"] >= FAST_ENOUGH_MPS
+def is_moving(decoded: DecodedFrame) -> bool:
+    """Whether it is a MOTION of a vehicle that is well on its way."""
+    return decoded.name == "MOTION" and decoded["SPEED"] >= FAST_ENOUGH_MPS
 
 
-def is_standing(told: DecodedFrame) -> bool:
-    """Whether it says that the vehicle stands."""
-    return told.name == "MOTION" and abs(told["SPEED"]) < 0.01
+def is_standing(decoded: DecodedFrame) -> bool:
+    """Whether it is a MOTION of a vehicle that stands."""
+    return decoded.name == "MOTION" and abs(decoded["SPEED"]) < 0.01
 
 
 def summary(programs: Programs) -> dict[str, Any]:

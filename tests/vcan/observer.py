@@ -25,11 +25,11 @@ class Observer:
         self.frames: list[Frame] = []
         self.on_failure: Callable[[], str] = lambda: ""
         """More to say when something does not come."""
-        self.is_strangers: Callable[[Frame], bool] = lambda _: False
-        """Of frames with the controller's identifiers: those that the test itself has somebody else send."""
+        self.is_foreign: Callable[[Frame], bool] = lambda _: False
+        """Of frames with the controller's identifiers: those that the test itself has another node send."""
         self._channel, self._can_ids = channel, can_ids
         self._raws = [open_socket(channel, can_ids)]
-        self._news = threading.Condition()
+        self._changed = threading.Condition()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="observer")
         self._thread.start()
@@ -57,8 +57,8 @@ class Observer:
         REASON is wanted in words. Fails the test, naming `what`, when it does not come.
         """
 
-        def fits(told: DecodedFrame) -> bool:
-            return told.name in names and all(_value(told, signal) == value for signal, value in wanted.items())
+        def fits(decoded: DecodedFrame) -> bool:
+            return decoded.name in names and all(_value(decoded, signal) == value for signal, value in wanted.items())
 
         return self.wait_until(what, fits, since=since, patience_s=patience_s)
 
@@ -70,16 +70,16 @@ class Observer:
         index = since
         while True:
             while index < len(self.frames):
-                told = intact(self.frames[index])
-                if told is not None and fits(told):
-                    return index, told
+                decoded = intact(self.frames[index])
+                if decoded is not None and fits(decoded):
+                    return index, decoded
                 index += 1
-            with self._news:
+            with self._changed:
                 left_s = deadline_s - time.monotonic()
                 if left_s <= 0.0:
                     raise AssertionError(f"{what}: did not come in {patience_s:.0f} s; {self._recent()}")
                 if index >= len(self.frames):
-                    self._news.wait(left_s)
+                    self._changed.wait(left_s)
 
     def wait_samples(self, count: int, since: int | None = None) -> int:
         """Let the vehicle send so many samples (each 10 ms); the index after them."""
@@ -102,10 +102,10 @@ class Observer:
 
     def _recent(self) -> str:
         record = examine(self.frames[-200:])
-        newest = {told.name: told for told in record.decoded}
+        newest = {decoded.name: decoded for decoded in record.decoded}
         return "; ".join(
-            f"{name} { ({signal: round(value, 4) for signal, value in told.signals.items()}) }"
-            for name, told in newest.items()
+            f"{name} { ({signal: round(value, 4) for signal, value in decoded.signals.items()}) }"
+            for name, decoded in newest.items()
         )
 
     def _watch(self) -> None:
@@ -114,13 +114,13 @@ class Observer:
             select.select([raw], [], [], 0.2)
             fresh = receive_frames(raw)
             if fresh:
-                with self._news:
+                with self._changed:
                     self.frames += fresh
-                    self._news.notify_all()
+                    self._changed.notify_all()
 
 
-def _value(told: DecodedFrame, signal: str) -> float | str:
-    return told.reason if signal == "REASON" else told[signal]
+def _value(decoded: DecodedFrame, signal: str) -> float | str:
+    return decoded.reason if signal == "REASON" else decoded[signal]
 
 
 def reasons(pairs: Iterable[Pair]) -> list[str]:

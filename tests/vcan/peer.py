@@ -1,6 +1,6 @@
 """A minimal vehicle written from the contract's page: what the program drives when it must not be our own simulator.
 
-A point on a bicycle without any lag. It sends, obeys, engages and watches as the contract says; everything that it
+A point on a bicycle without any lag. It sends, obeys, engages and watches as the contract requires; everything that it
 could do wrong on the bus is a public attribute.
 """
 
@@ -51,8 +51,8 @@ PAIR_IDS = [LAYOUT[name][0] for name in PAIR]
 _late_s: list[float] = []
 
 
-def news() -> list[float]:
-    """By how much vehicles of this process were late since the last question, s."""
+def take_delays_s() -> list[float]:
+    """By how much vehicles of this process were late since the last call, s."""
     taken = _late_s.copy()
     del _late_s[: len(taken)]
     return taken
@@ -88,7 +88,7 @@ class Vehicle:
         """Where its wheels are, whatever is commanded."""
         self.engages = self.watches = True
         self.faults = Faults(crc=Counter(), muted=Counter())
-        self._wish: dict[str, DecodedFrame] = {}
+        self._commands: dict[str, DecodedFrame] = {}
         self._last: dict[str, int] = {}
         self._seen_ns: dict[str, int] = {}
         self._half = ""
@@ -140,36 +140,36 @@ class Vehicle:
             if now_ns - before_ns > PERIOD_NS + LATE_NS:
                 _late_s.append((now_ns - before_ns - PERIOD_NS) / S)
             for frame in receive_frames(self._raws[-1]):
-                self._hear(frame, now_ns)
+                self._receive(frame, now_ns)
             self._judge(now_ns)
             self._move(PERIOD_NS / S)
-            self._speak(tick)
+            self._send_state(tick)
             tick = max(tick + 1, (time.monotonic_ns() - begin_ns) // PERIOD_NS)
 
-    def _hear(self, frame: Frame, now_ns: int) -> None:
+    def _receive(self, frame: Frame, now_ns: int) -> None:
         """Intact is: CRC good, counter advanced by 1 to 3."""
-        told = intact(frame)
-        if told is None or told.name not in PAIR:
+        decoded = intact(frame)
+        if decoded is None or decoded.name not in PAIR:
             return
-        before, self._last[told.name] = self._last.get(told.name), told.counter
-        if before is not None and not 1 <= (told.counter - before) % COUNTERS <= GREATEST_STEP:
+        before, self._last[decoded.name] = self._last.get(decoded.name), decoded.counter
+        if before is not None and not 1 <= (decoded.counter - before) % COUNTERS <= GREATEST_STEP:
             self._row = 0
             return
-        self._seen_ns[told.name] = now_ns
-        self._wish[told.name] = told
-        if not told["ENABLE"]:
+        self._seen_ns[decoded.name] = now_ns
+        self._commands[decoded.name] = decoded
+        if not decoded["ENABLE"]:
             self._row, self._half = 0, ""
             if self.mode == AUTONOMOUS:
                 self.mode = READY
             return
-        if self._half and self._half != told.name:
+        if self._half and self._half != decoded.name:
             self._row, self._half = self._row + 1, ""
         else:
-            self._half = told.name
+            self._half = decoded.name
         if self.mode == READY and self._row >= 3 and self.engages and not self._driver_acts:
             self.mode = AUTONOMOUS
-        if told.name == PAIR[0] and self.mode == AUTONOMOUS:
-            self._shift(int(told["GEAR_REQUEST"]))
+        if decoded.name == PAIR[0] and self.mode == AUTONOMOUS:
+            self._shift(int(decoded["GEAR_REQUEST"]))
 
     def _shift(self, gear: int) -> None:
         if gear in (DRIVE, REVERSE) and abs(self.speed_mps) < GEAR_CHANGE_MPS:
@@ -193,7 +193,7 @@ class Vehicle:
         accel_mps2, holds = self._accelerates()
         before_mps = self.speed_mps
         if self.mode == AUTONOMOUS:
-            self.wheel_rad = self._wish[PAIR[1]]["FRONT_WHEEL_ANGLE_REQUEST"]
+            self.wheel_rad = self._commands[PAIR[1]]["FRONT_WHEEL_ANGLE_REQUEST"]
         elif self.mode == FAULT:
             self.wheel_rad = 0.0
         forward = {DRIVE: 1.0, REVERSE: -1.0}.get(self.gear, 0.0)
@@ -218,16 +218,16 @@ class Vehicle:
     def _accelerates(self) -> tuple[float, bool]:
         """What engine and brakes are asked for along the body, and whether only to stop."""
         if self.mode == AUTONOMOUS:
-            drive = self._wish[PAIR[0]]
+            drive = self._commands[PAIR[0]]
             return drive["ACCEL_REQUEST"], bool(drive["SAFE_STOP"])
         brake = FAULT_BRAKE_MPS2 if self.mode == FAULT else DRIVER_BRAKE_MPS2 if self.driver_brake else 0.0
         return -math.copysign(brake, self.speed_mps), True
 
-    def _speak(self, tick: int) -> None:
+    def _send_state(self, tick: int) -> None:
         faults = self.faults
         if tick % 2 == 0:
             self._counters["VEHICLE_STATUS"] += 1
-            self._say(
+            self._send_message(
                 "VEHICLE_STATUS",
                 self._counters["VEHICLE_STATUS"],
                 GEAR=self.gear,
@@ -243,7 +243,7 @@ class Vehicle:
             self._counters["POSE"] += 1 + faults.skipped
             faults.skipped = 0
         counter = self._counters["POSE"]
-        self._say(
+        self._send_message(
             "POSE",
             counter,
             POSE_FRAME=self.pose_frame,
@@ -252,8 +252,8 @@ class Vehicle:
             POS_Y=self.y_m,
         )
         yaw_radps = self.speed_mps * math.tan(self.wheel_rad) / WHEELBASE_M
-        self._say("MOTION", counter, HEADING=self.heading_rad, SPEED=self.speed_mps, YAW_RATE=yaw_radps)
-        self._say(
+        self._send_message("MOTION", counter, HEADING=self.heading_rad, SPEED=self.speed_mps, YAW_RATE=yaw_radps)
+        self._send_message(
             "CHASSIS",
             counter,
             ACCEL=self.accel_mps2,
@@ -261,7 +261,7 @@ class Vehicle:
             FRONT_WHEEL_ANGLE=self.wheel_rad,
         )
 
-    def _say(self, name: str, counter: int, **signals: float) -> None:
+    def _send_message(self, name: str, counter: int, **signals: float) -> None:
         faults = self.faults
         if faults.muted[name] > 0:
             faults.muted[name] -= 1

@@ -115,14 +115,14 @@ def packed(columns: dict[str, np.ndarray]) -> bytes:
 
 
 def follow(file: str, name: str) -> None:
-    """Post the next seconds of a route, from where the vehicle says that it is, until somebody ends this."""
+    """Post the next seconds of a route, from the vehicle's position, until the process is ended."""
     route = RecedingRoute(make_route(name))
-    heard: dict[str, DecodedFrame] = {}
+    newest: dict[str, DecodedFrame] = {}
     with open_socket(CHANNEL, can_ids=NAMES) as raw:
         while True:
-            heard |= {told.name: told for frame in receive_frames(raw) if (told := intact(frame))}
-            if {"POSE", "MOTION"} <= heard.keys():
-                pose, motion, now_ns = heard["POSE"], heard["MOTION"], clock.monotonic_ns()
+            newest |= {decoded.name: decoded for frame in receive_frames(raw) if (decoded := intact(frame))}
+            if {"POSE", "MOTION"} <= newest.keys():
+                pose, motion, now_ns = newest["POSE"], newest["MOTION"], clock.monotonic_ns()
                 state = VehicleState(
                     stamp_ns=now_ns,
                     x_m=pose["POS_X"],

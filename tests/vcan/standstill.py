@@ -1,12 +1,12 @@
-"""A test that fails while the machine itself stands still is run again: then it has said nothing about the program.
+"""A test that fails while the machine itself stands still is run again: then it shows nothing about the program.
 
 With `--defer-to FILE`, such a test is not reported but written to the file, a node id a line: `tools/test` runs those
 again when no other kernel runs, and that run decides.
 
 In a kernel of `tools/vcan` a busy host takes the processor away: for 50 ms, and to stop is right; or for 12, and two
-samples come at once, of which the newer is answered. Who says
-so is `witness.py`, which nothing in that kernel can hold up, or the test's own vehicle, whose thread may only be kept
-waiting by the test itself; without them, or without their word, a failure is a failure.
+samples come at once, of which the newer is answered. The witness is `witness.py`, which nothing in that kernel can hold
+up, or the test's own vehicle, whose thread only the test itself can keep waiting. Without a report of theirs a failure
+is a failure.
 """
 
 import os
@@ -26,20 +26,20 @@ _WITNESS = Path(__file__).with_name("witness.py")
 
 
 class Witness:
-    """The process that watches, and what it has said; raises `OSError` where it may not go first."""
+    """The process that watches, and its reports; raises `OSError` without the right to real-time priority."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
             [sys.executable, str(_WITNESS)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
         )
         assert self._process.stdout is not None
-        self._said = self._process.stdout
-        if not self._said.readline():
+        self._output = self._process.stdout
+        if not self._output.readline():
             self.close()
             raise PermissionError("a process of real-time priority is not allowed here")
-        os.set_blocking(self._said.fileno(), False)
+        os.set_blocking(self._output.fileno(), False)
 
-    def tell(self, number: signal.Signals) -> None:
+    def send_signal(self, number: signal.Signals) -> None:
         """Send it a signal."""
         self._process.send_signal(number)
 
@@ -47,11 +47,11 @@ class Witness:
         """End it."""
         self._process.kill()
         self._process.wait()
-        self._said.close()
+        self._output.close()
 
-    def news(self) -> list[float]:
-        """For how long the machine stood still each time since the last question, s."""
-        return [float(line) for line in (self._said.read() or b"").split()]
+    def take_delays_s(self) -> list[float]:
+        """For how long the machine stood still each time since the last call, s."""
+        return [float(line) for line in (self._output.read() or b"").split()]
 
 
 class Standstill:
@@ -59,13 +59,13 @@ class Standstill:
 
     def __init__(
         self,
-        news: Callable[[], list[float]],
+        take_delays_s: Callable[[], list[float]],
         unit: Callable[[pytest.Item], str],
         defer_to: Path | None = None,
         claims: Claims | None = None,
     ) -> None:
         """`unit` names what shares a setting-up: what went wrong there shows in a later test of it."""
-        self._news, self._unit, self._defer_to = news, unit, defer_to
+        self._take_delays_s, self._unit, self._defer_to = take_delays_s, unit, defer_to
         self._claims = claims or Claims(None, unit)
         self._now = ""
         self._longest_s = 0.0
@@ -79,14 +79,14 @@ class Standstill:
         if not self._claims.is_ours(item):
             return True
         nextitem = self._claims.find_next(nextitem)
-        seen_s = max(self._news(), default=0.0)
+        seen_s = max(self._take_delays_s(), default=0.0)
         if self._unit(item) != self._now:
             self._now, self._longest_s, self._attempts = self._unit(item), 0.0, 1
         else:
             self._longest_s = max(self._longest_s, seen_s)
         item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
-        self._longest_s = max([self._longest_s, *self._news()])
+        self._longest_s = max([self._longest_s, *self._take_delays_s()])
         is_excused = any(report.failed for report in reports) and self._longest_s > 0.0
         if is_excused and self._defer_to is not None:
             self._defer(item, reports, self._defer_to)

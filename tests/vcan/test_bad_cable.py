@@ -24,9 +24,9 @@ HEARD = (*SAMPLE, "VEHICLE_STATUS")
 
 
 def drops(programs: Programs, loop: Program) -> dict[str, Any]:
-    """The summary of a loop that is told to end, and does so well."""
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    """The summary of a loop that is asked to end, and does so without a fault."""
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     return summary(programs)
 
 
@@ -127,12 +127,12 @@ def test_lost_duplicated_and_damaged_commands_are_compensated_by_the_next_ones(
     end = vehicle_end.wait_samples(20)
     arrived = vehicle_end.record(moving, end)
     assert any(steps(arrived, name).keys() - {1} for name in CONTROLLER_SENDS)  # it was a bad cable
-    assert all(told["MODE"] == AUTONOMOUS for told in arrived.of("VEHICLE_STATUS"))
+    assert all(decoded["MODE"] == AUTONOMOUS for decoded in arrived.of("VEHICLE_STATUS"))
     assert abs(far_vehicle.y_m) < 0.1
     assert decided(loop_end.record(begin)) == ["NOMINAL"]
     assert not own_faults(loop_end.record(begin))
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
 
 
 def test_a_cable_cut_of_60_ms_stops_briefly_and_one_of_600_ms_silences_until_armed(
@@ -143,10 +143,10 @@ def test_a_cable_cut_of_60_ms_stops_briefly_and_one_of_600_ms_silences_until_arm
     moment = loop_end.wait_samples(50)
     record = loop_end.record(moving, moment)
     assert reasons(record.pairs) in (["NOMINAL", "STATE_STALE", "NOMINAL"], ["NOMINAL"])
-    assert all(told["MODE"] == AUTONOMOUS for told in record.of("VEHICLE_STATUS"))
+    assert all(decoded["MODE"] == AUTONOMOUS for decoded in record.of("VEHICLE_STATUS"))
     assert not own_faults(record)
     cable.lose_all(VEHICLE_END, 0.6)
-    loop.says("SILENT .STATE_STALE")
+    loop.wait_for_line("SILENT .STATE_STALE")
     fault, _ = loop_end.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moment)
     record = loop_end.record(moment, fault)
     assert reasons(record.pairs) == ["NOMINAL", "STATE_STALE"]
@@ -154,6 +154,6 @@ def test_a_cable_cut_of_60_ms_stops_briefly_and_one_of_600_ms_silences_until_arm
     far_vehicle.make_ready()
     quiet = loop_end.wait_samples(60, since=fault)
     assert loop_end.sent_by_controller(fault, quiet) == []
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(loop_end, since=quiet)
     assert not loop_end.record(driving, loop_end.wait_samples(30, since=driving)).faults()

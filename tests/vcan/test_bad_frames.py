@@ -1,4 +1,4 @@
-"""A vehicle whose frames say what they must not: one drive, one lie after another."""
+"""A vehicle that sends wrong values in intact frames: one drive, one wrong value after another."""
 
 import math
 import random
@@ -19,24 +19,24 @@ from .observer import Observer, decided, reasons
 from .peer import Vehicle
 
 Signals = Mapping[str, float]
-Lie = Callable[[str, int, Signals], bytes]
+Replacement = Callable[[str, int, Signals], bytes]
 MIXED, LOST_ROUND = 30, COUNTERS
 JITTER_S = 0.008
 HANG_RAD = 0.3
 """As far as a command may be from what is measured."""
 
 
-class Liar(Vehicle):
-    """Says something else when it is told to."""
+class WrongVehicle(Vehicle):
+    """Sends other values than its own, as a test sets them."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.lies: dict[str, Lie] = {}
-        """By message: what its next frame is instead."""
+        self.replacements: dict[str, Replacement] = {}
+        """By message: what is sent instead of its next frame."""
         self.mixed = 0
-        """So many of its next samples each lack another part than the one before."""
+        """This many of its next samples each lack another part than the one before."""
         self.wraps_early = False
-        """Once, the counter of its samples begins anew in the middle."""
+        """Once, the counter of its samples restarts in the middle."""
         self.jitter_s = 0.0
         """Each sample comes late by up to this."""
         self.hangs_at_rad: float | None = None
@@ -44,39 +44,39 @@ class Liar(Vehicle):
         self._dice = random.Random(0)
 
     def _move(self, dt_s: float) -> None:
-        wish = self._wish.get("STEER_COMMAND")
-        if wish is not None and self.hangs_at_rad is not None:
-            signals = {**wish.signals, "FRONT_WHEEL_ANGLE_REQUEST": self.hangs_at_rad}
-            self._wish["STEER_COMMAND"] = replace(wish, signals=signals)
+        command = self._commands.get("STEER_COMMAND")
+        if command is not None and self.hangs_at_rad is not None:
+            signals = {**command.signals, "FRONT_WHEEL_ANGLE_REQUEST": self.hangs_at_rad}
+            self._commands["STEER_COMMAND"] = replace(command, signals=signals)
         super()._move(dt_s)
 
-    def _speak(self, tick: int) -> None:
+    def _send_state(self, tick: int) -> None:
         time.sleep(self._dice.uniform(0.0, self.jitter_s))
         counter = self._counters["POSE"] % COUNTERS
         if self.wraps_early and 5 <= counter <= 9:
             self.wraps_early, self.faults.skipped = False, COUNTERS - 1 - counter
-        super()._speak(tick)
+        super()._send_state(tick)
         self.mixed = max(0, self.mixed - 1)
 
-    def _say(self, name: str, counter: int, **signals: float) -> None:
-        lie = self.lies.pop(name, None)
-        if lie is not None:
-            send(self._raws[-1], Frame(0, LAYOUT[name][0], lie(name, counter % COUNTERS, signals)))
+    def _send_message(self, name: str, counter: int, **signals: float) -> None:
+        replacement = self.replacements.pop(name, None)
+        if replacement is not None:
+            send(self._raws[-1], Frame(0, LAYOUT[name][0], replacement(name, counter % COUNTERS, signals)))
         elif not (self.mixed and name in SAMPLE and counter % len(SAMPLE) == SAMPLE.index(name)):
-            super()._say(name, counter, **signals)
+            super()._send_message(name, counter, **signals)
 
 
-def with_data_id_of(other: str) -> Lie:
+def with_data_id_of(other: str) -> Replacement:
     """The message as it is, its checksum made with another message's data id."""
 
-    def lie(name: str, counter: int, signals: Signals) -> bytes:
+    def replacement(name: str, counter: int, signals: Signals) -> bytes:
         data = pack(name, counter, **signals)[1]
         return bytes((checksum(LAYOUT[other][0], data),)) + data[1:]
 
-    return lie
+    return replacement
 
 
-def with_values(**wrong: float) -> Lie:
+def with_values(**wrong: float) -> Replacement:
     """The message with other values, and the checksum that belongs to them."""
     return lambda name, counter, signals: pack(name, counter, **{**signals, **wrong})[1]
 
@@ -99,9 +99,9 @@ INCREDIBLE = [("MOTION", {"SPEED": 45.0}), ("MOTION", {"YAW_RATE": -3.5}), ("MOT
 
 
 @pytest.fixture
-def liar(bus: Observer) -> Iterator[Liar]:
+def wrong_vehicle(bus: Observer) -> Iterator[WrongVehicle]:
     """At the origin, READY, sending."""
-    vehicle = Liar()
+    vehicle = WrongVehicle()
     vehicle.start()
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     yield vehicle
@@ -109,29 +109,29 @@ def liar(bus: Observer) -> Iterator[Liar]:
 
 
 def test_wrong_data_ids_impossible_values_early_wraps_and_jitter_are_counted_and_driving_continues(
-    programs: Programs, bus: Observer, liar: Liar
+    programs: Programs, bus: Observer, wrong_vehicle: WrongVehicle
 ) -> None:
     loop, moving = driven(programs, bus)
     for name, other in OTHER_IDS.items():
-        liar.lies[name] = with_data_id_of(other)
+        wrong_vehicle.replacements[name] = with_data_id_of(other)
         bus.wait_samples(8)
     for name, wrong in IMPOSSIBLE:
-        liar.lies[name] = with_values(**wrong)
+        wrong_vehicle.replacements[name] = with_values(**wrong)
         bus.wait_samples(8)
     for name, wrong in INCREDIBLE:
-        liar.lies[name] = with_values(**wrong)
+        wrong_vehicle.replacements[name] = with_values(**wrong)
         bus.wait_samples(8)
-    liar.wraps_early = True
+    wrong_vehicle.wraps_early = True
     bus.wait_samples(COUNTERS + 10)
-    liar.jitter_s = JITTER_S
+    wrong_vehicle.jitter_s = JITTER_S
     bus.wait_samples(100)
-    liar.jitter_s = 0.0
+    wrong_vehicle.jitter_s = 0.0
     end = bus.wait_samples(10)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     record = bus.record(moving, end)
     assert decided(record) == ["NOMINAL"]
-    assert all(told["MODE"] in (AUTONOMOUS, 7) for told in record.of("VEHICLE_STATUS"))
+    assert all(decoded["MODE"] in (AUTONOMOUS, 7) for decoded in record.of("VEHICLE_STATUS"))
     found = summary(programs)
     assert {what: count for what, count in found["implausible"].items() if count} == {"out of range": 2, "disagree": 1}
     assert found["drops"] == {
@@ -142,19 +142,22 @@ def test_wrong_data_ids_impossible_values_early_wraps_and_jitter_are_counted_and
 
 
 def test_a_lost_counter_cycle_and_mixed_sample_parts_stop_the_vehicle_while_they_last(
-    programs: Programs, bus: Observer, liar: Liar
+    programs: Programs, bus: Observer, wrong_vehicle: WrongVehicle
 ) -> None:
     loop, moving = driven(programs, bus)
-    lies: list[Callable[[], None]] = [lambda: liar.mute(LOST_ROUND), lambda: setattr(liar, "mixed", MIXED)]
-    for lie in lies:
+    faults: list[Callable[[], None]] = [
+        lambda: wrong_vehicle.mute(LOST_ROUND),
+        lambda: setattr(wrong_vehicle, "mixed", MIXED),
+    ]
+    for begin_fault in faults:
         begin = bus.wait_samples(20)
-        lie()
+        begin_fault()
         stop, _ = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="STATE_STALE", ENABLE=1, SAFE_STOP=1, since=begin)
         index, _ = bus.wait_for("driving on", "DRIVE_COMMAND", REASON="NOMINAL", ENABLE=1, since=stop)
         assert reasons(bus.pairs(begin, bus.wait_samples(10, since=index))) == ["NOMINAL", "STATE_STALE", "NOMINAL"]
     end = bus.now()
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     record = bus.record(moving, end)
     assert set(decided(record)) == {"NOMINAL", "STATE_STALE"}
     found = summary(programs)
@@ -164,16 +167,16 @@ def test_a_lost_counter_cycle_and_mixed_sample_parts_stop_the_vehicle_while_they
 
 
 def test_samples_with_gaps_prevent_engaging_and_commands_stay_near_stuck_wheels(
-    programs: Programs, bus: Observer, liar: Liar
+    programs: Programs, bus: Observer, wrong_vehicle: WrongVehicle
 ) -> None:
-    liar.hangs_at_rad = 0.0
-    programs.run("--arm", "--route", "circle").says("armed")
+    wrong_vehicle.hangs_at_rad = 0.0
+    programs.run("--arm", "--route", "circle").wait_for_line("armed")
     for _ in range(5):
-        liar.mute(8)
+        wrong_vehicle.mute(8)
         gaps = bus.wait_samples(20)
     assert not any(pair.is_enabled for pair in bus.pairs(0, gaps))
     index, _ = bus.wait_for("a vehicle off its path is stopped", "DRIVE_COMMAND", REASON="DEVIATION", ENABLE=1)
-    angles = [told["FRONT_WHEEL_ANGLE_REQUEST"] for told in bus.record(gaps, index).of("STEER_COMMAND")]
+    angles = [decoded["FRONT_WHEEL_ANGLE_REQUEST"] for decoded in bus.record(gaps, index).of("STEER_COMMAND")]
     assert HANG_RAD - 0.01 < max(map(abs, angles)) <= HANG_RAD
 
 
@@ -192,23 +195,23 @@ SENSELESS = [(0, math.nan), (0, math.inf), (1, -math.inf), (0, 1e30), (2, 0.0), 
 
 
 class Axle(Vehicle):
-    """Has another control unit that tells an angle as a float, beside the branches of a multiplexer."""
+    """Has another control unit that sends an angle as a float, beside the branches of a multiplexer."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.told = (0, 0.0)
+        self.usual = (0, 0.0)
         self.once: list[tuple[int, float]] = []
-        """To be told for once, one after the other."""
+        """Sent once, one after the other."""
 
-    def _speak(self, tick: int) -> None:
+    def _send_state(self, tick: int) -> None:
         if tick % 2 == 0:
-            branch, angle_rad = self.once.pop() if self.once and tick % 16 == 0 else self.told
+            branch, angle_rad = self.once.pop() if self.once and tick % 16 == 0 else self.usual
             send(self._raws[-1], Frame(0, AXLE_ID, struct.pack("<BfBxx", branch, angle_rad, 20)))
-        super()._speak(tick)
+        super()._send_state(tick)
 
 
 def with_an_axle(folder: Path) -> str:
-    """The reference profile, its rear wheels' angle told by the axle."""
+    """The reference profile, its rear wheels' angle sent by the axle."""
     toml = (ROOT / "dbc" / "reference.toml").read_text(encoding="utf-8")
     for old, new in (
         ('"VEHICLE_STATUS.REAR_WHEEL_ANGLE"', '"AXLE.REAR_WHEEL_ANGLE"'),
@@ -235,14 +238,14 @@ def test_nan_floats_and_unknown_branches_are_dropped_and_stop_the_vehicle_if_the
         vehicle.once = list(SENSELESS)
         fine = bus.wait_samples(16 * (len(SENSELESS) + 1), since=bus.now())
         assert decided(bus.record(moving, fine)) == ["NOMINAL"]
-        vehicle.told = (0, math.nan)
+        vehicle.usual = (0, math.nan)
         lost = bus.wait_samples(15, since=bus.now())
         stop, _ = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="STATE_STALE", ENABLE=1, SAFE_STOP=1, since=lost)
-        vehicle.told = (1, 0.0)
+        vehicle.usual = (1, 0.0)
         index, _ = bus.wait_for("driving on", "DRIVE_COMMAND", REASON="NOMINAL", ENABLE=1, since=stop)
         assert not own_faults(bus.record(moving, bus.wait_samples(10, since=index)))
-        loop.tell(signal.SIGTERM)
-        assert loop.ends() == 0
+        loop.send_signal(signal.SIGTERM)
+        assert loop.wait_for_end() == 0
     finally:
         vehicle.close()
     drops = summary(programs)["drops"]

@@ -14,10 +14,10 @@ def test_commissioning_reads_the_vehicle_and_sends_nothing(programs: Programs, b
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     report, record = programs.folder / "report.json", programs.folder / "walk.log"
     walk = programs.start("commission", "--json", str(report), "--record", str(record), "--step-timeout", "30")
-    walk.says("seen: VEHICLE_STATUS.DRIVER_BRAKE is clear while nobody touches it")
-    walk.says("Turn the wheel left")
-    walk.tell(signal.SIGINT)
-    assert walk.ends() == 5
+    walk.wait_for_line("seen: VEHICLE_STATUS.DRIVER_BRAKE is clear while nobody touches it")
+    walk.wait_for_line("Turn the wheel left")
+    walk.send_signal(signal.SIGINT)
+    assert walk.wait_for_end() == 5
     found = json.loads(report.read_text())
     assert [step["verdict"] for step in found["steps"]][:2] == ["seen", "not seen"]
     frames = {one["name"]: one["count"] for one in found["review"]["messages"]}

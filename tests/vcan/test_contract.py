@@ -122,12 +122,12 @@ def fall_silent(frames: Frames) -> None:
 
 
 def steer(**signals: float) -> Callable[[Frames], None]:
-    """One STEER_COMMAND says something else."""
+    """One STEER_COMMAND has other values."""
     return lambda frames: rewrite(frames, "STEER_COMMAND", 150, {"ENABLE": 1} | signals)
 
 
 def drive(**signals: float) -> Callable[[Frames], None]:
-    """One DRIVE_COMMAND says something else."""
+    """One DRIVE_COMMAND has other values."""
     return lambda frames: rewrite(frames, "DRIVE_COMMAND", 150, CONTENT["DRIVE_COMMAND"] | signals)
 
 
@@ -171,11 +171,11 @@ def test_a_correct_record_has_no_findings() -> None:
     assert record.frames["BODY_COMMAND"] == 30
 
 
-@pytest.mark.parametrize(("fault", "said"), FAULTS.values(), ids=FAULTS)
-def test_each_fault_is_found(fault: Callable[[Frames], None], said: str) -> None:
+@pytest.mark.parametrize(("fault", "finding"), FAULTS.values(), ids=FAULTS)
+def test_each_fault_is_found(fault: Callable[[Frames], None], finding: str) -> None:
     frames = steady()
     fault(frames)
-    assert any(said in text for text in examine(frames).faults()), examine(frames).faults()
+    assert any(finding in text for text in examine(frames).faults()), examine(frames).faults()
 
 
 def silence_the_vehicle(frames: Frames) -> None:
@@ -229,12 +229,12 @@ BREACHES: dict[str, tuple[Callable[[Frames], None], str]] = {
 }
 
 
-@pytest.mark.parametrize(("breach", "said"), BREACHES.values(), ids=BREACHES)
-def test_each_violation_by_the_controller_is_found(breach: Callable[[Frames], None], said: str) -> None:
+@pytest.mark.parametrize(("breach", "finding"), BREACHES.values(), ids=BREACHES)
+def test_each_violation_by_the_controller_is_found(breach: Callable[[Frames], None], finding: str) -> None:
     frames = steady()
     breach(frames)
     found = breaches(frames)
-    assert any(said in text for text in found), found
+    assert any(finding in text for text in found), found
 
 
 def test_clock_steps_are_not_violations_and_hide_none() -> None:
@@ -304,7 +304,7 @@ def test_check_drive_rejects_a_file_that_is_not_a_log_and_names_the_line(tmp_pat
 
 
 def test_a_written_log_has_the_format_of_candump(bus: Observer, tmp_path: Path) -> None:
-    bus.is_strangers = lambda _: True  # nobody drives here
+    bus.is_foreign = lambda _: True  # nobody drives here
     candump, before, log = shutil.which("candump"), mtu(), tmp_path / "log.candump"
     assert candump is not None
     set_mtu(72)

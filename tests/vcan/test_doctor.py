@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass(frozen=True)
 class Answer:
-    """What the doctor says."""
+    """The doctor's output."""
 
     status: int
     findings: dict[str, dict[str, str]]

@@ -35,7 +35,7 @@ class Drive:
     restarted: int
     """Index at which another one served its page."""
     over: int
-    """Index at which the loop was told to end."""
+    """Index at which the loop was asked to end."""
     status: int
     """The loop's exit status."""
     found: dict[str, object]
@@ -45,7 +45,7 @@ class Drive:
 def view(programs: Programs) -> Program:
     """A viewer that serves its page."""
     viewer = programs.start("view", "--connect", programs.telemetry, "--port", "0")
-    address = viewer.says(r"viewer: (http://\S+)").group(1)
+    address = viewer.wait_for_line(r"viewer: (http://\S+)").group(1)
     with urllib.request.urlopen(address, timeout=20.0) as page:
         assert page.status == 200
     return viewer
@@ -78,7 +78,7 @@ def _drive(bus: Observer, programs: Programs) -> Drive:
     begin = wait_until_driven(bus)
     first_ns = bus.frames[begin].stamp_ns
     end, _ = bus.wait_until(
-        "a lap", lambda told: told.stamp_ns - first_ns >= DRIVE_S * S, since=begin, patience_s=DRIVE_S + 30
+        "a lap", lambda decoded: decoded.stamp_ns - first_ns >= DRIVE_S * S, since=begin, patience_s=DRIVE_S + 30
     )
     viewer.kill()
     killed = bus.now()
@@ -86,8 +86,8 @@ def _drive(bus: Observer, programs: Programs) -> Drive:
     view(programs)
     restarted = bus.now()
     over = bus.wait_samples(100)
-    loop.tell(signal.SIGTERM)
-    status = loop.ends()
+    loop.send_signal(signal.SIGTERM)
+    status = loop.wait_for_end()
     return Drive(bus, begin, end, killed, restarted, over, status, summary(programs))
 
 
@@ -148,8 +148,8 @@ def test_an_independent_vehicle_is_driven_along_the_figure_of_eight_too(programs
         loop = programs.run("--arm", "--route", "figure8")
         begin = wait_until_driven(bus)
         end = bus.wait_samples(1000, since=begin)
-        loop.tell(signal.SIGTERM)
-        assert loop.ends() == 0
+        loop.send_signal(signal.SIGTERM)
+        assert loop.wait_for_end() == 0
     finally:
         vehicle.close()
     record = bus.record(begin, end)

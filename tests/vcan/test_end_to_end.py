@@ -77,17 +77,17 @@ def test_the_page_shows_the_vehicle_drive_its_lap_on_vcan_and_stop_when_its_stat
     vehicle = ["sim", "--channel", CHANNEL, "--start=" + ",".join(map(str, route.start)), "--driver-socket", pedals]
     sim = programs.start(*vehicle)
     viewer = programs.start("view", "--connect", TELEMETRY, "--port", "0")
-    url = viewer.says(r"http://\S+").group()
+    url = viewer.wait_for_line(r"http://\S+").group()
     page.goto(url)
     page.wait_for_selector("#banner", state="attached")
 
     loop = programs.start("run", "--channel", CHANNEL, "--telemetry", TELEMETRY, "--arm", "--trajectory", str(laps))
     while not (seen := _seen_driving(page)):
-        sim.tell(signal.SIGTERM)
-        sim.ends()
+        sim.send_signal(signal.SIGTERM)
+        sim.wait_for_end()
         sim = programs.start(*vehicle)
-        sim.says("simulated vehicle on")
-        loop.tell(signal.SIGUSR1)
+        sim.wait_for_line("simulated vehicle on")
+        loop.send_signal(signal.SIGUSR1)
         page.wait_for_selector("#banner:not([data-state=FAULT])", state="attached")
     page.screenshot(path=str(tmp_path / "page.png"))
 

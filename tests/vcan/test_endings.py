@@ -1,4 +1,4 @@
-"""How a drive ends: told to, killed, cut off, or refused before it began."""
+"""How a drive ends: by request, killed, cut off, or refused before it began."""
 
 import signal
 import time
@@ -23,8 +23,8 @@ def test_an_end_request_stops_the_vehicle_and_then_releases_it(
     programs: Programs, bus: Observer, vehicle: Vehicle, number: signal.Signals
 ) -> None:
     loop, moving = driven(programs, bus)
-    loop.tell(number)
-    assert loop.ends() == 0
+    loop.send_signal(number)
+    assert loop.wait_for_end() == 0
     record = bus.record(moving, bus.wait_samples(5))
     assert decided(record) == ["NOMINAL", "SHUTDOWN"]
     stops = [pair for pair in record.pairs if pair.reason == "SHUTDOWN" and pair.is_enabled]
@@ -44,10 +44,10 @@ def test_a_second_end_request_releases_at_once_with_one_pair(
     programs: Programs, bus: Observer, vehicle: Vehicle, number: signal.Signals
 ) -> None:
     loop, moving = driven(programs, bus)
-    loop.tell(number)
+    loop.send_signal(number)
     bus.wait_for("the stop", "DRIVE_COMMAND", REASON="SHUTDOWN", ENABLE=1, since=moving)
-    loop.tell(number)
-    assert loop.ends() == 0
+    loop.send_signal(number)
+    assert loop.wait_for_end() == 0
     record = bus.record(moving, bus.wait_samples(30))
     assert len([pair for pair in record.pairs if not pair.is_enabled]) == 1
     assert not record.pairs[-1].is_enabled
@@ -55,17 +55,17 @@ def test_a_second_end_request_releases_at_once_with_one_pair(
     assert vehicle.mode == READY
 
 
-@pytest.mark.parametrize("is_told", [False, True], ids=["alone", "told once meanwhile"])
+@pytest.mark.parametrize("is_interrupted", [False, True], ids=["alone", "interrupted meanwhile"])
 def test_the_end_of_the_duration_stops_the_vehicle_and_ends_the_loop(
-    programs: Programs, bus: Observer, is_told: bool
+    programs: Programs, bus: Observer, is_interrupted: bool
 ) -> None:
     programs.start("sim", "--driver-socket", str(programs.folder / "pedals.sock"))
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     loop, moving = driven(programs, bus, "--trajectory", line_file(programs.folder), "--duration", "2.5")
-    if is_told:
+    if is_interrupted:
         bus.wait_for("the stop", "DRIVE_COMMAND", REASON="SHUTDOWN", ENABLE=1, since=moving)
-        loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+        loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     record = bus.record(moving, bus.wait_samples(5))
     assert decided(record) == ["NOMINAL", "SHUTDOWN"]
     assert abs(record.samples[-1].speed_mps) < 0.06
@@ -96,14 +96,14 @@ def test_after_the_vehicle_is_killed_the_loop_stops_goes_silent_and_exits_with_4
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     loop, moving = driven(programs, bus)
     sim.kill()
-    loop.says("SILENT .STATE_STALE")
+    loop.wait_for_line("SILENT .STATE_STALE")
     record = bus.record(moving)
     assert reasons(record.pairs) == ["NOMINAL", "STATE_STALE"]
     assert all(pair.is_enabled for pair in record.pairs)
     assert not own_faults(record)
     silent = bus.now()
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 4
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 4
     assert bus.sent_by_controller(silent) == []
 
 
@@ -114,11 +114,11 @@ def test_a_summary_that_cannot_be_written_changes_neither_the_status_4_nor_the_t
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     loop, _ = driven(programs, bus, "--trajectory", line_file(programs.folder), "--summary", "/dev/full")
     sim.kill()
-    loop.says("SILENT .STATE_STALE")
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 4
-    loop.says(r"  latched fault +STATE_STALE")
-    loop.says("--summary /dev/full: cannot be written: No space left on device")
+    loop.wait_for_line("SILENT .STATE_STALE")
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 4
+    loop.wait_for_line(r"  latched fault +STATE_STALE")
+    loop.wait_for_line("--summary /dev/full: cannot be written: No space left on device")
 
 
 def test_a_link_that_goes_down_silences_the_loop_and_it_drives_again_only_when_armed(
@@ -126,22 +126,22 @@ def test_a_link_that_goes_down_silences_the_loop_and_it_drives_again_only_when_a
 ) -> None:
     loop, _ = driven(programs, bus)
     set_link("down")
-    loop.says("SILENT .LINK_DOWN")
+    loop.wait_for_line("SILENT .LINK_DOWN")
     cut = bus.now()
     set_link("up")
-    loop.says("link RECOVERING")
+    loop.wait_for_line("link RECOVERING")
     bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=cut)
     vehicle.make_ready()
     quiet = bus.wait_samples(80)
     assert bus.sent_by_controller(cut, quiet) == []
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(bus, since=quiet)
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
 
 
 def test_an_absent_interface_is_rejected_with_the_command_that_creates_it(programs: Programs) -> None:
     loop = programs.start("run", "--channel", "vcan7", "--route", "figure8", "--arm")
-    assert loop.ends() == 3
+    assert loop.wait_for_end() == 3
     assert "sudo ip link add dev vcan7 type vcan" in loop.text
     assert len(loop.lines) == 1
 
@@ -149,7 +149,7 @@ def test_an_absent_interface_is_rejected_with_the_command_that_creates_it(progra
 def test_an_interface_that_is_down_is_rejected_with_the_command_that_brings_it_up(programs: Programs) -> None:
     set_link("down")
     loop = programs.run("--route", "figure8", "--arm")
-    assert loop.ends() == 3
+    assert loop.wait_for_end() == 3
     assert "sudo ip link set vcan0 up" in loop.text
     assert len(loop.lines) == 1
 
@@ -171,14 +171,14 @@ def bad_csv(folder: Path) -> list[str]:
 
 @pytest.mark.usefixtures("vehicle")
 @pytest.mark.parametrize(
-    ("bad", "told"), [(bad_profile, "wheelbas_m"), (bad_csv, "bad.csv, line 3, column 3")], ids=["profile", "csv"]
+    ("bad", "complaint"), [(bad_profile, "wheelbas_m"), (bad_csv, "bad.csv, line 3, column 3")], ids=["profile", "csv"]
 )
 def test_a_bad_file_is_rejected_before_the_first_frame(
-    programs: Programs, bus: Observer, bad: Callable[[Path], list[str]], told: str
+    programs: Programs, bus: Observer, bad: Callable[[Path], list[str]], complaint: str
 ) -> None:
     loop = programs.run("--arm", *bad(programs.folder))
-    assert loop.ends() == 2
-    assert told in loop.text
+    assert loop.wait_for_end() == 2
+    assert complaint in loop.text
     assert len(loop.lines) == 1
     assert bus.sent_by_controller() == []
 
@@ -191,6 +191,6 @@ def test_engaging_is_aborted_after_three_seconds_without_the_vehicle(
     index, first = bus.wait_for("engaging", "DRIVE_COMMAND", ENABLE=1)
     _, last = bus.wait_for("giving up", "DRIVE_COMMAND", ENABLE=0, REASON="VEHICLE_NOT_AUTONOMOUS", since=index)
     assert 2_900 * MS < last.stamp_ns - first.stamp_ns < 3_300 * MS
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 4
-    assert all(told["MODE"] != AUTONOMOUS for told in bus.record().of("VEHICLE_STATUS"))
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 4
+    assert all(decoded["MODE"] != AUTONOMOUS for decoded in bus.record().of("VEHICLE_STATUS"))

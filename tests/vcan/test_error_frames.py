@@ -40,13 +40,13 @@ def report(error_class: int, controller: int = 0) -> None:
 def test_a_controller_that_goes_bus_off_silences_the_loop_and_latches(programs: Programs, bus: Observer) -> None:
     loop, _ = driven(programs, bus)
     report(0x40)
-    loop.says(r"link DOWN: .*bus off")
-    loop.says(r"SILENT \(LINK_DOWN\)")
+    loop.wait_for_line(r"link DOWN: .*bus off")
+    loop.wait_for_line(r"SILENT \(LINK_DOWN\)")
     begin = bus.wait_samples(5)
     end = bus.wait_samples(30)
     assert bus.record(begin, end).pairs == []
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 4
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 4
     assert summary(programs)["link_events"]["bus off"] == 1
 
 
@@ -55,11 +55,11 @@ def test_can_controller_warnings_are_counted_and_driving_continues(programs: Pro
     report(0x4, controller=0x08)
     report(0x4, controller=0x20)
     report(0x2)
-    loop.says("arbitration lost")
+    loop.wait_for_line("arbitration lost")
     end = bus.wait_samples(20)
     assert {pair.reason for pair in bus.record(moving, end).pairs} == {"NOMINAL"}
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     events = summary(programs)["link_events"]
     assert events == {"error warning": 1, "error passive": 1, "arbitration lost": 1}
     counters = summary(programs)["bus_counters"]
@@ -73,10 +73,10 @@ def test_each_class_of_error_frame_is_counted_by_name_and_never_decoded_as_state
     loop, moving = driven(programs, bus)
     for name, (error_class, controller) in CLASSES.items():
         report(error_class, controller)
-        loop.says(name)
+        loop.wait_for_line(name)
     end = bus.wait_samples(20)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert not own_faults(bus.record(moving, end))
     found = summary(programs)
     assert found["link_events"] == dict.fromkeys(CLASSES, 1)
@@ -90,16 +90,16 @@ def test_after_bus_off_and_a_restart_the_vehicle_is_driven_again_only_when_armed
 ) -> None:
     loop, moving = driven(programs, bus)
     report(0x40)
-    loop.says("link RECOVERING")
+    loop.wait_for_line("link RECOVERING")
     report(0x100)
-    loop.says("restarted")
+    loop.wait_for_line("restarted")
     fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
     vehicle.make_ready()
     quiet = bus.wait_samples(80, since=fault)
     assert bus.sent_by_controller(fault, quiet) == []
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(bus, since=quiet)
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert summary(programs)["link_events"] == {"bus off": 1, "restarted": 1}

@@ -49,7 +49,7 @@ class Record:
 
     def of(self, name: str, since: int = 0) -> list[DecodedFrame]:
         """All frames of a message."""
-        return [told for told in self.decoded[since:] if told.name == name]
+        return [decoded for decoded in self.decoded[since:] if decoded.name == name]
 
     def wait_for(self, what: str, name: str, since: int = 0, **wanted: float) -> int:
         """The index after the first frame with these values; fails, naming `what`, when it does not come."""
@@ -57,8 +57,8 @@ class Record:
         index = since
         while time.monotonic() < deadline_s:
             while index < len(self.decoded):
-                told, index = self.decoded[index], index + 1
-                if told.name == name and all(told[signal] == value for signal, value in wanted.items()):
+                decoded, index = self.decoded[index], index + 1
+                if decoded.name == name and all(decoded[signal] == value for signal, value in wanted.items()):
                     return index
             time.sleep(0.05)  # a test that looks more often takes time from the programs that it watches
         raise AssertionError(f"{what}: did not come in {PATIENCE_S:.0f} s; wrong: {self.wrong[:5]}")
@@ -73,9 +73,9 @@ class Record:
         while not self._over.is_set():
             select.select([self._raw], [], [], 0.2)
             for frame in receive_frames(self._raw):
-                told = intact(frame)
-                if told is not None:
-                    self.decoded.append(told)
+                decoded = intact(frame)
+                if decoded is not None:
+                    self.decoded.append(decoded)
                 else:
                     self.wrong.append(str(frame))
 
@@ -114,21 +114,21 @@ def start_vehicle(programs: Programs, record: Record) -> None:
     record.wait_for("the vehicle's first sample", "STATE")
 
 
-def steps(told: list[DecodedFrame]) -> set[int]:
+def steps(decoded: list[DecodedFrame]) -> set[int]:
     """By how much a counter has stepped."""
-    return {(after.counter - before.counter) % COUNTERS for before, after in pairwise(told)}
+    return {(after.counter - before.counter) % COUNTERS for before, after in pairwise(decoded)}
 
 
 def unreasonable(record: Record, since: int) -> list[DecodedFrame]:
     """Commands that neither drive nor stop for a sample that was late on the wire."""
-    samples = [told.stamp_ns for told in record.of("STATE")]
+    samples = [decoded.stamp_ns for decoded in record.of("STATE")]
     late = [after for before, after in pairwise(samples) if after - before > TIMELY_NS]
-    found = [told for told in record.of("COMMAND", since) if told.reason != "NOMINAL"]
+    found = [decoded for decoded in record.of("COMMAND", since) if decoded.reason != "NOMINAL"]
     return [
-        told
-        for told in found
-        if told.reason not in ("STATE_STALE", "DEADLINE_MISSED")
-        or not any(abs(told.stamp_ns - stamp_ns) < S // 2 for stamp_ns in late)
+        decoded
+        for decoded in found
+        if decoded.reason not in ("STATE_STALE", "DEADLINE_MISSED")
+        or not any(abs(decoded.stamp_ns - stamp_ns) < S // 2 for stamp_ns in late)
     ]
 
 
@@ -138,24 +138,24 @@ def test_two_processes_drive_the_figure_of_eight_on_can_fd(fd_programs: Programs
     loop = fd_programs.run("--profile", "reference_fd", "--arm", "--route", "figure8")
     begin = record.wait_for("the vehicle engages", "VEHICLE_STATUS", MODE=AUTONOMOUS)
     end = record.wait_samples(DRIVE_SAMPLES, begin)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     route = make_route("figure8")
     samples = [
-        Sample(told.stamp_ns, told["POS_X"], told["POS_Y"], told["HEADING"], told["SPEED"])
-        for told in record.decoded[begin:end]
-        if told.name == "STATE"
+        Sample(decoded.stamp_ns, decoded["POS_X"], decoded["POS_Y"], decoded["HEADING"], decoded["SPEED"])
+        for decoded in record.decoded[begin:end]
+        if decoded.name == "STATE"
     ]
     assert max(lateral_errors_m(samples, route.x_m.tolist(), route.y_m.tolist())) < LATERAL_LIMIT_M
     assert sum(sample.speed_mps for sample in samples) * 0.01 > 10.0
     assert record.wrong == []
-    assert {told.name for told in record.decoded} == set(LAYOUT)
+    assert {decoded.name for decoded in record.decoded} == set(LAYOUT)
     for name in LAYOUT:
         assert steps(record.of(name)) == {1}
-    driven = [told for told in record.decoded[begin:end] if told.name == "COMMAND"]
+    driven = [decoded for decoded in record.decoded[begin:end] if decoded.name == "COMMAND"]
     assert abs(len(driven) - len(samples)) <= 0.05 * len(samples)
-    assert all(told["ENABLE"] == 1 for told in driven)
-    assert [told for told in unreasonable(record, begin) if told.reason != "SHUTDOWN"] == []
+    assert all(decoded["ENABLE"] == 1 for decoded in driven)
+    assert [decoded for decoded in unreasonable(record, begin) if decoded.reason != "SHUTDOWN"] == []
     last = record.of("COMMAND")[-1]
     assert (last["ENABLE"], last.reason) == (0, "SHUTDOWN")
     assert abs(record.of("STATE")[-1]["SPEED"]) < 0.06
@@ -179,10 +179,10 @@ def test_frames_of_another_kind_or_a_wrong_checksum_change_nothing(fd_programs: 
         time.sleep(0.02)  # fewer than the vehicle's own: most of them damaged would be another matter
     raw.close()
     record.wait_samples(100, begin)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert len(record.wrong) == 150
-    assert [told for told in unreasonable(record, begin) if told.reason != "SHUTDOWN"] == []
+    assert [decoded for decoded in unreasonable(record, begin) if decoded.reason != "SHUTDOWN"] == []
     assert steps(record.of("COMMAND")) == {1}
     assert re.search(r"STATE.*bad CRC|bad CRC.*STATE", loop.text)
 

@@ -1,4 +1,4 @@
-"""Another program that floods the bus: with strangers' identifiers, with the vehicle's, and with ours."""
+"""Another program that floods the bus: with foreign identifiers, with the vehicle's, and with ours."""
 
 import signal
 from collections.abc import Iterator
@@ -42,10 +42,10 @@ def test_a_flood_of_foreign_frames_loses_no_sample_and_delays_no_command(
     bus.close()
     calm = listener.wait_samples(100)
     flooder = programs.start_python(FLOODER, "6000", "2000", *STRANGERS, name="flooder")
-    flooder.says("frames/s")
+    flooder.wait_for_line("frames/s")
     flooded = listener.now()
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     before, during = listener.record(moving, calm), listener.record(calm, flooded)
     found = summary(programs)
     assert decided(during) == ["NOMINAL"]
@@ -64,11 +64,11 @@ def test_a_flood_of_damaged_frames_with_the_vehicles_identifiers_is_dropped_and_
     """Among enough noise some has a right checksum: while most frames are damaged, no intact one is believed."""
     loop, moving = driven(programs, bus)
     flooder = programs.start_python(FLOODER, "2000", "1000", "110", "111", name="flooder")
-    flooder.says("frames/s")
+    flooder.wait_for_line("frames/s")
     stop, _ = bus.wait_for("a stop", "DRIVE_COMMAND", SAFE_STOP=1, REASON="STATE_STALE", ENABLE=1, since=moving)
     bus.wait_for("the vehicle's own watchdog", "VEHICLE_STATUS", MODE=FAULT, since=stop)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 4
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 4
     record = bus.record(moving, bus.wait_samples(5))
     assert not record.violations
     assert {pair.reason for pair in record.pairs if pair.is_enabled} == {"NOMINAL", "STATE_STALE"}
@@ -82,23 +82,25 @@ def test_a_flood_of_our_own_identifiers_silences_the_loop_until_it_is_over_and_a
 ) -> None:
     loop, moving = driven(programs, bus)
     own = [f"{can_id:X}" for can_id in sorted(CONTROLLER_IDS)]
-    bus.is_strangers = lambda frame: frame.can_id in CONTROLLER_IDS and intact(frame) is None
+    bus.is_foreign = lambda frame: frame.can_id in CONTROLLER_IDS and intact(frame) is None
     flooder = programs.start_python(FLOODER, "1000", "500", *own, name="flooder")
-    loop.says("SILENT .DUPLICATE_COMMANDER")
-    loop.tell(signal.SIGUSR1)  # in vain while it lasts, and the vehicle is not let go for it
-    loop.says("OBSERVING")
-    flooder.says("frames/s")
+    loop.wait_for_line("SILENT .DUPLICATE_COMMANDER")
+    loop.send_signal(signal.SIGUSR1)  # in vain while it lasts, and the vehicle is not let go for it
+    loop.wait_for_line("OBSERVING")
+    flooder.wait_for_line("frames/s")
     bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
     over = bus.wait_samples(5)
     record = bus.record(moving, over)
     first_ns = min(stamp_ns for _, stamp_ns in record.damaged)
-    assert len([told for told in record.decoded if told.name in PAIR and told.stamp_ns >= first_ns]) <= len(PAIR)
+    assert len([decoded for decoded in record.decoded if decoded.name in PAIR and decoded.stamp_ns >= first_ns]) <= len(
+        PAIR
+    )
     vehicle.make_ready()
     quiet = bus.wait_samples(80, since=over)
     assert bus.sent_by_controller(over, quiet) == []
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(bus, since=quiet)
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert summary(programs)["counts"]["foreign_commands"] == 1000

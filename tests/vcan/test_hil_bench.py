@@ -100,10 +100,10 @@ def test_every_defect_has_a_case() -> None:
 ATTEMPTS = 3
 
 
-def late_cases(run: Run, said: str) -> list[str]:
+def late_cases(run: Run, output: str) -> list[str]:
     """The cases that failed as a slow host makes a sound device fail; there must be no other failure."""
     failed = [case for case in run.cases if case.verdict is not Verdict.PASS]
-    assert all(case.why.startswith((*LATE_ANSWERS, HOST_TOO_SLOW)) for case in failed), said
+    assert all(case.why.startswith((*LATE_ANSWERS, HOST_TOO_SLOW)) for case in failed), output
     return [case.name for case in failed]
 
 
@@ -113,25 +113,25 @@ def test_an_independent_sound_controller_passes_every_case_that_detects_a_defect
     tried: tuple[str, ...],
 ) -> None:
     cases = list(dict.fromkeys(DEFECTS[defect][0] for defect in tried))
-    status, run, said = bench(tmp_path, cases, device=ARMED, recording=RECORDING, viewer=VIEWER)
+    status, run, output = bench(tmp_path, cases, device=ARMED, recording=RECORDING, viewer=VIEWER)
     assert run.evidence is Evidence.VIRTUAL_BUS
-    left = late_cases(run, said)
+    left = late_cases(run, output)
     for attempt in range(1, ATTEMPTS):
         if left:
             folder = tmp_path / str(attempt)
             folder.mkdir()
-            status, run, said = bench(folder, left, device=ARMED, recording=RECORDING, viewer=VIEWER)
-            left = late_cases(run, said)
-    assert (left, status) == ([], 0), said
+            status, run, output = bench(folder, left, device=ARMED, recording=RECORDING, viewer=VIEWER)
+            left = late_cases(run, output)
+    assert (left, status) == ([], 0), output
 
 
 @pytest.mark.timeout(LONGEST_S)
 def test_each_defect_fails_its_case(tmp_path: Path, defect: str) -> None:
     case, must = DEFECTS[defect]
     broken = f" --defect {defect}"
-    status, run, said = bench(tmp_path, [case], device=ARMED + broken, recording=RECORDING + broken, viewer=VIEWER)
+    status, run, output = bench(tmp_path, [case], device=ARMED + broken, recording=RECORDING + broken, viewer=VIEWER)
     failed = [check.text for check in run.cases[0].checks if check.verdict is Verdict.FAIL]
-    assert run.cases[0].verdict is Verdict.FAIL, said
+    assert run.cases[0].verdict is Verdict.FAIL, output
     assert any(text.startswith(must) for text in failed), failed
     assert status == 1
 
@@ -155,15 +155,15 @@ def test_a_sample_of_the_defects_that_were_caught_is_caught_again(tmp_path: Path
 def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> None:
     cases = ["state-lost", "killed", "link-blip", "recorder-disk-full", "viewer-stopped", "not-armed"]
     cases += ["trajectory-with-nan"]
-    _, run, said = bench(tmp_path, cases)
-    left = late_cases(run, said)
+    _, run, output = bench(tmp_path, cases)
+    left = late_cases(run, output)
     for attempt in range(1, ATTEMPTS):
         if left:
             again = tmp_path / str(attempt)
             again.mkdir()
-            _, repeated, said = bench(again, left)
-            left = late_cases(repeated, said)
-    assert left == [], said
+            _, repeated, output = bench(again, left)
+            left = late_cases(repeated, output)
+    assert left == [], output
     folder = tmp_path / "report"
     assert "<title>" in (folder / "index.html").read_text()
     assert (folder / "junit.xml").read_text().count("<testcase") == len(cases)
@@ -174,16 +174,16 @@ def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> Non
 
 @pytest.mark.timeout(LONGEST_S)
 def test_the_program_passes_with_another_vendors_vehicle_and_inapplicable_cases_are_listed(tmp_path: Path) -> None:
-    cases, left, said = ["state-lost", "gear-contradicts"], ["state-lost"], ""
+    cases, left, output = ["state-lost", "gear-contradicts"], ["state-lost"], ""
     for attempt in range(ATTEMPTS):
         if left:
             folder = tmp_path / str(attempt)
             folder.mkdir()
-            _, run, said = bench(folder, cases, profile="agilex_hunter")
+            _, run, output = bench(folder, cases, profile="agilex_hunter")
             driven, absent = run.cases
             assert (absent.verdict, "gear" in absent.why) == (Verdict.NOT_APPLICABLE, True)
-            left = late_cases(msgspec.structs.replace(run, cases=[driven]), said)
-    assert left == [], said
+            left = late_cases(msgspec.structs.replace(run, cases=[driven]), output)
+    assert left == [], output
 
 
 @pytest.mark.timeout(LONGEST_S)
@@ -199,13 +199,13 @@ def test_sigterm_in_a_case_ends_the_device_restores_the_link_and_writes_the_repo
             time.sleep(0.02)
         os.killpg(bench.pid, signal.SIGTERM)
         os.killpg(bench.pid, signal.SIGINT)
-        _, said = bench.communicate(timeout=60)
+        _, output = bench.communicate(timeout=60)
         is_up = _is_up()
     finally:
         bench.kill()
         subprocess.run(["ip", "link", "set", CHANNEL, "up"], check=True)
     run = result.read(tmp_path / "report" / "results.json")
-    assert "interrupted in case 1 of 2; links, clock, cables and disks are restored" in said
+    assert "interrupted in case 1 of 2; links, clock, cables and disks are restored" in output
     assert (run.verdict, [case.verdict for case in run.cases]) == (Verdict.NOT_EXECUTED, 2 * [Verdict.NOT_EXECUTED])
     assert "interrupted in case 1 of 2" in (tmp_path / "report" / "index.html").read_text()
     assert bench.returncode == 130
@@ -246,10 +246,10 @@ def test_with_a_real_vehicle_the_bench_only_listens(vcan0: None, tmp_path: Path)
         done = subprocess.run(
             [*command, "--real-vehicle", "--duration", "1"], capture_output=True, timeout=60, check=False, cwd=ROOT
         )
-        heard = receive_frames(ear)
+        received = receive_frames(ear)
     run = result.read(tmp_path / "report" / "results.json")
     assert [case.name for case in run.cases] == ["listen-only"]
-    assert (done.returncode, run.verdict, heard) == (3, Verdict.NOT_EXECUTED, [])
+    assert (done.returncode, run.verdict, received) == (3, Verdict.NOT_EXECUTED, [])
 
 
 def test_own_frames_in_flight_during_a_reopen_are_still_own(vcan0: None) -> None:  # noqa: ARG001
@@ -261,12 +261,12 @@ def test_own_frames_in_flight_during_a_reopen_are_still_own(vcan0: None) -> None
         with open_socket(CHANNEL) as other:
             assert send(other, frame)
             assert send(other, frame)
-        heard = list(own.drain())
+        received = list(own.drain())
     finally:
         own.close()
-    assert [one.is_ours for one in heard] == [True, False]
+    assert [one.is_ours for one in received] == [True, False]
 
 
 def _is_speaking() -> bool:
-    heard = subprocess.run(["candump", "-n", "1", "-T", "500", CHANNEL], capture_output=True, check=False)
-    return bool(heard.stdout)
+    received = subprocess.run(["candump", "-n", "1", "-T", "500", CHANNEL], capture_output=True, check=False)
+    return bool(received.stdout)

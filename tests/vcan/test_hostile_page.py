@@ -23,9 +23,9 @@ def test_attacks_floods_and_invalid_input_to_the_page_change_nothing_on_the_bus(
 ) -> None:
     connected = ("view", "--connect", programs.telemetry)
     viewer = programs.start(*connected, "--port", "0", "--token", TOKEN)
-    port = viewer.says(r"viewer: http://127\.0\.0\.1:(\d+)").group(1)
+    port = viewer.wait_for_line(r"viewer: http://127\.0\.0\.1:(\d+)").group(1)
     second = programs.start_python("-c", SECOND_VIEWERS, port, name="view")
-    assert second.ends() == 0
+    assert second.wait_for_end() == 0
     taken, remote = second.lines
     assert f"--port {port} on 127.0.0.1" in taken
     assert "--allow-remote and --token" in remote
@@ -34,7 +34,7 @@ def test_attacks_floods_and_invalid_input_to_the_page_change_nothing_on_the_bus(
     loop, moving = driven(programs, bus, "--trajectory-mailbox", str(posted))
 
     attacker = programs.start_python(str(VCAN / "hostile_client.py"), port, TOKEN, name="hostile")
-    assert attacker.ends(60.0) == 0
+    assert attacker.wait_for_end(60.0) == 0
     assert attacker.lines == ["another host name: 403", "a foreign Origin: 403", "no token: 401", "done"]
     attacked = bus.wait_samples(10)
     loop.kill()
@@ -43,14 +43,14 @@ def test_attacks_floods_and_invalid_input_to_the_page_change_nothing_on_the_bus(
     again = bus.now()
     assert breaches(bus.frames[:again]) == []
     again_ns = bus.frames[again - 1].stamp_ns
-    bus.is_strangers = lambda frame: frame.stamp_ns <= again_ns  # the next loop counts from 0
+    bus.is_foreign = lambda frame: frame.stamp_ns <= again_ns  # the next loop counts from 0
     loop = programs.run("--arm", "--trajectory", line_file(programs.folder))
     driving = wait_until_driven(bus, since=again)
     end = bus.wait_samples(50, since=driving)
     with urllib.request.urlopen(f"http://127.0.0.1:{port}/?token={TOKEN}", timeout=20.0) as page:
         assert page.status == 200
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     for record in (bus.record(moving, attacked), bus.record(driving, end)):
         assert decided(record) == ["NOMINAL"]
         assert record.faults() == []

@@ -39,7 +39,7 @@ class Doubtful(Vehicle):
         self._counters.update(dict.fromkeys(self._counters, ahead))
         self._counters.update(other._counters)
 
-    def _say(self, name: str, counter: int, **signals: float) -> None:
+    def _send_message(self, name: str, counter: int, **signals: float) -> None:
         if self.is_halved and name in SAMPLE and counter % 2:
             return
         if self.is_frozen and name in SAMPLE:
@@ -47,7 +47,7 @@ class Doubtful(Vehicle):
         if self.jumps > 0 and name == "POSE":
             self.jumps -= 1
             signals["POS_X"] += JUMP_M
-        super()._say(name, counter, **signals)
+        super()._send_message(name, counter, **signals)
 
 
 @pytest.fixture
@@ -80,8 +80,8 @@ def test_a_position_that_jumps_and_returns_is_dropped_and_driving_continues(
     bus.wait_samples(30, since=moving)
     doubtful.jumps = jumps
     record = bus.record(moving, bus.wait_samples(50))
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert jumped_ns(record)
     assert decided(record) == ["NOMINAL"]
     assert not [fault for fault in own_faults(record) if fault not in record.unanswered]
@@ -103,7 +103,7 @@ def test_a_permanent_position_jump_stops_then_silences_until_armed_at_the_new_po
     latched = bus.wait_samples(150, since=fault)
     assert bus.sent_by_controller(fault, latched) == []
     doubtful.make_ready()
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(bus, since=latched)
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
 
@@ -121,8 +121,8 @@ def test_frozen_values_with_running_counters_stop_a_moving_vehicle(
     assert stop.stamp_ns - frozen_ns(record) <= STOP_WITHIN_NS + SLACK_NS
     assert not record.counter_gaps
     assert bus.sent_by_controller(fault, bus.wait_samples(30, since=fault)) == []
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 4
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 4
     assert summary(programs)["implausible"]["frozen"] >= 3
 
 
@@ -134,8 +134,8 @@ def test_a_vehicle_that_sends_at_half_its_rate_is_driven_and_missing_samples_are
     record = bus.record(moving, bus.wait_samples(50, since=moving))
     assert decided(record) == ["NOMINAL"]
     assert not own_faults(record)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     found = summary(programs)
     assert min(found["lost"][name] for name in SAMPLE) >= 40
     assert found["drops"] == {}
@@ -150,7 +150,7 @@ def test_a_second_vehicle_on_the_bus_is_not_mistaken_for_the_first_and_the_drive
     second.faults.muted["VEHICLE_STATUS"] = status_frames_lost
     second.count_like(vehicle, ahead=2)
     second.start()
-    _, seen = bus.wait_until("the second vehicle", lambda told: told.name == "POSE" and told["POS_X"] >= FAR_M)
+    _, seen = bus.wait_until("the second vehicle", lambda decoded: decoded.name == "POSE" and decoded["POS_X"] >= FAR_M)
     record = bus.record(moving, bus.wait_samples(100))
     second.close()
     late = [pair for pair in record.pairs if pair.stamp_ns > seen.stamp_ns + STOP_WITHIN_NS + SLACK_NS]
@@ -204,8 +204,8 @@ def test_a_vehicle_that_leaves_its_path_or_its_heading_rolls_back_or_runs_away_i
     assert not own_faults(record)
     vehicle.driver_brake = True
     bus.wait_for("letting go", "DRIVE_COMMAND", ENABLE=0, REASON="DRIVER_OVERRIDE", since=end)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     found = summary(programs)
     assert found["deviations"][finding] >= 1
     assert not any(found["implausible"].values())
@@ -215,13 +215,13 @@ def test_a_vehicle_whose_path_begins_300_m_ahead_is_held_where_it_stands(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop = programs.run("--arm", "--trajectory", line_file(programs.folder, first_m=AHEAD_M))
-    loop.says(rf"deviation at point 0: off the path: distance_m = {AHEAD_M:.0f}, limit 3")
+    loop.wait_for_line(rf"deviation at point 0: off the path: distance_m = {AHEAD_M:.0f}, limit 3")
     index, _ = bus.wait_for("the vehicle is held", "DRIVE_COMMAND", REASON="DEVIATION", ENABLE=1, SAFE_STOP=1)
     record = bus.record(index, bus.wait_samples(150, since=index))
     assert decided(record) == ["DEVIATION"]
     assert all(pair.is_enabled and pair.is_stop for pair in record.pairs)
     assert not own_faults(record)
     assert vehicle.x_m == 0.0
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert summary(programs)["deviations"]["off the path"] >= 150

@@ -36,7 +36,7 @@ def sent(self, now_ns):
 Reports.__init__, Reports.send_due = made, sent
 sys.exit(main(sys.argv[1:]))
 """
-"""Lights with each command instead of ten times a second, and a stranger's identifier beside each."""
+"""Lights with each command instead of ten times a second, and a foreign identifier beside each."""
 WINDOW_NS, MOST_IN_WINDOW = 250 * MS, 4
 
 
@@ -44,19 +44,19 @@ WINDOW_NS, MOST_IN_WINDOW = 250 * MS, 4
 def test_unlisted_and_excess_frames_are_not_sent_and_nothing_else_changes(programs: Programs, bus: Observer) -> None:
     what = ["run", "--arm", "--channel", "vcan0", "--trajectory", line_file(programs.folder)]
     with open_socket(CHANNEL, can_ids=[0x7FF]) as ear:
-        told = ["--summary", str(programs.folder / "summary.json"), "--telemetry", programs.telemetry]
-        loop = programs.start_python("-c", WITH_FRAMES_TOO_MANY, *what, *told, name="run")
+        outputs = ["--summary", str(programs.folder / "summary.json"), "--telemetry", programs.telemetry]
+        loop = programs.start_python("-c", WITH_FRAMES_TOO_MANY, *what, *outputs, name="run")
         moving = wait_until_driven(bus)
         end = bus.wait_samples(150, since=moving)
         assert receive_frames(ear) == []
     record = bus.record(moving, end)
-    lights = [told.stamp_ns for told in record.of("BODY_COMMAND")]
+    lights = [decoded.stamp_ns for decoded in record.of("BODY_COMMAND")]
     assert decided(record) == ["NOMINAL"]
     assert not own_faults(record)
     assert len(lights) > 10
     assert all(b - a > WINDOW_NS - 20 * MS for a, b in zip(lights, lights[MOST_IN_WINDOW:], strict=False))
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     refused = summary(programs)["tx_blocked"]
     assert refused["not on the list"] > 100
     assert refused["too often"] > 100
@@ -73,7 +73,7 @@ def test_without_permission_for_real_time_it_drives_and_reports_the_remedy(progr
         *("--trajectory", line_file(programs.folder), "--telemetry", programs.telemetry),
         name="run",
     )
-    loop.says("rtprio")
+    loop.wait_for_line("rtprio")
     moving = wait_until_driven(bus)
     record = bus.record(moving, bus.wait_samples(60, since=moving))
     assert decided(record) == ["NOMINAL"]
@@ -92,13 +92,13 @@ def test_no_order_of_vehicle_modes_enables_driving_without_a_new_arming(
     for _ in range(40):
         vehicle.mode = chance.choice((MANUAL, READY, AUTONOMOUS, FAULT, EMERGENCY_STOP))
         end = bus.wait_samples(5)
-    said = {pair.drive["ENABLE"] for pair in bus.pairs(begin, end)}
-    assert said <= {0.0}
+    enabled = {pair.drive["ENABLE"] for pair in bus.pairs(begin, end)}
+    assert enabled <= {0.0}
     vehicle.watches = vehicle.engages = True
     vehicle.make_ready()
     quiet = bus.wait_samples(60)
     assert not any(pair.is_enabled for pair in bus.pairs(begin, quiet))
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     wait_until_driven(bus, since=quiet)
 
 
@@ -107,8 +107,8 @@ def test_a_possibly_real_bus_is_rejected_with_an_unreviewed_profile(
     programs: Programs, bus: Observer, where: tuple[str, ...]
 ) -> None:
     loop = programs.start("run", "--arm", *where, "--route", "circle", "--telemetry", programs.telemetry)
-    loop.says("is a real bus and reference is not reviewed")
-    assert loop.ends() == 2
+    loop.wait_for_line("is a real bus and reference is not reviewed")
+    assert loop.wait_for_end() == 2
     assert bus.sent_by_controller() == []
 
 
@@ -116,25 +116,29 @@ def test_a_stop_steers_along_the_path_while_the_state_is_good_and_straight_while
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     _, moving = driven(programs, bus, "--profile", tracking(programs.folder), "--route", "circle")
-    bus.wait_until("it turns", lambda told: told.name == "CHASSIS" and told["FRONT_WHEEL_ANGLE"] > 0.1, since=moving)
+    bus.wait_until(
+        "it turns", lambda decoded: decoded.name == "CHASSIS" and decoded["FRONT_WHEEL_ANGLE"] > 0.1, since=moving
+    )
     vehicle.pose_valid = False
     index, _ = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="STATE_INVALID", since=moving)
     bus.wait_until("straight wheels", is_straight, since=index)
     vehicle.pose_valid = True
     again = wait_until_driven(bus, since=bus.now())
-    bus.wait_until("it turns", lambda told: told.name == "CHASSIS" and told["FRONT_WHEEL_ANGLE"] > 0.1, since=again)
+    bus.wait_until(
+        "it turns", lambda decoded: decoded.name == "CHASSIS" and decoded["FRONT_WHEEL_ANGLE"] > 0.1, since=again
+    )
     loop = programs.started[-1]
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     stops = [pair for pair in bus.pairs(again) if pair.is_stop]
     moving_stops = stops[: len(stops) // 2]
     assert {pair.reason for pair in stops} == {"SHUTDOWN"}
     assert all(pair.steer["FRONT_WHEEL_ANGLE_REQUEST"] > 0.05 for pair in moving_stops)
 
 
-def is_straight(told: DecodedFrame) -> bool:
+def is_straight(decoded: DecodedFrame) -> bool:
     """Whether it asks for straight wheels."""
-    return told.name == "STEER_COMMAND" and told["FRONT_WHEEL_ANGLE_REQUEST"] == 0.0
+    return decoded.name == "STEER_COMMAND" and decoded["FRONT_WHEEL_ANGLE_REQUEST"] == 0.0
 
 
 def tracking(folder: Path) -> str:

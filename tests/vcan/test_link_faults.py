@@ -61,15 +61,15 @@ def recovers(bus: Observer, vehicle: Vehicle, loop: Program, since: int) -> None
     vehicle.make_ready()
     quiet = bus.wait_samples(80, since=fault)
     assert bus.sent_by_controller(since, quiet) == []
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(bus, since=quiet)
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
 
 
 def ended(programs: Programs, loop: Program) -> dict[str, Any]:
-    """The summary of a loop that is told to end, and does so well."""
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    """The summary of a loop that is asked to end, and does so without a fault."""
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     return summary(programs)
 
 
@@ -85,11 +85,11 @@ def test_a_link_loss_is_detected_at_once_even_if_the_link_returns_at_once(
     loop, moving = driven(programs, bus)
     _, first = bus.wait_for("the first command", "DRIVE_COMMAND", ENABLE=1)
     cut_ns = switch(False, True) if kind == "blip" else switch(False)
-    loop.says("link DOWN")
+    loop.wait_for_line("link DOWN")
     if kind == "down":
         time.sleep(0.5)
         switch(True)
-    loop.says("link RECOVERING")
+    loop.wait_for_line("link RECOVERING")
     cut = bus.wait_samples(5)
     assert not bus.record(moving, cut).violations
     recovers(bus, vehicle, loop, cut)
@@ -116,7 +116,7 @@ def test_a_recreated_interface_is_reopened_by_the_same_process_and_driven_when_a
     cut = bus.now()
     bus.reconnect()
     vehicle.reconnect()
-    loop.says("link RECOVERING")
+    loop.wait_for_line("link RECOVERING")
     assert not bus.record(moving, cut).violations
     recovers(bus, vehicle, loop, cut)
     found = ended(programs, loop)
@@ -132,11 +132,11 @@ def test_a_loop_without_its_interface_waits_and_exits_with_4_on_request(programs
     loop, _ = driven(programs, bus)
     delete()
     try:
-        loop.says("link GONE")
+        loop.wait_for_line("link GONE")
         time.sleep(0.5)
         assert loop.is_running
-        loop.tell(signal.SIGTERM)
-        assert loop.ends() == 4
+        loop.send_signal(signal.SIGTERM)
+        assert loop.wait_for_end() == 4
     finally:
         create()
     found = summary(programs)
@@ -150,8 +150,8 @@ def test_an_arming_while_the_interface_is_absent_does_not_count_when_it_returns(
     loop, _ = driven(programs, bus)
     delete()
     try:
-        loop.says("link GONE")
-        loop.tell(signal.SIGUSR1)
+        loop.wait_for_line("link GONE")
+        loop.send_signal(signal.SIGUSR1)
         time.sleep(0.3)
     finally:
         create()

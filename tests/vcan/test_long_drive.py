@@ -82,11 +82,11 @@ def test_a_drive_is_recorded_and_has_no_findings(drive: Drive) -> None:
 
 def rewritten(drive: Drive, frame: Frame, *, behind: int = 0, **signals: float) -> Frame:
     """An intact frame with another counter or content."""
-    told = drive.contract.intact(frame)
-    assert told is not None
-    counter = (told.counter - behind) % drive.contract.counters
-    content = {name: value for name, value in told.signals.items() if name != "COUNTER"} | signals
-    _, data = drive.contract.pack(told.name, counter, **content)
+    decoded = drive.contract.intact(frame)
+    assert decoded is not None
+    counter = (decoded.counter - behind) % drive.contract.counters
+    content = {name: value for name, value in decoded.signals.items() if name != "COUNTER"} | signals
+    _, data = drive.contract.pack(decoded.name, counter, **content)
     return Frame(frame.stamp_ns, frame.can_id, data, is_fd=frame.is_fd)
 
 
@@ -110,7 +110,7 @@ def accelerate_too_much(drive: Drive, frames: Frames, i: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("plant", "told"),
+    ("plant", "finding"),
     [
         (repeat_a_counter, "counter: {command}"),
         (spoil_a_checksum, "CRC: {command}"),
@@ -119,13 +119,13 @@ def accelerate_too_much(drive: Drive, frames: Frames, i: int) -> None:
     ],
 )
 def test_a_fault_planted_into_the_record_is_found(
-    drive: Drive, plant: Callable[[Drive, Frames, int], None], told: str
+    drive: Drive, plant: Callable[[Drive, Frames, int], None], finding: str
 ) -> None:
     frames, command = drive.frames, drive.contract.command[0]
     assert drive.judged(frames) == []
     can_id = drive.contract.messages[command][0]
     plant(drive, frames, [i for i, frame in enumerate(frames) if frame.can_id == can_id][PLACE])
-    assert any(told.format(command=command) in text for text in drive.judged(frames))
+    assert any(finding.format(command=command) in text for text in drive.judged(frames))
 
 
 def begun(programs: Programs, bus: Observer) -> tuple[Program, Path]:
@@ -139,8 +139,8 @@ def begun(programs: Programs, bus: Observer) -> tuple[Program, Path]:
 @pytest.mark.timeout(180)
 def test_ctrl_c_stops_the_vehicle_first_and_the_drive_is_not_counted(programs: Programs, bus: Observer) -> None:
     program, folder = begun(programs, bus)
-    program.tell(signal.SIGINT)
-    assert program.ends(60.0) == 130
+    program.send_signal(signal.SIGINT)
+    assert program.wait_for_end(60.0) == 130
     record = bus.record()
     assert not record.pairs[-1].is_enabled
     assert abs(record.samples[-1].speed_mps) < 0.06
@@ -154,7 +154,7 @@ def test_a_viewer_that_exits_ends_the_drive_in_order_and_is_named_in_the_verdict
 ) -> None:
     program, folder = begun(programs, bus)
     os.kill(child(program, "vehicle_iface_viewer"), signal.SIGKILL)
-    assert program.ends(60.0) == 1
+    assert program.wait_for_end(60.0) == 1
     record = bus.record()
     assert not record.pairs[-1].is_enabled
     wrong = json.loads((folder / "verdict.json").read_text())["wrong"]

@@ -46,7 +46,7 @@ def test_a_stop_is_commanded_while_samples_are_missing_and_driving_resumes_after
     assert all(lost_ns < pair.stamp_ns < back_ns + HELD_NS + SLACK_NS for pair in stale)
     assert stale[-1].stamp_ns >= back_ns + HELD_NS - SLACK_NS
     assert len(stale) >= (samples - 5) // 2  # each 10 ms from 50 ms on; half of them on a slow machine
-    assert all(told["MODE"] == AUTONOMOUS for told in record.of("VEHICLE_STATUS"))
+    assert all(decoded["MODE"] == AUTONOMOUS for decoded in record.of("VEHICLE_STATUS"))
     assert not own_faults(record)
 
 
@@ -67,7 +67,7 @@ def test_half_a_second_without_state_silences_the_loop_until_armed_again(
     vehicle.make_ready()
     armed = bus.wait_samples(80)
     assert bus.sent_by_controller(fault, armed) == []
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(bus, since=armed)
     end = bus.wait_samples(30, since=driving)
     assert not bus.record(driving, end).faults()
@@ -82,8 +82,8 @@ def test_a_frame_with_a_wrong_crc_is_dropped_and_counted_and_nothing_else_happen
         bus.wait_samples(25)
     vehicle.faults.crc["MOTION"] = 2
     end = bus.wait_samples(30)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     record = bus.record(moving, end)
     assert len(record.crc_errors) == 5
     assert decided(record) == ["NOMINAL"]
@@ -103,7 +103,7 @@ def test_four_wrong_crcs_in_a_row_cause_at_most_a_brief_stop(
     # 40 ms without a sample, or 10 ms more where the next one is late: then the stop is held for 0.2 s.
     assert len([pair for pair in record.pairs if pair.is_stop]) <= 25
     assert record.pairs[-1].reason == "NOMINAL"
-    assert all(told["MODE"] == AUTONOMOUS for told in record.of("VEHICLE_STATUS"))
+    assert all(decoded["MODE"] == AUTONOMOUS for decoded in record.of("VEHICLE_STATUS"))
     assert not own_faults(record)
 
 
@@ -129,8 +129,8 @@ def test_repeated_and_jumping_counters_are_dropped_and_lost_ones_are_only_counte
     bus.wait_samples(25)
     vehicle.faults.skipped = 2
     end = bus.wait_samples(25)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     record = bus.record(moving, end)
     assert decided(record) == ["NOMINAL"]
     assert not own_faults(record)
@@ -169,8 +169,8 @@ def test_frames_with_our_ids_and_a_wrong_kind_or_length_are_dropped_and_counted(
                 assert send(raw, Frame(0, can_id, data, is_fd=True))
             bus.wait_samples(5)
     end = bus.wait_samples(30)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     record = bus.record(moving, end)
     assert decided(record) == ["NOMINAL"]
     assert not own_faults(record)

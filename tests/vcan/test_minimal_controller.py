@@ -55,11 +55,13 @@ def test_it_drives_the_simulated_vehicle_forwards_and_backwards_without_findings
     bus.wait_for("the vehicle's first sample", "CHASSIS")
     controller = minimal(programs, "--route", way_file(programs.folder))
     begin = wait_until_driven(bus)
-    back, _ = bus.wait_until("reversing", lambda told: told.name == "MOTION" and told["SPEED"] <= -1.0, since=begin)
+    back, _ = bus.wait_until(
+        "reversing", lambda decoded: decoded.name == "MOTION" and decoded["SPEED"] <= -1.0, since=begin
+    )
     over, _ = bus.wait_for("the end of the route", "DRIVE_COMMAND", REASON="PAST_END_SPACE", since=back)
     end = bus.wait_samples(150, since=over)
-    controller.tell(signal.SIGTERM)
-    assert controller.ends() == 0
+    controller.send_signal(signal.SIGTERM)
+    assert controller.wait_for_end() == 0
     driven, record = bus.record(begin, over), bus.record()
     assert record.faults() == []
     assert decided(bus.record(begin)) == ["NOMINAL", "PAST_END_SPACE", "SHUTDOWN"]
@@ -84,7 +86,7 @@ def test_after_a_driver_override_only_the_operator_arms_again(
     assert reasons(after) == ["DRIVER_OVERRIDE"]
     assert not any(pair.is_enabled for pair in after)
     assert not own_faults(record)
-    controller.tell(signal.SIGUSR1)
+    controller.send_signal(signal.SIGUSR1)
     bus.wait_for("the vehicle engages", "VEHICLE_STATUS", MODE=AUTONOMOUS, since=end)
 
 
@@ -96,7 +98,7 @@ def test_every_defect_can_be_selected_by_name(programs: Programs, bus: Observer)
         for name in DEFECTS
     ]
     for program in started:
-        program.says(f"minimal controller on {programs.channel} {program.name}")
-        program.tell(signal.SIGTERM)
-    assert [program.ends() for program in started] == [0] * len(DEFECTS)
+        program.wait_for_line(f"minimal controller on {programs.channel} {program.name}")
+        program.send_signal(signal.SIGTERM)
+    assert [program.wait_for_end() for program in started] == [0] * len(DEFECTS)
     assert bus.sent_by_controller() == []

@@ -51,12 +51,12 @@ def test_after_a_pause_of_two_seconds_no_command_is_enabled_until_armed_again_an
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop, moving = driven(programs, bus)
-    loop.tell(signal.SIGSTOP)
+    loop.send_signal(signal.SIGSTOP)
     fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
     paused = bus.wait_samples(200, since=moving)
     assert bus.sent_by_controller(fault, paused) == []
     resumed = bus.now()
-    loop.tell(signal.SIGCONT)
+    loop.send_signal(signal.SIGCONT)
     end = bus.wait_samples(60, since=resumed)
     record = bus.record(resumed, end)
     assert not any(pair.is_enabled for pair in record.pairs)
@@ -64,11 +64,11 @@ def test_after_a_pause_of_two_seconds_no_command_is_enabled_until_armed_again_an
     vehicle.make_ready()
     ready = bus.wait_samples(80, since=end)
     assert not any(pair.is_enabled for pair in bus.record(end, ready).pairs)
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(bus, since=ready)
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert summary(programs)["counts"]["samples_expired"] > 100
 
 
@@ -78,19 +78,19 @@ def test_after_a_pause_of_five_seconds_without_a_watchdog_old_state_causes_only_
 ) -> None:
     vehicle.watches = False
     loop, _ = driven(programs, bus)
-    loop.tell(signal.SIGSTOP)
+    loop.send_signal(signal.SIGSTOP)
     paused = bus.now()
     bus.wait_samples(samples, since=paused)
     vehicle.mute(40)  # from 0.3 s before the pause ends until 0.1 s after it
     time.sleep(0.3)
     resumed = bus.now()
-    loop.tell(signal.SIGCONT)
+    loop.send_signal(signal.SIGCONT)
     back, _ = bus.wait_for("the vehicle's next sample", "CHASSIS", since=resumed)
     end = bus.wait_samples(60, since=back)
     record = bus.record(resumed, back)
     assert all(pair.is_stop or not pair.is_enabled for pair in record.pairs)
     assert rightly_sent(record)
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(bus, since=end)
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
 
@@ -99,7 +99,7 @@ def test_an_overflow_of_the_receive_queue_in_a_pause_is_counted_and_old_samples_
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     loop, moving = driven(programs, bus)
-    loop.tell(signal.SIGSTOP)
+    loop.send_signal(signal.SIGSTOP)
     bus.wait_samples(30)
     can_id, data = pack("MOTION", 0)
     with open_socket(CHANNEL, can_ids=()) as raw:
@@ -107,17 +107,17 @@ def test_an_overflow_of_the_receive_queue_in_a_pause_is_counted_and_old_samples_
             assert send(raw, Frame(0, can_id, data))
     fault, _ = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
     resumed = bus.wait_samples(50, since=fault)
-    loop.tell(signal.SIGCONT)
+    loop.send_signal(signal.SIGCONT)
     end = bus.wait_samples(60, since=resumed)
     record = bus.record(resumed, end)
     assert not any(pair.is_enabled and not pair.is_stop for pair in record.pairs)
     assert rightly_sent(record)
     vehicle.make_ready()
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(bus, since=end)
     assert not bus.record(driving, bus.wait_samples(30, since=driving)).faults()
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     found = summary(programs)
     assert found["bus_counters"]["receive_overflow"] > FLOOD // 4
 
@@ -131,8 +131,8 @@ def test_wall_clock_steps_of_an_hour_and_ten_seconds_are_counted_and_change_noth
         bus.wait_samples(30)
         time.clock_settime_ns(time.CLOCK_REALTIME, time.time_ns() + step_s * S)
     end = bus.wait_samples(30)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     frames = bus.frames[moving:end]
     jumps = [i for i in range(1, len(frames)) if abs(frames[i].stamp_ns - frames[i - 1].stamp_ns) > A_STEP_NS]
     assert len(jumps) == len(STEPS_S)

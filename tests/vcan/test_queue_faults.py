@@ -29,11 +29,11 @@ def test_a_stuck_queue_silences_the_loop_and_releases_at_most_one_old_pair_later
 ) -> None:
     loop, moving = driven(cable_programs, vehicle_end)
     cable.queue(LOOP_END, *CLOSED)
-    loop.says("SILENT .LINK_DOWN")
+    loop.wait_for_line("SILENT .LINK_DOWN")
     fault, _ = vehicle_end.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
     assert not own_faults(examine(whole_pairs(vehicle_end.frames[moving:fault])))
     far_vehicle.make_ready()
-    loop.tell(signal.SIGUSR1)  # in vain: the link is down
+    loop.send_signal(signal.SIGUSR1)  # in vain: the link is down
     vehicle_end.wait_samples(100)
     before = vehicle_end.now()
     if mend == "changed":
@@ -44,13 +44,13 @@ def test_a_stuck_queue_silences_the_loop_and_releases_at_most_one_old_pair_later
     late = vehicle_end.record(before, after)
     assert sum(pair.is_enabled for pair in late.pairs) <= 1
     assert len(late.pairs) <= (1 if mend == "changed" else 0)
-    assert not {AUTONOMOUS} & {told["MODE"] for told in late.of("VEHICLE_STATUS")}
-    loop.tell(signal.SIGUSR1)
+    assert not {AUTONOMOUS} & {decoded["MODE"] for decoded in late.of("VEHICLE_STATUS")}
+    loop.send_signal(signal.SIGUSR1)
     driving = wait_until_driven(vehicle_end, since=after)
     end = vehicle_end.wait_samples(30, since=driving)
     assert not vehicle_end.record(driving, end).faults()
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     found = summary(cable_programs)
     assert found["bus_counters"]["send_no_room"] > 0
     assert found["counts"]["link_losses"] >= 1
@@ -68,7 +68,7 @@ def test_a_slow_queue_gets_stops_with_unbroken_counters_and_driving_resumes_when
     standing, _ = vehicle_end.wait_until("the vehicle stands", is_standing, since=slow)
     record = vehicle_end.record(slow, standing)
     assert {pair.reason for pair in record.pairs} == {"LINK_DOWN"}
-    assert all(told["MODE"] == AUTONOMOUS for told in record.of("VEHICLE_STATUS"))
+    assert all(decoded["MODE"] == AUTONOMOUS for decoded in record.of("VEHICLE_STATUS"))
     assert [gap for gap in record.counter_gaps if gap.startswith(PAIR)] == []
     assert record.violations == []
     cable.queue(LOOP_END, *OPEN)
@@ -76,8 +76,8 @@ def test_a_slow_queue_gets_stops_with_unbroken_counters_and_driving_resumes_when
     end = vehicle_end.wait_samples(30, since=driving)
     assert decided(vehicle_end.record(driving, end)) == ["NOMINAL"]
     assert not vehicle_end.record(driving, end).faults()
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     found = summary(cable_programs)
     assert found["bus_counters"]["send_no_room"] > 10
     assert found["counts"]["link_losses"] == 0

@@ -36,11 +36,11 @@ def recorded_file(folder: Path) -> str:
 @pytest.mark.usefixtures("vehicle")
 def test_a_recorded_file_with_backward_steps_is_cleaned_and_driven(programs: Programs, bus: Observer) -> None:
     loop, moving = driven(programs, bus, "--trajectory", recorded_file(programs.folder))
-    loop.says(r"recorded\.csv: 31 of 629 points left out and 1 moved .* the first is point 1, line 3")
-    is_far = lambda told: told.name == "CONTROLLER_STATUS" and told["REF_SPATIAL_INDEX"] > FAR  # noqa: E731
+    loop.wait_for_line(r"recorded\.csv: 31 of 629 points left out and 1 moved .* the first is point 1, line 3")
+    is_far = lambda decoded: decoded.name == "CONTROLLER_STATUS" and decoded["REF_SPATIAL_INDEX"] > FAR  # noqa: E731
     far, _ = bus.wait_until("the index behind the steps back", is_far, since=moving)
     record = bus.record(moving, bus.wait_samples(10, since=far))
     assert decided(record) == ["NOMINAL"]
     assert not own_faults(record)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0

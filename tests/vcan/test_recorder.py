@@ -65,7 +65,7 @@ def numbers(folder: Path) -> list[int]:
     return [int(line.rpartition(",")[2]) for line in (folder / "snapshots.csv").read_text().splitlines()[1:]]
 
 
-def told(memory: Path) -> int:
+def count_published(memory: Path) -> int:
     """How many snapshots the loop has published."""
     with TelemetryReader(str(memory / "telemetry")) as reader:
         reader.poll()
@@ -82,8 +82,8 @@ def recorder_of(loop: Program) -> int:
 
 def ended(programs: Programs, loop: Program) -> dict[str, Any]:
     """The loop's summary, after an end in order."""
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     return summary(programs)
 
 
@@ -113,7 +113,7 @@ def test_every_frame_on_the_bus_is_in_the_log_and_can_utils_reads_it(
     assert lines[first : first + len(seen)] == seen
     assert found["written"]["frames"] == len(lines)
     assert set(found["lost"].values()) == {0}
-    assert numbers(folder) == list(range(1, told(memory) + 1))
+    assert numbers(folder) == list(range(1, count_published(memory) + 1))
     asc = subprocess.run(
         ["log2asc", "-I", str(folder / "frames.log"), CHANNEL], capture_output=True, text=True, check=True
     )
@@ -127,19 +127,23 @@ def test_a_full_disk_ends_only_the_recording(
     folder = disk("size=400k") / "drive"
     loop, _ = recorded(programs, bus, memory, folder)
     begin = bus.now()
-    loop.says(r"recorder: \S+: (No space left on device|no room for all of it); new lines are lost and counted")
+    loop.wait_for_line(
+        r"recorder: \S+: (No space left on device|no room for all of it); new lines are lost and counted"
+    )
     assert_driven_as_ever(bus, begin, bus.wait_samples(150))
     found = ended(programs, loop)
     lost = found["recorder"]["lost"]
     assert lost["frames"] > 500
     assert lost["snapshots"] > 100
-    assert loop.says(r"  recorder +\S+: .* written, .* LOST")
+    assert loop.wait_for_line(r"  recorder +\S+: .* written, .* LOST")
     assert report(folder)["lost"] == lost
     for name in ("frames", "snapshots", "trajectories", "counters"):
         (file,) = folder.glob(f"{name}.*")
         assert file.read_bytes()[-1:] in (b"\n", b"")
     assert found["recorder"]["written"]["frames"] == len((folder / "frames.log").read_text().splitlines())
-    assert len(numbers(folder)) == found["recorder"]["written"]["snapshots"] == told(memory) - lost["snapshots"]
+    assert (
+        len(numbers(folder)) == found["recorder"]["written"]["snapshots"] == count_published(memory) - lost["snapshots"]
+    )
 
 
 @pytest.mark.usefixtures("vehicle")
@@ -156,7 +160,7 @@ def test_a_full_disk_at_the_start_is_rejected_before_driving(
     place = disk(options)
     begin = bus.now()
     loop = programs.run("--arm", "--route", "figure8", "--record", str(place / "drive"))
-    assert loop.ends() == BAD_USAGE
+    assert loop.wait_for_end() == BAD_USAGE
     assert re.fullmatch(rf"vehicle-iface: --record {place}/drive: cannot be written: {complaint}.*", loop.text)
     assert bus.sent_by_controller(begin) == []
     assert not list(place.glob("drive/*"))
@@ -173,9 +177,9 @@ def test_a_paused_recorder_loses_the_frames_of_the_pause_and_a_killed_one_all_la
     os.kill(pid, signal.SIGSTOP)
     time.sleep(TOO_LONG_S)
     os.kill(pid, signal.SIGCONT)
-    said = loop.says(r"recorder: too slow: ([\d,]+) frames, ([\d,]+) snapshots, ([\d,]+) trajectories lost")
+    match = loop.wait_for_line(r"recorder: too slow: ([\d,]+) frames, ([\d,]+) snapshots, ([\d,]+) trajectories lost")
     lost = report(folder)["lost"]
-    assert [int(count.replace(",", "")) for count in said.groups()] == [
+    assert [int(count.replace(",", "")) for count in match.groups()] == [
         lost["frames"],
         lost["snapshots"],
         lost["trajectories"],
@@ -183,7 +187,7 @@ def test_a_paused_recorder_loses_the_frames_of_the_pause_and_a_killed_one_all_la
     assert lost["snapshots"] > 50
     assert lost["frames"] > 1000
     os.kill(pid, signal.SIGKILL)
-    loop.says("the recorder exited")
+    loop.wait_for_line("the recorder exited")
     assert_driven_as_ever(bus, begin, bus.wait_samples(50))
     found = ended(programs, loop)["recorder"]
     assert "later data is LOST" in found["text"]

@@ -23,7 +23,7 @@ DBC: dict[str, tuple[str, str, str]] = {
     "garbage": ("BO_ 272 POSE:", "%%PDF-1.7", "POSE"),
     "another encoding": ("BO_ 256 VEHICLE_STATUS", "BO_ 256 VEHICLE_STATUS\udcff", "reference.dbc"),
 }
-"""What is replaced by what (`\\0`: cut off there), and what is said."""
+"""What is replaced by what (`\\0`: cut off there), and the complaint."""
 PROFILE: dict[str, tuple[str, str, str]] = {
     "no number": ("speed_max_mps = 20.0", "speed_max_mps = nan", "$.limits.speed_max_mps"),
     "a misspelt key": ("wheelbase_m = 2.7", "wheelbas_m = 2.7", "wheelbas_m"),
@@ -54,7 +54,7 @@ CSV: dict[str, tuple[str, str]] = {
         "the path turns by 0.7071 rad/m at point 8: must be at most 0.2534 rad/m at 1 m/s",
     ),
 }
-"""What is in the file, and what is said."""
+"""What is in the file, and the complaint."""
 
 
 def damaged(folder: Path, old: str, new: str, name: str) -> list[str]:
@@ -74,12 +74,12 @@ def cases(tmp_path: Path) -> dict[str, tuple[list[str], str]]:
     """Arguments of the loop, and what it must say."""
     found: dict[str, tuple[list[str], str]] = {}
     for name, faults in (("reference.dbc", DBC), ("reference.toml", PROFILE)):
-        for what, (old, new, said) in faults.items():
-            found[f"{name}: {what}"] = damaged(tmp_path / f"{name} {what}", old, new, name), said
-    for what, (content, said) in CSV.items():
+        for what, (old, new, expected) in faults.items():
+            found[f"{name}: {what}"] = damaged(tmp_path / f"{name} {what}", old, new, name), expected
+    for what, (content, expected) in CSV.items():
         path = tmp_path / f"{what}.csv"
         path.write_text(content, encoding="utf-8")
-        found[f"CSV: {what}"] = ["--trajectory", str(path)], said
+        found[f"CSV: {what}"] = ["--trajectory", str(path)], expected
     found["a controller that is none"] = ["--route", "line", "--controller", "none.py:None"], "no such file none.py"
     return found
 
@@ -91,10 +91,10 @@ def test_bad_databases_profiles_and_trajectories_are_rejected_by_name_before_the
     usual = ["run", "--arm", "--duration", "1", "--telemetry", telemetry]
     file.write_text(json.dumps([[*usual, *arguments] for arguments, _ in cases.values()]), encoding="utf-8")
     loop = programs.start_python(STARTS, str(file), name="run")
-    assert loop.ends(60.0) == 0
+    assert loop.wait_for_end(60.0) == 0
     *complaints, rest = "\n".join(loop.lines).split(f"status {BAD_USAGE}")
     assert not rest
-    for (what, (_, said)), complaint in zip(cases.items(), complaints, strict=True):
-        assert said in complaint, (what, complaint)
+    for (what, (_, expected)), complaint in zip(cases.items(), complaints, strict=True):
+        assert expected in complaint, (what, complaint)
     assert bus.sent_by_controller() == []
     assert vehicle.mode == READY

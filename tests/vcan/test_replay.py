@@ -1,6 +1,6 @@
 """An old log that is played back where no vehicle is. Its frames are as intact and in sequence as they once were.
 
-End-to-end protection has no time stamp: the log of a vehicle alone, at its own pace, cannot be told from a vehicle.
+End-to-end protection has no time stamp: at its own pace the log of a vehicle alone is the same as a vehicle.
 What is promised is that it is obeyed no longer than it lasts and then not again without a new arming, that the log of
 a vehicle that is being driven is never taken over, and that the log of a whole bus betrays itself by its commands.
 """
@@ -38,21 +38,21 @@ def log(vcan0: None, tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:  
 
 
 def of_vehicle(log: list[Frame]) -> list[Frame]:
-    """What the vehicle alone has said."""
+    """The frames of the vehicle alone."""
     return [frame for frame in log if frame.can_id not in CONTROLLER_IDS]
 
 
 def of_driven(log: list[Frame]) -> list[Frame]:
-    """What the vehicle has said from the first time that it said AUTONOMOUS."""
+    """The vehicle's frames from its first AUTONOMOUS on."""
     record = examine(log)
-    begin_ns = next(told.stamp_ns for told in record.of("VEHICLE_STATUS") if told["MODE"] == AUTONOMOUS)
+    begin_ns = next(decoded.stamp_ns for decoded in record.of("VEHICLE_STATUS") if decoded["MODE"] == AUTONOMOUS)
     return [frame for frame in of_vehicle(log) if frame.stamp_ns >= begin_ns]
 
 
 def armed(programs: Programs) -> Program:
     """A loop that would drive if there were a vehicle."""
     loop = programs.run("--arm", "--trajectory", line_file(programs.folder))
-    loop.says("armed")
+    loop.wait_for_line("armed")
     return loop
 
 
@@ -67,9 +67,9 @@ def test_the_log_of_a_whole_bus_silences_the_loop_at_the_first_command_in_it(
     programs: Programs, bus: Observer, log: list[Frame]
 ) -> None:
     loop = armed(programs)
-    assert play(programs, log).ends() == 0
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 4
+    assert play(programs, log).wait_for_end() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 4
     found = summary(programs)
     commands = [i for i, frame in enumerate(log) if frame.can_id in CONTROLLER_IDS]
     assert found["latched_fault"] == "DUPLICATE_COMMANDER"
@@ -79,15 +79,15 @@ def test_the_log_of_a_whole_bus_silences_the_loop_at_the_first_command_in_it(
     begin = played[commands[0]]
     assert len(bus.sent_by_controller(begin)) - len(commands) <= len(PAIR)
     before_ns = bus.frames[played[commands[0] - 1]].stamp_ns  # the last that was played before a command was
-    bus.is_strangers = lambda frame: frame.stamp_ns > before_ns
+    bus.is_foreign = lambda frame: frame.stamp_ns > before_ns
 
 
 def test_a_replayed_vehicle_log_is_followed_only_once_and_only_until_its_end(
     programs: Programs, bus: Observer, log: list[Frame]
 ) -> None:
     loop = armed(programs)
-    assert play(programs, of_vehicle(log)).ends() == 0
-    loop.says("SILENT .STATE_STALE")
+    assert play(programs, of_vehicle(log)).wait_for_end() == 0
+    loop.wait_for_line("SILENT .STATE_STALE")
     quiet = bus.now()
     record = bus.record()
     last_ns = record.samples[-1].stamp_ns
@@ -96,19 +96,19 @@ def test_a_replayed_vehicle_log_is_followed_only_once_and_only_until_its_end(
     assert last_ns < stops[0].stamp_ns <= last_ns + STOP_WITHIN_NS + SLACK_NS
     assert record.pairs[-1].stamp_ns <= last_ns + SILENT_WITHIN_NS + SLACK_NS
     assert not own_faults(record)
-    assert play(programs, of_vehicle(log)).ends() == 0
+    assert play(programs, of_vehicle(log)).wait_for_end() == 0
     assert bus.sent_by_controller(quiet) == []
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 4
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 4
 
 
 def test_a_replayed_log_of_a_driven_vehicle_is_never_engaged(
     programs: Programs, bus: Observer, log: list[Frame]
 ) -> None:
     loop = armed(programs)
-    assert play(programs, of_driven(log), times=3).ends() == 0
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    assert play(programs, of_driven(log), times=3).wait_for_end() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     record = bus.record()
     assert not any(pair.is_enabled for pair in record.pairs)
     assert {pair.reason for pair in record.pairs} <= {"NOT_ENGAGED", "SHUTDOWN"}

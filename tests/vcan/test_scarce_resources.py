@@ -46,16 +46,16 @@ def test_one_late_pass_is_counted_and_only_fresh_samples_get_a_command_after_it(
     loop, moving = driven(programs, bus)
     bus.wait_samples(30, since=moving)
     begin_s = time.monotonic()
-    loop.tell(signal.SIGSTOP)
+    loop.send_signal(signal.SIGSTOP)
     time.sleep(late_s)
     resumed = bus.now()
-    loop.tell(signal.SIGCONT)
+    loop.send_signal(signal.SIGCONT)
     paused_s = time.monotonic() - begin_s  # a busy machine makes it longer
     record = bus.record(resumed, bus.wait_samples(30, since=resumed))
     assert set(decided(record)) <= {"NOMINAL"}
     assert not record.violations
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     found = summary(programs)["counts"]
     assert found["deadline_misses"] >= 2
     if late_s > 0.05:
@@ -73,8 +73,8 @@ def test_the_loop_drives_with_more_than_1024_open_descriptors(programs: Programs
     record = bus.record(moving, bus.wait_samples(50, since=moving))
     assert decided(record) == ["NOMINAL"]
     assert not own_faults(record)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert summary(programs)["counts"]["link_losses"] == 0
 
 
@@ -95,18 +95,18 @@ def test_without_more_memory_the_loop_drives_on_and_rejects_trajectories_that_do
     held = dict(re.findall(r"(\w+):\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text()))
     for limit, name in ((resource.RLIMIT_AS, "VmSize"), (resource.RLIMIT_DATA, "VmData")):
         resource.prlimit(pid, limit, (int(held[name]) * 1024,) * 2)
-    assert programs.start_python(POSTER, file, "long", name="poster").ends() == 0
-    loop.says("no memory|Unable to allocate|MemoryError")
+    assert programs.start_python(POSTER, file, "long", name="poster").wait_for_end() == 0
+    loop.wait_for_line("no memory|Unable to allocate|MemoryError")
     refused = bus.wait_samples(10)
-    assert programs.start_python(POSTER, file, "line", "300", "90", "10", name="poster").ends() == 0
+    assert programs.start_python(POSTER, file, "line", "300", "90", "10", name="poster").wait_for_end() == 0
     record = bus.record(refused, bus.wait_samples(10))
     assert decided(record) == ["NOMINAL"]
     assert not own_faults(record)
     record = bus.record(moving, refused)
     assert set(decided(record)) <= {"NOMINAL", "STATE_STALE"}  # on a slow machine it takes long to be refused memory
-    assert all(told["MODE"] == AUTONOMOUS for told in record.of("VEHICLE_STATUS"))
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    assert all(decoded["MODE"] == AUTONOMOUS for decoded in record.of("VEHICLE_STATUS"))
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert summary(programs)["counts"]["trajectories"] >= 5
 
 
@@ -114,7 +114,7 @@ def test_without_more_memory_the_loop_drives_on_and_rejects_trajectories_that_do
 def test_too_little_memory_at_the_start_ends_the_loop_before_its_first_frame(programs: Programs, bus: Observer) -> None:
     what = ["run", "--arm", "--trajectory", line_file(programs.folder)]
     loop = programs.start_python("-c", WITH_LITTLE_MEMORY, *what, name="run")
-    assert loop.ends() != 0
+    assert loop.wait_for_end() != 0
     assert re.search("memory|allocate|failed to map|new thread", loop.text, re.IGNORECASE)
     assert bus.sent_by_controller() == []
 
@@ -124,18 +124,18 @@ def test_a_stopped_viewer_and_pages_that_never_read_change_nothing_on_the_bus(
     programs: Programs, bus: Observer
 ) -> None:
     viewer = programs.start("view", "--connect", programs.telemetry, "--port", "0")
-    host, port = viewer.says(r"viewer: http://([\d.]+):(\d+)").groups()
+    host, port = viewer.wait_for_line(r"viewer: http://([\d.]+):(\d+)").groups()
     loop, moving = driven(programs, bus)
     with ExitStack() as pages:
         for _ in range(LATE_PAGES):
             page = pages.enter_context(socket.create_connection((host, int(port))))
             page.sendall(f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
         bus.wait_samples(50)
-        viewer.tell(signal.SIGSTOP)
+        viewer.send_signal(signal.SIGSTOP)
         end = bus.wait_samples(100)
     record = bus.record(moving, end)
     assert decided(record) == ["NOMINAL"]
     assert record.faults() == []
     assert viewer.is_running
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0

@@ -65,7 +65,7 @@ class WrongSensors(Vehicle):
         self.too_fast_s = self.too_fast_s + dt_s if is_too_fast else 0.0
         self.longest_too_fast_s = max(self.longest_too_fast_s, self.too_fast_s)
 
-    def _say(self, name: str, counter: int, **signals: float) -> None:
+    def _send_message(self, name: str, counter: int, **signals: float) -> None:
         for signal_name, change in list(self.wrong.items()):
             if signal_name in signals:
                 signals[signal_name] = change(signals[signal_name])
@@ -74,8 +74,8 @@ class WrongSensors(Vehicle):
             return
         held, self._held = self._held, []
         for earlier in held:
-            super()._say(earlier[0], earlier[1], **earlier[2])
-        super()._say(name, counter, **signals)
+            super()._send_message(earlier[0], earlier[1], **earlier[2])
+        super()._send_message(name, counter, **signals)
 
 
 @pytest.fixture
@@ -116,7 +116,7 @@ def test_a_wrong_sensor_stops_the_vehicle_before_it_is_too_fast_or_off_its_path(
     loop = programs.run("--arm", "--trajectory", path)
     engaged, _ = bus.wait_for("the vehicle engages", "VEHICLE_STATUS", MODE=AUTONOMOUS)
     if not from_start:
-        bus.wait_until("it moves", lambda told: told.name == "MOTION" and told["SPEED"] > 2.0, since=engaged)
+        bus.wait_until("it moves", lambda decoded: decoded.name == "MOTION" and decoded["SPEED"] > 2.0, since=engaged)
         sensors.wrong[field] = make()
     stop, _ = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="STATE_INVALID", SAFE_STOP=1, ENABLE=1, since=engaged)
     deadline_s = time.monotonic() + WATCH_S
@@ -128,8 +128,8 @@ def test_a_wrong_sensor_stops_the_vehicle_before_it_is_too_fast_or_off_its_path(
     assert sensors.farthest_m <= LATERAL_STOP_M
     pairs = bus.pairs(stop, rested)
     assert not [pair for pair in pairs if pair.is_enabled and not pair.is_stop]
-    loop.tell(signal.SIGINT)
-    assert loop.ends() == 4
+    loop.send_signal(signal.SIGINT)
+    assert loop.wait_for_end() == 4
     found = summary(programs)
     assert found["latched_fault"] in ("STATE_INVALID", "STATE_STALE")
     assert sum(found["disagreements"].values()) + sum(found["implausible"].values()) >= 1
@@ -149,14 +149,14 @@ def test_an_intermittent_input_brakes_as_hard_as_a_missing_one(
     reason, flap = FLAPS[name]
     driven(programs, bus)
     bus.wait_samples(50)
-    speak = sensors._speak
+    send_state = sensors._send_state
     begin = bus.now()
 
     def flapping(tick: int) -> None:
         flap(sensors, tick)
-        speak(tick)
+        send_state(tick)
 
-    monkeypatch.setattr(sensors, "_speak", flapping)
+    monkeypatch.setattr(sensors, "_send_state", flapping)
     stop, _ = bus.wait_for("a stop", "DRIVE_COMMAND", REASON=reason, SAFE_STOP=1, since=begin)
     rest, _ = bus.wait_until("standstill", is_standing, since=stop)
     pairs = bus.pairs(stop, rest)
@@ -175,11 +175,11 @@ def test_a_pose_that_is_repeatedly_invalid_latches_the_stop_until_armed_again(
         stop = bus.wait_samples(5)
         sensors.pose_valid = True
         last = bus.wait_samples(100)
-    loop.says("the stop is latched")
+    loop.wait_for_line("the stop is latched")
     bus.wait_until("standstill", is_standing, since=stop)
     held = bus.wait_samples(200)
     assert all(pair.is_stop and pair.is_enabled for pair in bus.pairs(last, held))
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     bus.wait_for("driving on", "DRIVE_COMMAND", REASON="NOMINAL", SAFE_STOP=0, since=held)
 
 
@@ -190,12 +190,12 @@ def test_a_gear_in_which_the_vehicle_cannot_be_driven_stops_it(
     loop, moving = driven(programs, bus)
     sensors.wrong["GEAR"] = lambda _: float(gear)
     begin = bus.now()
-    _, told = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="STATE_INVALID", SAFE_STOP=1, ENABLE=1, since=begin)
+    _, decoded = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="STATE_INVALID", SAFE_STOP=1, ENABLE=1, since=begin)
     wrong = next(status for status in bus.record(moving, bus.now()).of("VEHICLE_STATUS") if status["GEAR"] == gear)
-    assert told.stamp_ns - wrong.stamp_ns <= 230 * MS + SLACK_NS
+    assert decoded.stamp_ns - wrong.stamp_ns <= 230 * MS + SLACK_NS
     bus.wait_until("standstill", is_standing, since=begin)
-    loop.tell(signal.SIGINT)
-    assert loop.ends() == 4
+    loop.send_signal(signal.SIGINT)
+    assert loop.wait_for_end() == 4
     assert summary(programs)["disagreements"]["gear and motion disagree"] == 1
 
 
@@ -223,7 +223,7 @@ def test_a_flood_of_requests_to_arm_is_logged_once_a_second_and_delays_no_comman
     loop, _ = driven(programs, bus)
     begin, begin_s = bus.now(), time.monotonic()
     while time.monotonic() - begin_s < 2.0:
-        loop.tell(signal.SIGUSR1)
+        loop.send_signal(signal.SIGUSR1)
         time.sleep(0.001)
     record = bus.record(begin, bus.wait_samples(10))
     assert len([line for line in loop.lines if "not armed: it drives" in line]) <= 4
@@ -242,11 +242,11 @@ def test_a_vehicle_with_an_unconfirmed_speed_is_driven_slowly(
     profile.write_text(text)
     path.write_text("# frame_id: odom\n" + path.read_text())
     fast = programs.run("--arm", "--profile", str(profile), "--trajectory", str(path))
-    fast.says(r"speed_mps\[0\] = 5: must be in \[-3\.0, 3\.0\]")
-    assert fast.ends() == 2
+    fast.wait_for_line(r"speed_mps\[0\] = 5: must be in \[-3\.0, 3\.0\]")
+    assert fast.wait_for_end() == 2
     path.write_text(path.read_text().replace(",0,0,5.0", ",0,0,3.0"))
     loop, _ = driven(programs, bus, "--profile", str(profile), "--trajectory", str(path))
     bus.wait_samples(300)
     assert 2.5 <= sensors.fastest_mps <= 3.1
-    loop.tell(signal.SIGINT)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGINT)
+    assert loop.wait_for_end() == 0

@@ -21,7 +21,7 @@ def shadowed(programs: Programs, bus: Observer, route: str) -> dict[str, Any]:
     """What a shadow that would drive a route finds about the armed loop."""
     address, path = f"shadow-{os.getpid()}", programs.folder / f"{route}.json"
     shadow = programs.start("run", "--shadow", "--route", route, "--telemetry", address, "--summary", str(path))
-    shadow.says("shadow: ")
+    shadow.wait_for_line("shadow: ")
     bus.wait_samples(SAMPLES)
     with TelemetryReader(address) as reader:
         reader.poll()
@@ -29,8 +29,8 @@ def shadowed(programs: Programs, bus: Observer, route: str) -> dict[str, Any]:
         assert details is not None
         assert details.shadow is not UNSET
         assert details.shadow.compared > 0
-    shadow.tell(signal.SIGTERM)
-    assert shadow.ends() == 0
+    shadow.send_signal(signal.SIGTERM)
+    assert shadow.wait_for_end() == 0
     assert "difference: accel" in shadow.text
     content = json.loads(path.read_text())
     assert content["counts"]["frames_sent"] == 0
@@ -51,8 +51,8 @@ def test_a_shadow_agrees_with_the_armed_loop_on_the_same_route_and_not_on_anothe
     moving = wait_until_driven(bus)
     same, other = (shadowed(programs, bus, route) for route in (ARMED, "circle"))
     assert own_faults(bus.record(moving, bus.now())) == []
-    armed.tell(signal.SIGTERM)
-    assert armed.ends() == 0
+    armed.send_signal(signal.SIGTERM)
+    assert armed.wait_for_end() == 0
     assert summary(programs)["counts"]["foreign_commands"] == 0
     assert same["accel_mps2"]["p50"] < 0.02
     assert same["front_wheel_angle_rad"]["p95"] < 0.01

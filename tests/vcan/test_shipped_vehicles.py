@@ -131,9 +131,9 @@ class Watched:
         for index in range(since, len(self.frames)):
             frame = self.frames[index]
             if (frame.can_id, frame.is_extended) == (message.frame_id, message.is_extended_frame):
-                told = message.decode(frame.data, decode_choices=False)
-                assert isinstance(told, dict)
-                yield index + 1, float(str(told[signal_name]))
+                decoded = message.decode(frame.data, decode_choices=False)
+                assert isinstance(decoded, dict)
+                yield index + 1, float(str(decoded[signal_name]))
 
     def wait_for(
         self,
@@ -186,7 +186,7 @@ class Driven:
         halts = sum("HALTED (" in line for line in self.loop.lines)
         if self.vehicle.stop_latches and halts > self.halts:
             self.halts = halts
-            self.loop.tell(signal.SIGUSR1)
+            self.loop.send_signal(signal.SIGUSR1)
 
     def stops(self, since: int) -> int:
         """No command drives any more."""
@@ -235,7 +235,7 @@ def test_a_shipped_vehicle_drives_and_is_stopped_or_released_for_each_cause(
     assert loop.is_running
 
     driven.say(f"mute {vehicle.sample} on")
-    loop.says("reason: STATE_STALE")
+    loop.wait_for_line("reason: STATE_STALE")
     now = driven.stops(now)
     driven.say(f"mute {vehicle.sample} off")
     now = driven.drives(now)
@@ -247,17 +247,17 @@ def test_a_shipped_vehicle_drives_and_is_stopped_or_released_for_each_cause(
 
     driven.say("brake 1")
     now = driven.is_released(now)
-    loop.says(r"OVERRIDDEN \(DRIVER_OVERRIDE\)|OVERRIDDEN \(VEHICLE_NOT_AUTONOMOUS\)")
+    loop.wait_for_line(r"OVERRIDDEN \(DRIVER_OVERRIDE\)|OVERRIDDEN \(VEHICLE_NOT_AUTONOMOUS\)")
     driven.say("brake 0")
     driven.say("ready")
     now = driven.stays_released(now)
-    loop.tell(signal.SIGUSR1)
+    loop.send_signal(signal.SIGUSR1)
     now = driven.drives(now)
 
     driven.say("fault 1")
     now = driven.is_released(now)
-    loop.says(r"FAULT \(VEHICLE_FAULT\)")
+    loop.wait_for_line(r"FAULT \(VEHICLE_FAULT\)")
     driven.stays_released(now)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == LATCHED_FAULT
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == LATCHED_FAULT
     assert not vehicle.protected or f"bad CRC {vehicle.protected}" in loop.text

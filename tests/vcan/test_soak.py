@@ -16,7 +16,7 @@ def test_a_drive_with_a_bad_cable_and_two_link_losses_has_no_findings(programs: 
     path = programs.folder / "soak.json"
     timing = ["--duration", "37", "--flap-every", "13"]  # the last flap well before the last ten seconds
     soak = programs.start_python(*SOAK, *timing, "--json", str(path), name="soak")
-    assert soak.ends(120.0) == 0, soak.text
+    assert soak.wait_for_end(120.0) == 0, soak.text
     found = json.loads(path.read_text())
     assert found["wrong"] == []
     assert found["flaps"] == FLAPS
@@ -32,7 +32,7 @@ def test_a_drive_with_a_bad_cable_and_two_link_losses_has_no_findings(programs: 
 
 def test_an_interrupted_soak_stops_the_vehicle_and_does_not_pass(programs: Programs) -> None:
     soak = programs.start_python(*SOAK, "--duration", "600", name="soak")
-    soak.says("soaking circle for 600 s: loss 1%")
-    soak.tell(signal.SIGINT)
-    assert soak.ends(60.0) == 130
+    soak.wait_for_line("soaking circle for 600 s: loss 1%")
+    soak.send_signal(signal.SIGINT)
+    assert soak.wait_for_end(60.0) == 130
     assert "interrupted: this soak proves nothing" in soak.text

@@ -1,4 +1,4 @@
-"""Whoever says that the machine stood still says so when it did."""
+"""Both witnesses of a machine that stood still report it when it did."""
 
 import ctypes
 import signal
@@ -18,12 +18,12 @@ def test_the_witness_reports_how_long_it_could_not_run_and_cannot_be_preempted()
         end_s = time.monotonic() + 0.3
         while time.monotonic() < end_s:
             pass  # a process that wants all of the processor is no standstill
-        busy = witness.news()
-        witness.tell(signal.SIGSTOP)
+        busy = witness.take_delays_s()
+        witness.send_signal(signal.SIGSTOP)
         time.sleep(0.2)
-        witness.tell(signal.SIGCONT)
+        witness.send_signal(signal.SIGCONT)
         time.sleep(0.1)
-        stopped = witness.news()
+        stopped = witness.take_delays_s()
     finally:
         witness.close()
     assert 0.1 < max(stopped) < 1.0
@@ -33,21 +33,21 @@ def test_the_witness_reports_how_long_it_could_not_run_and_cannot_be_preempted()
 def test_many_short_pauses_add_up() -> None:
     witness = Witness()
     try:
-        witness.news()
+        witness.take_delays_s()
         for _ in range(8):
-            witness.tell(signal.SIGSTOP)
-            time.sleep(0.025)  # not one of them is as long as what is said by itself
-            witness.tell(signal.SIGCONT)
+            witness.send_signal(signal.SIGSTOP)
+            time.sleep(0.025)  # none of them is long enough to be reported alone
+            witness.send_signal(signal.SIGCONT)
             time.sleep(0.002)
         time.sleep(0.05)
-        assert max(witness.news()) > 0.03
+        assert max(witness.take_delays_s()) > 0.03
     finally:
         witness.close()
 
 
 def test_the_tests_own_vehicle_reports_when_it_was_late(vehicle: Vehicle) -> None:
     hold_s, held = 0.2, threading.Event()
-    peer.news()
+    peer.take_delays_s()
 
     def hold_up() -> None:
         held.set()
@@ -59,4 +59,4 @@ def test_the_tests_own_vehicle_reports_when_it_was_late(vehicle: Vehicle) -> Non
     holder.join()
     time.sleep(0.1)
     assert vehicle.mode == READY
-    assert 0.5 * hold_s < max(peer.news()) < 5 * hold_s
+    assert 0.5 * hold_s < max(peer.take_delays_s()) < 5 * hold_s

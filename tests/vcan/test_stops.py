@@ -106,7 +106,7 @@ def test_on_the_bus_the_brake_ramps_up_by_its_jerk_and_is_released_with_the_spee
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     _, moving = driven(programs, bus)
-    bus.wait_until("it is fast", lambda told: told.name == "MOTION" and told["SPEED"] > 2.5, since=moving)
+    bus.wait_until("it is fast", lambda decoded: decoded.name == "MOTION" and decoded["SPEED"] > 2.5, since=moving)
     vehicle.pose_valid = False
     end = stops(bus, "STATE_INVALID", moving, hazard_lights=True)
     record = bus.record(moving, end)

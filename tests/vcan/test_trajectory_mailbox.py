@@ -59,22 +59,22 @@ def test_a_bad_or_unwanted_trajectory_changes_nothing_and_a_long_one_is_driven(
     programs.start_python(POSTER, file, "line", "300", "100", name="poster")
     loop, moving = driven(programs, bus, "--trajectory-mailbox", file, "--controller", f"{picky}:Picky")
     poster = programs.start_python(POSTER, file, "bad", name="poster")
-    assert poster.ends() == 0
-    for said in (*REFUSED_READING, *REFUSED_TAKING):
-        loop.says(said)
-    loop.says("ZeroDivisionError")
+    assert poster.wait_for_end() == 0
+    for line in (*REFUSED_READING, *REFUSED_TAKING):
+        loop.wait_for_line(line)
+    loop.wait_for_line("ZeroDivisionError")
     bad = bus.wait_samples(30)
     record = bus.record(moving, bad)
     assert decided(record) == ["NOMINAL"]
     assert not own_faults(record)
-    indices = [told["REF_SPATIAL_INDEX"] for told in record.of("CONTROLLER_STATUS")]
+    indices = [decoded["REF_SPATIAL_INDEX"] for decoded in record.of("CONTROLLER_STATUS")]
     assert all(before <= after for before, after in pairwise(indices))
-    assert programs.start_python(POSTER, file, "long", name="poster").ends() == 0
-    is_far = lambda told: told.name == "CONTROLLER_STATUS" and told["REF_SPATIAL_INDEX"] > LONG  # noqa: E731
+    assert programs.start_python(POSTER, file, "long", name="poster").wait_for_end() == 0
+    is_far = lambda decoded: decoded.name == "CONTROLLER_STATUS" and decoded["REF_SPATIAL_INDEX"] > LONG  # noqa: E731
     far, _ = bus.wait_until("an index in a long trajectory", is_far, since=bad)
     assert decided(bus.record(bad, bus.wait_samples(10, since=far))) == ["NOMINAL"]
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     counts = summary(programs)["counts"]
     assert counts["trajectories_rejected"] == TAKEN_REFUSED
     assert counts["trajectories"] >= 2
@@ -88,10 +88,10 @@ def test_a_hairpin_republished_at_10_hz_is_driven_without_a_late_command(program
         programs.start_python(POSTER, file, "route", "u_turn", name="poster")
         loop, moving = driven(programs, bus, "--trajectory-mailbox", file)
         end, _ = bus.wait_until(
-            "the way back", lambda told: told.name == "MOTION" and told["HEADING"] > HAIRPIN_RAD, since=moving
+            "the way back", lambda decoded: decoded.name == "MOTION" and decoded["HEADING"] > HAIRPIN_RAD, since=moving
         )
-        loop.tell(signal.SIGTERM)
-        assert loop.ends() == 0
+        loop.send_signal(signal.SIGTERM)
+        assert loop.wait_for_end() == 0
     finally:
         vehicle.close()
     record = bus.record(moving, end)

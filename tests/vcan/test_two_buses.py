@@ -52,8 +52,8 @@ def test_the_loss_of_one_of_two_buses_silences_the_loop_names_the_bus_and_stops_
     watched.wait_for("the vehicle drives", MEASURED, lambda speed_mps: speed_mps > 0.5, 0)
 
     _ip("set", "vcan1", "down")
-    loop.says(r"link DOWN: bus ins: vcan1: ")
-    loop.says(r"reason: LINK_DOWN")
+    loop.wait_for_line(r"link DOWN: bus ins: vcan1: ")
+    loop.wait_for_line(r"reason: LINK_DOWN")
     silent = len(watched.frames)
     deadline_s = time.monotonic() + PATIENCE_S
     while abs(speed_mps := json.loads(send_line(socket, "status", timeout_s=PATIENCE_S))["speed_mps"]) >= 0.02:
@@ -61,11 +61,11 @@ def test_the_loss_of_one_of_two_buses_silences_the_loop_names_the_bus_and_stops_
         time.sleep(0.05)
     assert list(watched.values(COMMANDED, silent)) == []
 
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == LATCHED_FAULT
-    told = json.loads(summary.read_text())
-    assert told["bus"] == "SocketCAN vehicle=vcan0, ins=vcan1"
-    assert told["link"]["transitions"][0]["why"].startswith("bus ins: vcan1: ")
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == LATCHED_FAULT
+    found = json.loads(summary.read_text())
+    assert found["bus"] == "SocketCAN vehicle=vcan0, ins=vcan1"
+    assert found["link"]["transitions"][0]["why"].startswith("bus ins: vcan1: ")
     assert "link lost" in loop.text
     lines = [line.split() for line in (recording / "frames.log").read_text().splitlines()]
     seen = {(channel, frame.partition("#")[0]) for _, channel, frame in lines if len(frame.partition("#")[0]) == 3}

@@ -1,4 +1,4 @@
-"""A controller of the user's own that fails on the way: it raises, says nonsense, is slow, hangs."""
+"""A controller of the user's own that fails on the way: it raises, returns nonsense, is slow, hangs."""
 
 import signal
 import textwrap
@@ -63,8 +63,8 @@ def test_a_controller_that_raises_or_returns_a_non_number_stops_the_vehicle_and_
     assert decided(record) == ["NOMINAL", "CONTROLLER_ERROR"]
     assert all(pair.is_enabled and pair.is_stop for pair in record.pairs if pair.reason == "CONTROLLER_ERROR")
     assert not own_faults(record)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert loop.text.count("moody.py") == 1
     assert summary(programs)["counts"]["controller_errors"] > 30
 
@@ -95,12 +95,12 @@ def test_a_controller_far_out_of_limits_is_limited_on_the_bus_and_counted(progra
     assert not own_faults(record)
     longest = max(runs_that_drive(record), key=len)
     accels_mps2 = {pair.drive["ACCEL_REQUEST"] for pair in longest}
-    assert max(accels_mps2) - min(accels_mps2) > 3.0  # far enough to tell at what rate
+    assert max(accels_mps2) - min(accels_mps2) > 3.0  # far enough to show the rate
     for pairs in runs_that_drive(record):
         assert not too_fast(pairs, ACCEL_RATE_MPS3, lambda pair: pair.drive["ACCEL_REQUEST"])
         assert not too_fast(pairs, FRONT_RATE_RADPS, lambda pair: pair.steer["FRONT_WHEEL_ANGLE_REQUEST"])
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     limited = summary(programs)["limited"]
     assert min(limited["accel_mps2"], limited["front_wheel_angle_rad"], limited["speed_mps"]) > 0
 
@@ -116,8 +116,8 @@ def test_a_controller_that_is_always_slow_stops_the_vehicle(
     assert set(reasons(record.pairs)) <= {"DEADLINE_MISSED", "STATE_STALE"}
     assert all(pair.is_enabled and pair.is_stop for pair in record.pairs)
     assert not record.counter_gaps
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     assert summary(programs)["counts"]["controller_too_slow"] >= 3
 
 
@@ -128,8 +128,8 @@ def test_a_controller_that_is_slow_once_causes_a_brief_stop(programs: Programs, 
     index, _ = bus.wait_for("a stop", "DRIVE_COMMAND", REASON="DEADLINE_MISSED", since=moving)
     index, _ = bus.wait_for("driving on", "DRIVE_COMMAND", REASON="NOMINAL", since=index)
     bus.wait_samples(30, since=index)
-    loop.tell(signal.SIGTERM)
-    assert loop.ends() == 0
+    loop.send_signal(signal.SIGTERM)
+    assert loop.wait_for_end() == 0
     found = summary(programs)["counts"]
     assert found["controller_too_slow"] == 1
     assert found["deadline_misses"] >= 1
@@ -144,7 +144,7 @@ def test_a_controller_that_hangs_silences_the_loop_and_the_process_ends_with_its
 ) -> None:
     loop, moving = driven(programs, bus, *arguments(programs, mood))
     index, fault = bus.wait_for("the vehicle's watchdog", "VEHICLE_STATUS", MODE=FAULT, since=moving)
-    assert loop.ends() == LATCHED_FAULT
+    assert loop.wait_for_end() == LATCHED_FAULT
     assert "the loop hangs" in loop.text
     assert "moody.py" in loop.text
     record = bus.record(moving, index)

@@ -1,4 +1,4 @@
-"""Wakes every 20 ms, before everything else, and says for how long the machine did not let it: seconds, a line each."""
+"""Wakes every 20 ms, before everything else, and prints how late the machine was: seconds, a line each."""
 
 import os
 import time

@@ -67,7 +67,7 @@ class Witness:
         if self.done % max(1, self.passes // MARKS) == 0 or self.done == self.passes:
             self.rss_kib.append(resident_kib())
         if self.done == self.passes:
-            self.tell(details())
+            self.write_details(details())
             raise SystemExit
         self.done += 1
 
@@ -75,7 +75,7 @@ class Witness:
         if phase == "start" and self.done:
             self.collections[f"{'between' if self.is_tidying else 'in'} {info['generation']}"] += 1
 
-    def tell(self, details: "LiveDetails") -> None:
+    def write_details(self, details: "LiveDetails") -> None:
         seen = {
             "passes": self.done,
             "samples": details.samples.complete,

@@ -85,7 +85,7 @@ class Runner:
         return ["-m", "vehicle_iface", "run", *options]
 
     def wait_until_ready(self) -> None:
-        """Until it hears its bus."""
+        """Until it receives its bus."""
         deadline_s = time.monotonic() + PATIENCE_S
         while not self.ready.exists() and "armed" not in self.log.read_text(errors="replace"):
             if self.process.poll() is not None or time.monotonic() > deadline_s:
@@ -93,13 +93,13 @@ class Runner:
             time.sleep(0.1)
         time.sleep(0.3)
 
-    def tell(self, number: signal.Signals) -> None:
+    def send_signal(self, number: signal.Signals) -> None:
         """To the whole group: under strace the contestant is strace's child."""
         os.killpg(self.process.pid, number)
 
     def resume(self) -> None:
         """Go on; our own program has latched the loss of its samples and is armed again."""
-        self.tell(signal.SIGCONT)
+        self.send_signal(signal.SIGCONT)
         if self.name == OURS:
             time.sleep(0.05)
             self.arm()
@@ -112,8 +112,8 @@ class Runner:
 
     def end(self) -> None:
         """It and its interface are gone."""
-        self.tell(signal.SIGCONT)
-        self.tell(signal.SIGKILL)
+        self.send_signal(signal.SIGCONT)
+        self.send_signal(signal.SIGKILL)
         self.process.wait()
         subprocess.run(["ip", "link", "del", self.channel], check=True)
 
@@ -199,7 +199,7 @@ def one_turn(runner: Runner, samples: int) -> list[Frame]:
         driver.drive(SETTLING)
         return driver.drive(samples)
     finally:
-        runner.tell(signal.SIGSTOP)
+        runner.send_signal(signal.SIGSTOP)
         driver.close()
 
 
@@ -214,7 +214,7 @@ def measure(rounds: int, samples: int) -> dict[str, Found]:
             runners.append(runner := Runner(one, folder, number))
             stack.callback(runner.end)
             runner.wait_until_ready()
-            runner.tell(signal.SIGSTOP)
+            runner.send_signal(signal.SIGSTOP)
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
         for number in range(rounds):
             for runner in runners[number % len(runners) :] + runners[: number % len(runners)]:
