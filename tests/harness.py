@@ -135,7 +135,7 @@ class Line:
         self.inner.drain()
 
     def inject(self, frame: CanFrame) -> None:
-        """Another node's frame, heard with the next ones."""
+        """Another node's frame, received with the next ones."""
         self._waiting.append(frame._replace(stamp_ns=self.clock.t_ns))
 
     def let_drive(self, until_ns: int) -> None:
@@ -282,10 +282,10 @@ def straight(
 
 def taken_apart(frame: CanFrame, at_ns: int = 0, step: int = 0) -> Sent:
     """A frame of the controller by the contract's page; fails when it is not intact."""
-    told = intact(frame)
-    assert told is not None
-    assert told.name in CONTROLLER_SENDS
-    return Sent(at_ns, step, told.name, told.counter, told.signals, frame)
+    decoded = intact(frame)
+    assert decoded is not None
+    assert decoded.name in CONTROLLER_SENDS
+    return Sent(at_ns, step, decoded.name, decoded.counter, decoded.signals, frame)
 
 
 def counters_step_by_one(frames: Sequence[Sent]) -> bool:

@@ -57,7 +57,7 @@ class Silent:
 
 
 class Moody(ControllerBase):
-    """Drives on until it is told to do something else."""
+    """Drives on until it is asked for something else."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -137,11 +137,11 @@ def test_each_complete_sample_is_answered_by_one_pair_with_that_samples_content(
     drive.run_s(2.0)
     pairs = drive.pairs(since)
     assert len(pairs) == drive.loop._assembler.completed - completed == 200
-    wished = [min(angle, 0.6) for angle in controller.angles_rad[done:]]
-    assert len(wished) == len(pairs)
+    requested_rad = [min(angle, 0.6) for angle in controller.angles_rad[done:]]
+    assert len(requested_rad) == len(pairs)
     exact = sum(
-        math.isclose(pair["FRONT_WHEEL_ANGLE_REQUEST"], wish, abs_tol=1e-9)
-        for pair, wish in zip(pairs, wished, strict=True)
+        math.isclose(pair["FRONT_WHEEL_ANGLE_REQUEST"], request_rad, abs_tol=1e-9)
+        for pair, request_rad in zip(pairs, requested_rad, strict=True)
     )
     assert exact > 100  # where it differs the rate limit cut it: the content jumps once a second
 
@@ -545,7 +545,7 @@ def test_an_autonomous_vehicle_without_a_commander_is_released_and_driven_again(
 @pytest.mark.parametrize("tick", range(45))
 def test_a_request_to_end_at_any_moment_of_a_start_ends_it_without_driving(tick: int) -> None:
     drive = Drive()
-    drive.say("mute VEHICLE_STATUS on")  # it is heard for 200 ms
+    drive.say("mute VEHICLE_STATUS on")  # it counts for 200 ms
     drive.run_s(tick * 0.01)
     drive.loop.shutdown.request()
     drive.run_until(lambda: drive.loop.shutdown.is_done, 0.5)
@@ -626,7 +626,7 @@ def test_a_lost_link_resets_state_and_sequences() -> None:
     drive.step()
     assert (drive.loop._assembler.newest, drive.loop._assembler.status) == (None, None)
     drive.stall(0.25)
-    drive.line.close()  # what came meanwhile, nobody heard
+    drive.line.close()  # what came meanwhile, was not received
     drive.line.down = False
     drive.run_s(1.0)
     assert drive.state.stamp_ns > drive.clock.t_ns - ms(20)
@@ -1000,13 +1000,13 @@ def test_a_deviation_holds_until_standstill_however_often_the_path_is_replanned(
     drive = Drive(mailbox, start=BicycleState(speed_mps=21.5), gear=Gear.DRIVE)
     mailbox.put(straight(time_s=1e4))
     drive.engage()
-    told: list[tuple[float, Pair]] = []
+    sent: list[tuple[float, Pair]] = []
     for _ in range(100):
         since = len(drive.sent)
         mailbox.put(replace_stamp(straight(time_s=1e4), drive))
         drive.run_s(0.1)
-        told += [(drive.state.speed_mps, pair) for pair in drive.pairs(since)]
-    moving = [pair for speed_mps, pair in told if speed_mps > 0.2]
+        sent += [(drive.state.speed_mps, pair) for pair in drive.pairs(since)]
+    moving = [pair for speed_mps, pair in sent if speed_mps > 0.2]
     held = next(k for k, pair in enumerate(moving) if pair["REASON"] == Reason.DEVIATION)
     stopped = [pair for pair in moving[held:] if says(pair, enable=1, stop=1, reason=Reason.DEVIATION)]
     assert len(stopped) > 600

@@ -1,4 +1,4 @@
-"""Vehicles whose speed nothing confirms are told so, and are driven slower."""
+"""Vehicles whose speed nothing confirms are reported, and are driven slower."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -66,15 +66,15 @@ class Line(EmbeddedBus):
     def __init__(self, vehicle: SimulatedVehicle, clock: Clock) -> None:
         super().__init__(vehicle, clock.now_ns, clock.sleep_until)
         self.clock = clock
-        self.heard: list[DecodedFrame] = []
+        self.received: list[DecodedFrame] = []
         self.sent: list[DecodedFrame] = []
         self.cut: set[str] = set()
 
     def drain(self) -> list[CanFrame]:
         frames = super().drain()
-        told = [self._taken_apart(frame) for frame in frames]
-        self.heard += told
-        return [frame for frame, content in zip(frames, told, strict=True) if content.name not in self.cut]
+        decoded = [self._taken_apart(frame) for frame in frames]
+        self.received += decoded
+        return [frame for frame, content in zip(frames, decoded, strict=True) if content.name not in self.cut]
 
     def send(self, *frames: CanFrame) -> int:
         self.sent += [self._taken_apart(frame) for frame in frames]
@@ -83,9 +83,9 @@ class Line(EmbeddedBus):
     def _taken_apart(self, frame: CanFrame) -> DecodedFrame:
         assert frame.is_fd
         assert not any((frame.is_extended, frame.is_remote, frame.is_error))
-        told = intact(Frame(self.clock.t_ns, frame.can_id, frame.data, is_fd=True))
-        assert told is not None
-        return told
+        decoded = intact(Frame(self.clock.t_ns, frame.can_id, frame.data, is_fd=True))
+        assert decoded is not None
+        return decoded
 
 
 class Drive:
@@ -116,10 +116,10 @@ class Drive:
         return self
 
     def sent(self, name: str, since: int = 0) -> list[DecodedFrame]:
-        return [told for told in self.line.sent[since:] if told.name == name]
+        return [decoded for decoded in self.line.sent[since:] if decoded.name == name]
 
-    def heard(self, name: str) -> list[DecodedFrame]:
-        return [told for told in self.line.heard if told.name == name]
+    def received(self, name: str) -> list[DecodedFrame]:
+        return [decoded for decoded in self.line.received if decoded.name == name]
 
     @property
     def mode(self) -> Mode:
@@ -132,8 +132,8 @@ def minute() -> Drive:
     return Drive().run_s(60.0)
 
 
-def steps(told: Iterable[DecodedFrame]) -> set[int]:
-    counters = [one.counter for one in told]
+def steps(decoded: Iterable[DecodedFrame]) -> set[int]:
+    counters = [one.counter for one in decoded]
     return {(after - before) % COUNTERS for before, after in pairwise(counters)}
 
 
@@ -263,8 +263,8 @@ def test_another_messages_data_id_is_a_wrong_checksum() -> None:
 
 def test_the_figure_of_eight_is_driven_within_30_cm(minute: Drive) -> None:
     samples = [
-        Sample(told.stamp_ns, told["POS_X"], told["POS_Y"], told["HEADING"], told["SPEED"])
-        for told in minute.heard("STATE")
+        Sample(decoded.stamp_ns, decoded["POS_X"], decoded["POS_Y"], decoded["HEADING"], decoded["SPEED"])
+        for decoded in minute.received("STATE")
     ]
     errors_m = lateral_errors_m(samples, minute.route.x_m.tolist(), minute.route.y_m.tolist())
     assert max(errors_m) < LATERAL_LIMIT_M
@@ -275,18 +275,18 @@ def test_the_figure_of_eight_is_driven_within_30_cm(minute: Drive) -> None:
 def test_each_sample_is_answered_by_one_command(minute: Drive) -> None:
     commands = minute.sent("COMMAND")
     begun_ns = commands[0].stamp_ns
-    assert [told.stamp_ns for told in commands] == [
-        told.stamp_ns for told in minute.heard("STATE") if told.stamp_ns >= begun_ns
+    assert [decoded.stamp_ns for decoded in commands] == [
+        decoded.stamp_ns for decoded in minute.received("STATE") if decoded.stamp_ns >= begun_ns
     ]
-    assert {(told["ENABLE"], told.reason) for told in commands} == {(0, "NOT_ENGAGED"), (1, "NOMINAL")}
-    assert sum(told["ENABLE"] for told in commands) > 0.98 * len(commands)
+    assert {(decoded["ENABLE"], decoded.reason) for decoded in commands} == {(0, "NOT_ENGAGED"), (1, "NOMINAL")}
+    assert sum(decoded["ENABLE"] for decoded in commands) > 0.98 * len(commands)
 
 
 def test_every_counter_steps_by_one_all_256_round(minute: Drive) -> None:
     for name in LAYOUT:
-        told = minute.sent(name) if SENDERS[name][0] == "CONTROLLER" else minute.heard(name)
-        assert steps(told) == {1}
-    assert {told.counter for told in minute.sent("COMMAND")} == set(range(COUNTERS))
+        decoded = minute.sent(name) if SENDERS[name][0] == "CONTROLLER" else minute.received(name)
+        assert steps(decoded) == {1}
+    assert {decoded.counter for decoded in minute.sent("COMMAND")} == set(range(COUNTERS))
 
 
 def test_lost_samples_stop_the_vehicle_and_what_comes_later_is_driven_by_again() -> None:
@@ -311,4 +311,4 @@ def test_a_driver_who_acts_takes_over(orders: str) -> None:
     assert execute(drive.vehicle, orders) == "ok"
     drive.run_s(0.5)
     assert drive.sent("COMMAND", since)[-1]["ENABLE"] == 0
-    assert math.isclose(drive.heard("VEHICLE_STATUS")[-1]["DRIVER_STEER_TORQUE"], 4.0 * orders.startswith("steer"))
+    assert math.isclose(drive.received("VEHICLE_STATUS")[-1]["DRIVER_STEER_TORQUE"], 4.0 * orders.startswith("steer"))

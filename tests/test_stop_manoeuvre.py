@@ -306,15 +306,15 @@ def snapshots(drive: Drive, address: Path, seconds: float) -> list[Snapshot]:
 
 
 @pytest.fixture
-def told(tmp_path: Path) -> Iterator[TelemetryWriter]:
-    with TelemetryWriter(str(tmp_path / "told"), SessionInfo(channel="vcan0", bus="embedded")) as writer:
+def writer(tmp_path: Path) -> Iterator[TelemetryWriter]:
+    with TelemetryWriter(str(tmp_path / "telemetry"), SessionInfo(channel="vcan0", bus="embedded")) as writer:
         yield writer
 
 
-def test_before_a_planned_end_the_driver_is_warned_and_not_one_frame_differs(told: TelemetryWriter) -> None:
-    plain, planned = driving(), driving(telemetry=told)
+def test_before_a_planned_end_the_driver_is_warned_and_not_one_frame_differs(writer: TelemetryWriter) -> None:
+    plain, planned = driving(), driving(telemetry=writer)
     planned.loop.shutdown.schedule(planned.clock.t_ns + ms(5000))
-    found = snapshots(planned, told.path, 5.0)
+    found = snapshots(planned, writer.path, 5.0)
     plain.run_s(5.0)
     warned = [snapshot for snapshot in found if snapshot.handover_pending]
     assert len(found) - len(warned) == pytest.approx(200, abs=2)
@@ -324,11 +324,11 @@ def test_before_a_planned_end_the_driver_is_warned_and_not_one_frame_differs(tol
 
 
 def test_the_reference_vehicle_is_released_at_standstill_and_the_driver_is_warned_meanwhile(
-    told: TelemetryWriter,
+    writer: TelemetryWriter,
 ) -> None:
-    drive = driving(telemetry=told)
+    drive = driving(telemetry=writer)
     drive.loop.shutdown.request()
-    found = snapshots(drive, told.path, 5.0)
+    found = snapshots(drive, writer.path, 5.0)
     ending = [snapshot for snapshot in found if snapshot.reason == Reason.SHUTDOWN]
     stopping = [snapshot for snapshot in ending if snapshot.controller_state == 4]
     assert all(snapshot.handover_pending and snapshot.handover_in_ns == 0 for snapshot in stopping[1:])
@@ -388,10 +388,10 @@ def test_a_vehicle_that_does_not_come_to_rest_is_released_after_ten_seconds_all_
     assert 10.0 <= drive.run_until(lambda: drive.loop.shutdown.is_done, 12.0) <= 10.3
 
 
-def test_without_control_there_is_no_warning_to_take_over(told: TelemetryWriter) -> None:
-    drive = Drive(armed=False, telemetry=told)
+def test_without_control_there_is_no_warning_to_take_over(writer: TelemetryWriter) -> None:
+    drive = Drive(armed=False, telemetry=writer)
     drive.loop.shutdown.schedule(drive.clock.t_ns + ms(1000))
-    assert not any(snapshot.handover_pending for snapshot in snapshots(drive, told.path, 0.9))
+    assert not any(snapshot.handover_pending for snapshot in snapshots(drive, writer.path, 0.9))
 
 
 def test_a_profile_may_bind_the_warning_to_a_signal(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Several buses as one: merged by stamps, each frame sent on its own, and the loss of one is told with its name."""
+"""Several buses as one: merged by stamps, each frame sent on its own, and the loss of one is reported with its name."""
 
 import re
 import socket

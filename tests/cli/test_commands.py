@@ -99,9 +99,9 @@ def test_interrupted_before_the_loop_exists_it_ends_without_arming(tmp_path: Pat
 
 def test_interrupted_while_its_recorder_starts_it_ends_without_arming(tmp_path: Path) -> None:
     telemetry, folder = tmp_path / "telemetry", tmp_path / "drive"
-    told = ("--telemetry", str(telemetry), "--record", str(folder), "--route", "line", "--duration", "2")
+    options = ("--telemetry", str(telemetry), "--record", str(folder), "--route", "line", "--duration", "2")
     program = subprocess.Popen(
-        [sys.executable, "-P", "-m", "vehicle_iface", "run", "--interface", "embedded", "--arm", "--wait", *told],
+        [sys.executable, "-P", "-m", "vehicle_iface", "run", "--interface", "embedded", "--arm", "--wait", *options],
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         stderr=subprocess.PIPE,
         text=True,

@@ -129,10 +129,10 @@ def test_a_long_log_comes_in_pieces_with_progress_and_nothing_is_lost_between_th
     monkeypatch.setattr(candump, "CHUNK_BYTES", 1000)
     path = tmp_path / "candump.log"
     path.write_text("".join(f"({i}.000000) vcan0 110#{i:016X}\n" for i in range(500)) + "x" * 3000 + "\n")
-    told: list[tuple[int, int]] = []
-    log = decode_log(path, CLASSICAL, progress=lambda done, total: told.append((done, total)))
+    calls: list[tuple[int, int]] = []
+    log = decode_log(path, CLASSICAL, progress=lambda done, total: calls.append((done, total)))
     assert log.messages["POSE"].stamps_ns.tolist() == [i * 10**9 for i in range(500)]
     assert [refused.line for refused in log.refused] == [501]
-    assert len(told) > 10
-    assert told == sorted(told)
-    assert told[-1] == (path.stat().st_size, path.stat().st_size)
+    assert len(calls) > 10
+    assert calls == sorted(calls)
+    assert calls[-1] == (path.stat().st_size, path.stat().st_size)

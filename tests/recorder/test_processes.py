@@ -88,7 +88,7 @@ def test_a_recorded_drive_is_complete_and_reports_it(start: Start, folder: Path)
     summary = json.loads((folder / "summary.json").read_text())
     found = report(folder)
     assert found["is_over"]
-    before = summary["counts"]["samples_before_engagement"]  # received until the vehicle has told who drives it
+    before = summary["counts"]["samples_before_engagement"]  # received until the vehicle has reported who drives it
     assert found["written"]["snapshots"] == summary["samples"] + before > 150
     assert set(found["lost"].values()) == {0}
     assert summary["recorder"]["written"] == found["written"]

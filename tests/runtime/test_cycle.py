@@ -36,13 +36,13 @@ TIMING = EngagementTiming(
 class Always(ControllerBase):
     """A controller that always does one thing."""
 
-    def __init__(self, **wish: Any) -> None:
+    def __init__(self, **requested: Any) -> None:
         super().__init__()
-        self.wish = {"accel_mps2": 1.0, "front_wheel_angle_rad": 0.0} | wish
+        self.requested = {"accel_mps2": 1.0, "front_wheel_angle_rad": 0.0} | requested
         self.set_trajectory(straight())
 
     def compute_command_impl(self, state: VehicleState) -> Command:
-        return Command(stamp_ns=state.stamp_ns, **self.wish)
+        return Command(stamp_ns=state.stamp_ns, **self.requested)
 
 
 class Raises(Always):
@@ -126,19 +126,19 @@ def test_a_sample_without_complete_knowledge_of_the_vehicle_is_answered_by_a_sto
 
 @pytest.mark.parametrize("gear", [Gear.PARK, Gear.REVERSE, Gear.NEUTRAL, Gear.DRIVE])
 @pytest.mark.parametrize("speed_mps", [0.0, 0.2, 0.495, 0.499, 0.5, 0.505, 2.0, -0.495, -0.5, -2.0])
-@pytest.mark.parametrize(("wanted_mps", "wanted"), [(3.0, Gear.DRIVE), (-3.0, Gear.REVERSE)])
+@pytest.mark.parametrize(("requested_mps", "requested"), [(3.0, Gear.DRIVE), (-3.0, Gear.REVERSE)])
 def test_a_gear_is_asked_for_only_below_half_a_metre_per_second_and_only_for_a_change(
-    gear: Gear, speed_mps: float, wanted_mps: float, wanted: Gear
+    gear: Gear, speed_mps: float, requested_mps: float, requested: Gear
 ) -> None:
-    request = Cabin(Always(speed_mps=wanted_mps)).decide(speed_mps=speed_mps, gear=gear).permitted.gear_request
-    changes = abs(speed_mps) < 0.5 and gear is not wanted
-    assert request is (wanted if changes else Gear.NO_REQUEST)
+    request = Cabin(Always(speed_mps=requested_mps)).decide(speed_mps=speed_mps, gear=gear).permitted.gear_request
+    changes = abs(speed_mps) < 0.5 and gear is not requested
+    assert request is (requested if changes else Gear.NO_REQUEST)
 
 
-@pytest.mark.parametrize(("accel_mps2", "wanted"), [(0.5, Gear.DRIVE), (-0.5, Gear.REVERSE), (0.0, Gear.NO_REQUEST)])
-def test_at_a_standing_start_the_direction_is_that_of_the_acceleration(accel_mps2: float, wanted: Gear) -> None:
+@pytest.mark.parametrize(("accel_mps2", "requested"), [(0.5, Gear.DRIVE), (-0.5, Gear.REVERSE), (0.0, Gear.NO_REQUEST)])
+def test_at_a_standing_start_the_direction_is_that_of_the_acceleration(accel_mps2: float, requested: Gear) -> None:
     decision = Cabin(Always(speed_mps=0.0, accel_mps2=accel_mps2)).decide(speed_mps=0.0, gear=Gear.PARK)
-    assert decision.permitted.gear_request is wanted
+    assert decision.permitted.gear_request is requested
 
 
 def test_braking_to_a_stop_while_rolling_requests_no_other_gear() -> None:
@@ -214,8 +214,8 @@ def test_a_status_older_than_200_ms_is_a_stop(age_ns: int, reason: Reason) -> No
 
 @pytest.mark.parametrize("speed_mps", [-8.0, -0.1, 0.0, 0.1, 0.299, 0.3, 0.301, 8.0])
 def test_every_stop_brakes_against_the_motion_and_no_harder_than_safe(speed_mps: float) -> None:
-    wish = Cabin(Always()).decide(speed_mps=speed_mps, pose_valid=False).requested
-    assert wish.accel_mps2 == pytest.approx(-math.copysign(min(abs(speed_mps) / 0.1, 3.0), speed_mps))
+    requested = Cabin(Always()).decide(speed_mps=speed_mps, pose_valid=False).requested
+    assert requested.accel_mps2 == pytest.approx(-math.copysign(min(abs(speed_mps) / 0.1, 3.0), speed_mps))
 
 
 def test_a_stop_for_good_outranks_every_other_reason() -> None:

@@ -106,11 +106,11 @@ class Cable:
         return frames
 
     def pass_for(self, duration_ns: int) -> list[CanFrame]:
-        heard: list[CanFrame] = []
+        received: list[CanFrame] = []
         end_ns = self.clock.t_ns + duration_ns
         while self.clock.t_ns < end_ns:
-            heard += self.receive()
-        return heard
+            received += self.receive()
+        return received
 
     def watch_for(self, duration_ns: int) -> None:
         """Hear and watch at 100 Hz."""
@@ -190,8 +190,8 @@ def test_a_full_bus_is_no_lost_link() -> None:
 
 def test_the_counters_survive_every_loss() -> None:
     cable = Cable()
-    for heard in range(1, 4):
-        cable.frames = [FRAME] * heard
+    for received in range(1, 4):
+        cable.frames = [FRAME] * received
         cable.pass_for(ms(10))
         cable.down = True
         cable.pass_for(ms(10))
@@ -220,7 +220,7 @@ def test_a_link_goes_down_and_comes_back_by_recovering() -> None:
     cable.pass_for(ms(150))
     assert states(cable) == ["DOWN", "RECOVERING"]
     cable.watch_for(ms(600))
-    assert states(cable) == ["DOWN", "RECOVERING"]  # nothing was heard yet
+    assert states(cable) == ["DOWN", "RECOVERING"]  # nothing was received yet
     cable.frames = [FRAME]
     cable.watch_for(ms(100))
     assert states(cable) == ["DOWN", "RECOVERING", "UP"]

@@ -213,7 +213,7 @@ class Other:
         return [frame._replace(stamp_ns=stamp_ns) for frame in frames]
 
     def commands(self, **changes: Any) -> OwnCommand | None:
-        """The other one's command, heard and compared."""
+        """The other one's command, received and compared."""
         for frame in self.frames(**changes):
             self.shadow.on_foreign_frame(frame)
         return self.shadow.compare()

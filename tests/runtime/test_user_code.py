@@ -140,13 +140,13 @@ def test_with_a_controller_that_takes_most_of_its_budget_nothing_is_driven_by_an
     ages_ns: dict[Reason, list[int]] = {}
     send = drive.line.send
 
-    def heard(*frames: Any) -> int:
+    def send_and_note_age(*frames: Any) -> int:
         if drive.loop._cycle.last is not None and len(frames) == 2:
             safe = drive.loop._cycle.last.permitted
             ages_ns.setdefault(safe.reason, []).append(drive.clock.t_ns - safe.stamp_ns)
         return send(*frames)
 
-    monkeypatch.setattr(drive.line, "send", heard)
+    monkeypatch.setattr(drive.line, "send", send_and_note_age)
     controller.drive, controller.takes_s = drive, 0.045
     too_old = drive.loop.details().loop["samples_expired"]
     drive.run_s(1.0)

@@ -1,4 +1,4 @@
-"""When the vehicle is not where or how it is told to be."""
+"""When the vehicle is not where or how it was commanded."""
 
 import math
 from dataclasses import replace

@@ -233,7 +233,7 @@ def test_a_vehicle_is_observed_for_200_ms_to_the_nanosecond_before_commands_are_
     before: Mode | None, first: str, after_ns: int, then: Mode
 ) -> None:
     engagement = hearing(before)
-    engagement.on_tick(10**18)  # a bus on which nothing is heard says nothing
+    engagement.on_tick(10**18)  # a bus on which nothing is received shows nothing
     assert at_present(engagement.mode) is Mode.OBSERVING
     for later_ns in (0, 150 * MS):
         if first == "sample":
@@ -252,19 +252,19 @@ def test_observing_ends_when_the_vehicle_reports_that_it_is_not_driven(mode: Veh
     assert engagement.mode is (Mode.OBSERVING if mode is VehicleMode.AUTONOMOUS else Mode.STARTING)
 
 
-@pytest.mark.parametrize("heard", ["nothing", "sample", "status"])
+@pytest.mark.parametrize("received", ["nothing", "sample", "status"])
 @pytest.mark.parametrize(("after_ns", "reports"), [(200 * MS, False), (200 * MS + 1, True)])
 def test_where_there_is_no_vehicle_it_reports_after_200_ms_and_no_more_when_there_is_one(
-    heard: str, after_ns: int, reports: bool
+    received: str, after_ns: int, reports: bool
 ) -> None:
     engagement = hearing()
     assert not engagement.may_report(10**18)
     engagement.on_tick(10**18)
-    if heard == "sample":
+    if received == "sample":
         engagement.on_sample(10**18 + after_ns, 10**18 + after_ns)
-    elif heard == "status":
+    elif received == "status":
         engagement.on_status(status(VehicleMode.AUTONOMOUS), 10**18 + after_ns)
-    assert engagement.may_report(10**18 + after_ns) is (reports and heard == "nothing")
+    assert engagement.may_report(10**18 + after_ns) is (reports and received == "nothing")
     assert not engagement.mode.may_send
 
 
@@ -438,7 +438,7 @@ def test_without_any_sample_nothing_is_lost() -> None:
     assert engagement.mode is Mode.STARTING
 
 
-# What is told
+# What is reported
 
 
 def test_every_mode_has_a_wire_state() -> None:

@@ -1,4 +1,4 @@
-"""The gate: whatever is wished, what leaves is finite, within limits, within rates, and what the wire will say."""
+"""The gate: whatever is requested, the command is finite, within limits and rates, and equal to the encoded one."""
 
 import math
 from collections.abc import Mapping
@@ -66,8 +66,8 @@ def state(front_wheel_angle_rad: float = 0.0, speed_mps: float = 0.0) -> Vehicle
     )
 
 
-def wish(**numbers: float) -> Command:
-    """A wish with any numbers, also those that `Command` itself would refuse."""
+def request(**numbers: float) -> Command:
+    """A command with any numbers, also those that `Command` itself would refuse."""
     command = Command(stamp_ns=1, accel_mps2=0.0, front_wheel_angle_rad=0.0)
     for name, number in numbers.items():
         msgspec.structs.force_setattr(command, name, number)
@@ -75,9 +75,9 @@ def wish(**numbers: float) -> Command:
 
 
 @st.composite
-def wishes(draw: st.DrawFn) -> Command:
+def requests(draw: st.DrawFn) -> Command:
     numbers = {name: draw(ANY_FLOAT) for name in NUMBERS}
-    return wish(**numbers, reason=draw(st.sampled_from(list(Reason))))
+    return request(**numbers, reason=draw(st.sampled_from(list(Reason))))
 
 
 def in_range(command: SafeCommand, *, reversing: bool) -> bool:
@@ -91,7 +91,7 @@ def in_range(command: SafeCommand, *, reversing: bool) -> bool:
     )
 
 
-@given(st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans()), max_size=20))
+@given(st.lists(st.tuples(requests(), ANY_STEP_NS, st.booleans()), max_size=20))
 def test_any_request_at_any_time_gives_a_finite_command_within_limits(steps: list[tuple[Command, int, bool]]) -> None:
     gate, now_ns = new_gate(), 0
     for command, step_ns, reversing in steps:
@@ -102,7 +102,7 @@ def test_any_request_at_any_time_gives_a_finite_command_within_limits(steps: lis
         assert safe.enable
 
 
-@given(st.lists(st.tuples(wishes(), ANY_STEP_NS), max_size=20), st.booleans(), st.floats(-0.6, 0.6))
+@given(st.lists(st.tuples(requests(), ANY_STEP_NS), max_size=20), st.booleans(), st.floats(-0.6, 0.6))
 def test_no_step_is_greater_than_the_rate_grants_from_the_last_one_sent(
     steps: list[tuple[Command, int]], reversing: bool, angle_rad: float
 ) -> None:
@@ -121,20 +121,20 @@ def test_no_step_is_greater_than_the_rate_grants_from_the_last_one_sent(
         accel_mps2, front_rad = safe.accel_mps2, safe.front_wheel_angle_rad
 
 
-@given(st.lists(wishes(), max_size=10), st.floats(-50.0, 50.0), st.booleans())
-def test_a_stop_never_goes_on_driving(before: list[Command], wanted_mps2: float, reversing: bool) -> None:
+@given(st.lists(requests(), max_size=10), st.floats(-50.0, 50.0), st.booleans())
+def test_a_stop_never_goes_on_driving(before: list[Command], requested_mps2: float, reversing: bool) -> None:
     gate, now_ns = new_gate(), 10**9
     gate.start_from(state(), now_ns)
     for command in before:
         now_ns += 10_000_000
         gate.permit(command, state(), now_ns=now_ns, reversing=reversing)
-    opposing = abs(wanted_mps2) if reversing else -abs(wanted_mps2)
+    opposing = abs(requested_mps2) if reversing else -abs(requested_mps2)
     stop = Command(stamp_ns=0, accel_mps2=opposing, front_wheel_angle_rad=0.0, reason=Reason.STATE_STALE)
     safe = gate.permit(stop, state(), now_ns=now_ns + 1, reversing=reversing)
     assert safe.accel_mps2 >= 0.0 if reversing else safe.accel_mps2 <= 0.0
 
 
-@given(st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans()), min_size=1, max_size=10))
+@given(st.lists(st.tuples(requests(), ANY_STEP_NS, st.booleans()), min_size=1, max_size=10))
 def test_what_is_read_back_from_the_frames_is_what_was_permitted(steps: list[tuple[Command, int, bool]]) -> None:
     gate, encoder, now_ns = new_gate(), Encoder(reference().sent), 0
     for command, step_ns, reversing in steps:
@@ -157,9 +157,9 @@ def test_the_first_command_starts_from_the_measured_wheel_angle(angle_rad: float
     gate = new_gate()
     gate.start_from(state(front_wheel_angle_rad=angle_rad), 10**12)
     measured = state(front_wheel_angle_rad=angle_rad)
-    first = gate.permit(wish(front_wheel_angle_rad=0.6), measured, now_ns=10**12, reversing=False)
+    first = gate.permit(request(front_wheel_angle_rad=0.6), measured, now_ns=10**12, reversing=False)
     assert first.front_wheel_angle_rad == pytest.approx(angle_rad, abs=0.5001e-4)
-    second = gate.permit(wish(front_wheel_angle_rad=0.6), measured, now_ns=10**12 + 10_000_000, reversing=False)
+    second = gate.permit(request(front_wheel_angle_rad=0.6), measured, now_ns=10**12 + 10_000_000, reversing=False)
     assert second.front_wheel_angle_rad == pytest.approx(min(0.6, first.front_wheel_angle_rad + 0.008), abs=1.0001e-4)
 
 
@@ -167,32 +167,32 @@ def test_the_first_command_starts_from_the_measured_wheel_angle(angle_rad: float
 def test_a_measured_angle_beyond_the_limit_starts_at_the_limit(measured: float, taken: float) -> None:
     gate = new_gate()
     gate.start_from(state(front_wheel_angle_rad=measured), 0)
-    assert gate.permit(wish(), state(), now_ns=0, reversing=False).front_wheel_angle_rad == pytest.approx(taken)
+    assert gate.permit(request(), state(), now_ns=0, reversing=False).front_wheel_angle_rad == pytest.approx(taken)
 
 
 def test_after_a_long_silence_a_tenth_of_a_second_of_change_is_granted_and_no_more() -> None:
     gate = new_gate()
     gate.start_from(state(), 0)
-    safe = gate.permit(wish(front_wheel_angle_rad=0.6), state(), now_ns=3600 * 10**9, reversing=False)
+    safe = gate.permit(request(front_wheel_angle_rad=0.6), state(), now_ns=3600 * 10**9, reversing=False)
     assert safe.front_wheel_angle_rad == pytest.approx(0.08)
 
 
 @pytest.mark.parametrize(("reversing", "low", "high"), [(False, -6.0, 3.0), (True, -3.0, 6.0)])
 def test_drive_and_brake_change_sides_when_reversing(reversing: bool, low: float, high: float) -> None:
-    for wanted, reached in ((-9.0, low), (9.0, high)):
+    for requested, reached in ((-9.0, low), (9.0, high)):
         gate = new_gate()
         for step in range(40):
-            safe = gate.permit(wish(accel_mps2=wanted), state(), now_ns=step * 10_000_000, reversing=reversing)
+            safe = gate.permit(request(accel_mps2=requested), state(), now_ns=step * 10_000_000, reversing=reversing)
         assert safe.accel_mps2 == pytest.approx(reached)
 
 
 def test_a_change_of_direction_cuts_to_the_range_of_the_new_one_at_once() -> None:
     gate = new_gate()
     for step in range(40):
-        braking = gate.permit(wish(accel_mps2=-6.0), state(), now_ns=step * 10_000_000, reversing=False)
+        braking = gate.permit(request(accel_mps2=-6.0), state(), now_ns=step * 10_000_000, reversing=False)
     assert braking.accel_mps2 == pytest.approx(-6.0)
     assert gate.permit(
-        wish(accel_mps2=-6.0), state(), now_ns=39 * 10_000_000, reversing=True
+        request(accel_mps2=-6.0), state(), now_ns=39 * 10_000_000, reversing=True
     ).accel_mps2 == pytest.approx(-3.0)
 
 
@@ -201,7 +201,7 @@ def test_a_change_of_direction_cuts_to_the_range_of_the_new_one_at_once() -> Non
 def test_one_number_that_is_not_finite_makes_the_whole_request_a_controller_error(name: str, value: float) -> None:
     gate = new_gate()
     good: dict[str, Any] = {"accel_mps2": 1.0, "front_wheel_angle_rad": 0.3, "speed_mps": 5.0}
-    safe = gate.permit(wish(**good | {name: value}), state(), now_ns=10**9, reversing=False)
+    safe = gate.permit(request(**good | {name: value}), state(), now_ns=10**9, reversing=False)
     assert (safe.reason, safe.safe_stop) == (Reason.CONTROLLER_ERROR, True)
     assert (safe.accel_mps2, safe.front_wheel_angle_rad, safe.speed_mps) == (0.0, 0.0, 0.0)
     assert gate.limited["not_finite"] == 1
@@ -209,17 +209,17 @@ def test_one_number_that_is_not_finite_makes_the_whole_request_a_controller_erro
 
 @pytest.mark.parametrize("reason", list(Reason))
 def test_every_reason_but_nominal_is_a_safe_stop(reason: Reason) -> None:
-    safe = new_gate().permit(wish(reason=reason), state(), now_ns=0, reversing=False)
+    safe = new_gate().permit(request(reason=reason), state(), now_ns=0, reversing=False)
     assert (safe.reason, safe.safe_stop) == (reason, reason is not Reason.NOMINAL)
 
 
 def test_what_was_cut_is_counted_by_name_and_what_was_only_rounded_is_not() -> None:
     gate = new_gate()
     gate.start_from(state(), 0)
-    gate.permit(wish(speed_mps=19.9987, front_wheel_angle_rad=0.00004), state(), now_ns=10_000_000, reversing=False)
+    gate.permit(request(speed_mps=19.9987, front_wheel_angle_rad=0.00004), state(), now_ns=10_000_000, reversing=False)
     assert not any(gate.limited.values())
     gate.permit(
-        wish(speed_mps=25.0, accel_mps2=9.0, front_wheel_angle_rad=0.5), state(), now_ns=20_000_000, reversing=False
+        request(speed_mps=25.0, accel_mps2=9.0, front_wheel_angle_rad=0.5), state(), now_ns=20_000_000, reversing=False
     )
     assert {name: count for name, count in gate.limited.items() if count} == {
         "speed_mps": 1,
@@ -238,18 +238,18 @@ def test_a_release_requests_nothing(reason: Reason) -> None:
 
 @pytest.mark.parametrize("gear", list(Gear))
 def test_the_gear_request_passes_as_it_is(gear: Gear) -> None:
-    assert new_gate().permit(wish(), state(), now_ns=0, reversing=False, gear_request=gear).gear_request is gear
+    assert new_gate().permit(request(), state(), now_ns=0, reversing=False, gear_request=gear).gear_request is gear
 
 
 # What the front wheels may do at speed
 
 
-def driven(gate: Gate, wanted: Command, speed_mps: float, count: int, **more: Any) -> list[SafeCommand]:
-    """The same wish at 100 Hz, with wheels that follow at once."""
+def driven(gate: Gate, requested: Command, speed_mps: float, count: int, **more: Any) -> list[SafeCommand]:
+    """The same request at 100 Hz, with wheels that follow at once."""
     answers: list[SafeCommand] = []
     for step in range(1, count + 1):
         measured = state(answers[-1].front_wheel_angle_rad if answers else 0.0, speed_mps)
-        answers.append(gate.permit(wanted, measured, now_ns=step * 10_000_000, reversing=speed_mps < 0.0, **more))
+        answers.append(gate.permit(requested, measured, now_ns=step * 10_000_000, reversing=speed_mps < 0.0, **more))
     return answers
 
 
@@ -261,7 +261,7 @@ def lateral_mps2(command: SafeCommand, speed_mps: float) -> float:
 @pytest.mark.parametrize("speed_mps", [-15.0, -4.0, 4.9, 5.1, 7.0, 10.0, 14.0, 20.0, 25.0])
 def test_full_lock_is_held_back_to_the_lateral_limits_at_every_speed(speed_mps: float, sign: int) -> None:
     gate = new_gate(front_wheel_angle_by_speed=((0.0, 0.6),))
-    answers = driven(gate, wish(front_wheel_angle_rad=sign * 0.6), speed_mps, 300)
+    answers = driven(gate, request(front_wheel_angle_rad=sign * 0.6), speed_mps, 300)
     felt = [lateral_mps2(answer, speed_mps) for answer in answers]
     slack = speed_mps**2 * LSB["front_wheel_angle_rad"] / WHEELBASE_M * 1.5
     assert max(map(abs, felt)) <= 3.0 + 1e-6
@@ -275,36 +275,36 @@ def test_the_table_over_speed_is_linear_between_its_rows_and_constant_beyond_the
     speed_mps: float, most_rad: float
 ) -> None:
     gate = new_gate(lateral_accel_mps2=1e6, lateral_jerk_mps3=1e6)
-    answers = driven(gate, wish(front_wheel_angle_rad=0.6), speed_mps, 200)
+    answers = driven(gate, request(front_wheel_angle_rad=0.6), speed_mps, 200)
     assert answers[-1].front_wheel_angle_rad == pytest.approx(most_rad, abs=1.0001e-4)
 
 
 def test_a_command_never_leads_far_away_from_a_steering_that_hangs() -> None:
     gate, answer = new_gate(), None
     for step in range(200):
-        answer = gate.permit(wish(front_wheel_angle_rad=0.6), state(0.1), now_ns=step * 10_000_000, reversing=False)
+        answer = gate.permit(request(front_wheel_angle_rad=0.6), state(0.1), now_ns=step * 10_000_000, reversing=False)
     assert answer is not None
     assert answer.front_wheel_angle_rad == pytest.approx(0.4)
 
 
 def test_where_the_speed_has_risen_the_wheels_are_led_back_as_fast_as_they_may_turn() -> None:
     gate = new_gate()
-    turned = driven(gate, wish(front_wheel_angle_rad=0.6), 1.0, 100)[-1]
+    turned = driven(gate, request(front_wheel_angle_rad=0.6), 1.0, 100)[-1]
     assert turned.front_wheel_angle_rad == pytest.approx(0.6)
     now_ns, last_rad = 101 * 10_000_000, 0.6
     for _ in range(10):
         measured = state(last_rad, speed_mps=12.0)
-        answer = gate.permit(wish(front_wheel_angle_rad=0.6), measured, now_ns=now_ns, reversing=False)
+        answer = gate.permit(request(front_wheel_angle_rad=0.6), measured, now_ns=now_ns, reversing=False)
         assert answer.front_wheel_angle_rad == pytest.approx(last_rad - 0.008, abs=1e-9)
         now_ns, last_rad = now_ns + 10_000_000, answer.front_wheel_angle_rad
 
 
 def test_until_the_vehicle_is_autonomous_drive_and_steering_are_held_back_more() -> None:
-    answers = driven(new_gate(), wish(front_wheel_angle_rad=0.6, accel_mps2=3.0), 1.0, 100, engaging=True)
+    answers = driven(new_gate(), request(front_wheel_angle_rad=0.6, accel_mps2=3.0), 1.0, 100, engaging=True)
     steps = [after.front_wheel_angle_rad - before.front_wheel_angle_rad for before, after in pairwise(answers)]
     assert max(steps) == pytest.approx(0.003)
     assert answers[-1].accel_mps2 == pytest.approx(1.0)
-    braking = driven(new_gate(), wish(accel_mps2=-6.0), 1.0, 100, engaging=True)
+    braking = driven(new_gate(), request(accel_mps2=-6.0), 1.0, 100, engaging=True)
     assert braking[-1].accel_mps2 == pytest.approx(-6.0)
 
 
@@ -312,14 +312,14 @@ def test_until_the_vehicle_is_autonomous_drive_and_steering_are_held_back_more()
 def test_a_vehicle_that_takes_its_time_to_engage_finds_the_wheels_where_they_are(sign: int) -> None:
     gate, hanging = new_gate(), state(0.1)
     gate.start_from(hanging, 0)
-    wanted = wish(front_wheel_angle_rad=sign * 0.6)
+    requested = request(front_wheel_angle_rad=sign * 0.6)
     sent = [
-        gate.permit(wanted, hanging, now_ns=k * 10_000_000, reversing=False, engaging=True).front_wheel_angle_rad
+        gate.permit(requested, hanging, now_ns=k * 10_000_000, reversing=False, engaging=True).front_wheel_angle_rad
         for k in range(1, 300)
     ]
     assert sent[8:11] == pytest.approx([0.1 + sign * lead_rad for lead_rad in (0.027, 0.03, 0.03)])
     assert sent[-1] == pytest.approx(0.1 + sign * 0.03)
-    on = gate.permit(wanted, hanging, now_ns=300 * 10_000_000, reversing=False)
+    on = gate.permit(requested, hanging, now_ns=300 * 10_000_000, reversing=False)
     assert on.front_wheel_angle_rad == pytest.approx(0.1 + sign * 0.038)
 
 
@@ -327,19 +327,19 @@ def test_a_profile_that_is_stricter_about_the_measured_wheels_is_so_while_engagi
     gate, hanging = new_gate(front_wheel_deviation_rad=0.02), state()
     for k in range(1, 30):
         safe = gate.permit(
-            wish(front_wheel_angle_rad=0.6), hanging, now_ns=k * 10_000_000, reversing=False, engaging=True
+            request(front_wheel_angle_rad=0.6), hanging, now_ns=k * 10_000_000, reversing=False, engaging=True
         )
     assert safe.front_wheel_angle_rad == pytest.approx(0.02)
 
 
 def test_a_vehicle_that_measures_no_wheels_is_not_compared_with_zero_while_it_engages() -> None:
     answers = driven(
-        new_gate(front_wheel_deviation_rad=math.inf), wish(front_wheel_angle_rad=0.6), 0.0, 100, engaging=True
+        new_gate(front_wheel_deviation_rad=math.inf), request(front_wheel_angle_rad=0.6), 0.0, 100, engaging=True
     )
     unmeasured = new_gate(front_wheel_deviation_rad=math.inf)
     for step in range(1, 101):
         safe = unmeasured.permit(
-            wish(front_wheel_angle_rad=0.6), state(), now_ns=step * 10_000_000, reversing=False, engaging=True
+            request(front_wheel_angle_rad=0.6), state(), now_ns=step * 10_000_000, reversing=False, engaging=True
         )
     assert safe.front_wheel_angle_rad == answers[-1].front_wheel_angle_rad == pytest.approx(0.3)
 
@@ -347,21 +347,21 @@ def test_a_vehicle_that_measures_no_wheels_is_not_compared_with_zero_while_it_en
 @pytest.mark.parametrize(("speed_mps", "most_mps2"), [(0.0, 3.0), (10.0, 3.0), (15.0, 2.25), (-15.0, -2.25)])
 def test_the_drive_is_gentler_where_it_is_fast_and_the_brake_is_not(speed_mps: float, most_mps2: float) -> None:
     sign = math.copysign(1.0, most_mps2)
-    assert driven(new_gate(), wish(accel_mps2=sign * 9.0), speed_mps, 60)[-1].accel_mps2 == pytest.approx(most_mps2)
-    braking = driven(new_gate(), wish(accel_mps2=-sign * 9.0), speed_mps, 60)
+    assert driven(new_gate(), request(accel_mps2=sign * 9.0), speed_mps, 60)[-1].accel_mps2 == pytest.approx(most_mps2)
+    braking = driven(new_gate(), request(accel_mps2=-sign * 9.0), speed_mps, 60)
     assert braking[-1].accel_mps2 == pytest.approx(-sign * 6.0)
 
 
 @pytest.mark.parametrize("speed_mps", [15.0, -15.0])
 def test_the_wheels_turn_less_far_where_it_is_fast_in_either_direction(speed_mps: float) -> None:
     gate = new_gate(front_wheel_angle_by_speed=((10.0, 0.02), (20.0, 0.01)), lateral_accel_mps2=100.0)
-    assert driven(gate, wish(front_wheel_angle_rad=0.6), speed_mps, 60)[-1].front_wheel_angle_rad == pytest.approx(
+    assert driven(gate, request(front_wheel_angle_rad=0.6), speed_mps, 60)[-1].front_wheel_angle_rad == pytest.approx(
         0.015
     )
 
 
 @given(
-    st.lists(st.tuples(wishes(), ANY_STEP_NS, st.booleans(), st.booleans()), max_size=20),
+    st.lists(st.tuples(requests(), ANY_STEP_NS, st.booleans(), st.booleans()), max_size=20),
     st.floats(allow_nan=False, allow_infinity=False),
     st.floats(allow_nan=False, allow_infinity=False),
     st.floats(-1.5, 1.5),
@@ -379,7 +379,7 @@ def test_whatever_is_measured_the_answer_is_finite_and_in_range(
         assert in_range(safe, reversing=reversing)
 
 
-@given(st.lists(st.tuples(wishes(), st.floats(-30.0, 30.0)), min_size=1, max_size=30))
+@given(st.lists(st.tuples(requests(), st.floats(-30.0, 30.0)), min_size=1, max_size=30))
 def test_at_a_steady_speed_no_sequence_of_requests_breaks_a_lateral_limit(
     steps: list[tuple[Command, float]],
 ) -> None:
@@ -397,8 +397,8 @@ def test_at_a_steady_speed_no_sequence_of_requests_breaks_a_lateral_limit(
 def test_a_permission_that_was_not_sent_does_not_move_the_rates() -> None:
     gate = new_gate()
     gate.start_from(state(), 0)
-    lost = gate.propose(wish(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
-    again = gate.permit(wish(front_wheel_angle_rad=-0.6), state(), now_ns=10_000_000, reversing=False)
+    lost = gate.propose(request(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
+    again = gate.permit(request(front_wheel_angle_rad=-0.6), state(), now_ns=10_000_000, reversing=False)
     assert -again.front_wheel_angle_rad == lost.front_wheel_angle_rad == pytest.approx(0.008)
 
 
@@ -417,8 +417,8 @@ def test_the_next_permission_is_counted_from_what_left_of_the_last_one(
 ) -> None:
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
     gate.start_from(state(), 0)
-    most = wish(accel_mps2=3.0, front_wheel_angle_rad=0.6, rear_wheel_angle_rad=0.1)
-    least = wish(accel_mps2=-6.0, front_wheel_angle_rad=-0.6, rear_wheel_angle_rad=-0.1)
+    most = request(accel_mps2=3.0, front_wheel_angle_rad=0.6, rear_wheel_angle_rad=0.1)
+    least = request(accel_mps2=-6.0, front_wheel_angle_rad=-0.6, rear_wheel_angle_rad=-0.1)
     gate.propose(most, state(), now_ns=10_000_000, reversing=False)
     if left:
         gate.commit_fields(left)
@@ -430,7 +430,7 @@ def test_the_next_permission_is_counted_from_what_left_of_the_last_one(
 
 def test_a_gate_without_a_start_counts_from_rest_at_time_zero() -> None:
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
-    everything = wish(accel_mps2=3.0, front_wheel_angle_rad=0.6, rear_wheel_angle_rad=0.1)
+    everything = request(accel_mps2=3.0, front_wheel_angle_rad=0.6, rear_wheel_angle_rad=0.1)
     first = gate.propose(everything, state(), now_ns=0, reversing=False)
     assert (first.accel_mps2, first.front_wheel_angle_rad, first.rear_wheel_angle_rad) == (0.0, 0.0, 0.0)
     later = gate.permit(everything, state(), now_ns=10_000_000, reversing=False)
@@ -439,7 +439,7 @@ def test_a_gate_without_a_start_counts_from_rest_at_time_zero() -> None:
 
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize(
-    ("speed_mps", "wanted_mps2", "granted_mps2"),
+    ("speed_mps", "requested_mps2", "granted_mps2"),
     [
         (19.99, 0.5, 0.3),
         (20.0, 0.5, 0.0),
@@ -450,32 +450,32 @@ def test_a_gate_without_a_start_counts_from_rest_at_time_zero() -> None:
     ],
 )
 def test_at_the_greatest_speed_and_beyond_nothing_is_added_to_it_and_it_may_be_braked(
-    speed_mps: float, wanted_mps2: float, granted_mps2: float, sign: int
+    speed_mps: float, requested_mps2: float, granted_mps2: float, sign: int
 ) -> None:
     gate = new_gate()
     measured = state(speed_mps=sign * speed_mps)
-    safe = gate.permit(wish(accel_mps2=sign * wanted_mps2), measured, now_ns=10_000_000, reversing=sign < 0)
+    safe = gate.permit(request(accel_mps2=sign * requested_mps2), measured, now_ns=10_000_000, reversing=sign < 0)
     assert safe.accel_mps2 == pytest.approx(sign * granted_mps2)
-    assert gate.limited["overspeed"] == (1 if wanted_mps2 > 0.0 and granted_mps2 == 0.0 else 0)
+    assert gate.limited["overspeed"] == (1 if requested_mps2 > 0.0 and granted_mps2 == 0.0 else 0)
 
 
 @pytest.mark.parametrize("reversing", [False, True])
 def test_a_stop_drops_even_the_least_drive(reversing: bool) -> None:
     gate, least_mps2 = new_gate(), -0.001 if reversing else 0.001
-    driving = gate.permit(wish(accel_mps2=least_mps2), state(), now_ns=10_000_000, reversing=reversing)
+    driving = gate.permit(request(accel_mps2=least_mps2), state(), now_ns=10_000_000, reversing=reversing)
     assert driving.accel_mps2 == pytest.approx(least_mps2)
-    stop = wish(reason=Reason.STATE_STALE, accel_mps2=-3000.0 * least_mps2)
+    stop = request(reason=Reason.STATE_STALE, accel_mps2=-3000.0 * least_mps2)
     assert gate.permit(stop, state(), now_ns=10_000_000, reversing=reversing).accel_mps2 == 0.0
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_without_a_table_too_the_wheels_are_led_back_where_the_speed_has_risen(sign: int) -> None:
     gate = new_gate(front_wheel_angle_by_speed=((0.0, 0.6),))
-    last_rad = driven(gate, wish(front_wheel_angle_rad=sign * 0.6), 1.0, 100)[-1].front_wheel_angle_rad
+    last_rad = driven(gate, request(front_wheel_angle_rad=sign * 0.6), 1.0, 100)[-1].front_wheel_angle_rad
     for step in range(101, 111):
         measured = state(last_rad, speed_mps=12.0)
-        wanted = wish(front_wheel_angle_rad=sign * 0.6)
-        answer = gate.permit(wanted, measured, now_ns=step * 10_000_000, reversing=False)
+        requested = request(front_wheel_angle_rad=sign * 0.6)
+        answer = gate.permit(requested, measured, now_ns=step * 10_000_000, reversing=False)
         assert answer.front_wheel_angle_rad == pytest.approx(last_rad - sign * 0.008, abs=1e-9)
         last_rad = answer.front_wheel_angle_rad
 
@@ -485,8 +485,8 @@ def test_where_the_rear_wheels_turn_as_well_the_lateral_limits_hold_for_the_curv
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.1, front_wheel_angle_by_speed=((0.0, 0.6),))
     front_rad, felt = 0.0, [0.0]
     for step in range(1, 200):
-        wanted = wish(front_wheel_angle_rad=0.6, rear_wheel_angle_rad=sign * 0.05)
-        safe = gate.permit(wanted, state(front_rad, 10.0), now_ns=step * 10_000_000, reversing=False)
+        requested = request(front_wheel_angle_rad=0.6, rear_wheel_angle_rad=sign * 0.05)
+        safe = gate.permit(requested, state(front_rad, 10.0), now_ns=step * 10_000_000, reversing=False)
         front_rad = safe.front_wheel_angle_rad
         curvature_per_m = (math.tan(front_rad) - math.tan(safe.rear_wheel_angle_rad)) / WHEELBASE_M
         felt.append(100.0 * curvature_per_m)
@@ -498,19 +498,22 @@ def test_where_the_rear_wheels_turn_as_well_the_lateral_limits_hold_for_the_curv
 
 def test_a_request_that_is_not_finite_turns_no_rear_wheel() -> None:
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
-    safe = gate.permit(wish(accel_mps2=math.nan, rear_wheel_angle_rad=0.1), state(), now_ns=10**7, reversing=False)
+    safe = gate.permit(request(accel_mps2=math.nan, rear_wheel_angle_rad=0.1), state(), now_ns=10**7, reversing=False)
     assert safe.rear_wheel_angle_rad == 0.0
 
 
-@pytest.mark.parametrize("wanted_rad", [0.0, -0.6])
+@pytest.mark.parametrize("requested_rad", [0.0, -0.6])
 def test_a_wheel_beyond_its_limit_for_the_speed_may_go_back_as_fast_as_it_can_for_any_request(
-    wanted_rad: float,
+    requested_rad: float,
 ) -> None:
     """The lateral jerk holds back what turns in; it must not hold back what turns out of a curve that is too tight."""
     gate = new_gate()
-    driven(gate, wish(front_wheel_angle_rad=0.6), 1.0, 100)
+    driven(gate, request(front_wheel_angle_rad=0.6), 1.0, 100)
     safe = gate.permit(
-        wish(front_wheel_angle_rad=wanted_rad), state(0.6, speed_mps=12.0), now_ns=101 * 10_000_000, reversing=False
+        request(front_wheel_angle_rad=requested_rad),
+        state(0.6, speed_mps=12.0),
+        now_ns=101 * 10_000_000,
+        reversing=False,
     )
     assert safe.front_wheel_angle_rad == pytest.approx(0.592)
 
@@ -519,7 +522,7 @@ def test_a_wheel_beyond_its_limit_for_the_speed_may_go_back_as_fast_as_it_can_fo
 
 
 @given(
-    st.lists(st.tuples(wishes(), ANY_STEP_NS, st.floats(-30.0, 30.0), st.booleans(), st.booleans()), max_size=30),
+    st.lists(st.tuples(requests(), ANY_STEP_NS, st.floats(-30.0, 30.0), st.booleans(), st.booleans()), max_size=30),
     st.booleans(),
 )
 def test_no_order_of_events_makes_a_stop_push_the_vehicle_along(
@@ -539,9 +542,9 @@ def test_no_order_of_events_makes_a_stop_push_the_vehicle_along(
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-@pytest.mark.parametrize("wished_mps2", [0.0, 3.0, -0.001, -6.0, math.nan, math.inf])
-def test_the_deceleration_of_a_stop_does_not_depend_on_the_request(wished_mps2: float, sign: int) -> None:
-    stop = wish(accel_mps2=wished_mps2, reason=Reason.DEVIATION)
+@pytest.mark.parametrize("requested_mps2", [0.0, 3.0, -0.001, -6.0, math.nan, math.inf])
+def test_the_deceleration_of_a_stop_does_not_depend_on_the_request(requested_mps2: float, sign: int) -> None:
+    stop = request(accel_mps2=requested_mps2, reason=Reason.DEVIATION)
     answers = driven(new_gate(), stop, sign * 5.0, 12)
     expected = [-sign * min(0.3 * (k + 1), 3.0) for k in range(12)]
     assert [answer.accel_mps2 for answer in answers] == pytest.approx(expected)
@@ -552,7 +555,7 @@ def test_the_deceleration_of_a_stop_does_not_depend_on_the_request(wished_mps2: 
 @pytest.mark.parametrize("speed_mps", [0.0, 0.1, -0.1, 5.0, -5.0])
 def test_where_no_speed_is_known_a_stop_brakes_as_hard_as_it_may_and_goes_on(speed_mps: float, reversing: bool) -> None:
     """What the sensors say of standstill and direction does not ease or turn the brake."""
-    gate, stop, accels_mps2 = new_gate(), wish(reason=Reason.STATE_INVALID), []
+    gate, stop, accels_mps2 = new_gate(), request(reason=Reason.STATE_INVALID), []
     gate.start_from(state(), 0)
     for tick in range(1, 101):
         safe = gate.permit(
@@ -572,7 +575,7 @@ def test_where_no_speed_is_known_a_stop_brakes_as_hard_as_it_may_and_goes_on(spe
 def test_limits_go_by_the_speed_that_is_given_and_else_by_the_measured_one(sign: int) -> None:
     """At 20 m/s nothing is added to the speed, 3 m/s² of lateral acceleration are a small angle, a stop brakes hard."""
     slow = state(speed_mps=0.1 * sign)
-    drive, stop = wish(accel_mps2=1.0 * sign, front_wheel_angle_rad=0.05), wish(reason=Reason.STATE_STALE)
+    drive, stop = request(accel_mps2=1.0 * sign, front_wheel_angle_rad=0.05), request(reason=Reason.STATE_STALE)
     sent: dict[float | None, tuple[float, float, float]] = {}
     for speed_mps in (None, 20.0 * sign):
         gate = new_gate()
@@ -590,7 +593,7 @@ def test_limits_go_by_the_speed_that_is_given_and_else_by_the_measured_one(sign:
 
 def test_a_stop_is_not_counted_as_a_limited_request() -> None:
     gate = new_gate()
-    driven(gate, wish(accel_mps2=9.0, reason=Reason.DEVIATION), 5.0, 12)
+    driven(gate, request(accel_mps2=9.0, reason=Reason.DEVIATION), 5.0, 12)
     assert not any(gate.limited.values())
 
 
@@ -604,14 +607,14 @@ def test_a_vehicle_that_stands_is_held_against_its_gear_where_the_profile_wants_
         wheelbase_m=WHEELBASE_M,
         stop=stop_shape(profile, BehaviorConfig()),
     )
-    stop = wish(reason=Reason.NO_TRAJECTORY)
+    stop = request(reason=Reason.NO_TRAJECTORY)
     answers = [gate.permit(stop, state(), now_ns=k * 10_000_000, reversing=reversing) for k in range(4)]
     sign = 1.0 if reversing else -1.0
     assert [answer.accel_mps2 for answer in answers] == pytest.approx([0.0, sign * 0.3, sign * 0.5, sign * 0.5])
 
 
 def test_a_stop_that_was_not_sent_does_not_move_the_ramp() -> None:
-    gate, stop = new_gate(), wish(reason=Reason.LINK_DOWN)
+    gate, stop = new_gate(), request(reason=Reason.LINK_DOWN)
     gate.start_from(state(speed_mps=5.0), 0)
     gate.propose(stop, state(speed_mps=5.0), now_ns=10_000_000, reversing=False)
     again = gate.permit(stop, state(speed_mps=5.0), now_ns=20_000_000, reversing=False)
@@ -620,23 +623,23 @@ def test_a_stop_that_was_not_sent_does_not_move_the_ramp() -> None:
 
 def test_after_a_stop_driving_begins_from_the_brake_that_was_on() -> None:
     gate = new_gate()
-    driven(gate, wish(reason=Reason.STATE_STALE), 5.0, 12)
-    on = gate.permit(wish(accel_mps2=1.0), state(speed_mps=5.0), now_ns=13 * 10_000_000, reversing=False)
+    driven(gate, request(reason=Reason.STATE_STALE), 5.0, 12)
+    on = gate.permit(request(accel_mps2=1.0), state(speed_mps=5.0), now_ns=13 * 10_000_000, reversing=False)
     assert on.accel_mps2 == pytest.approx(-2.7)
     assert on.safe_stop is False
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-@pytest.mark.parametrize("wanted_rad", [0.0, -0.6])
+@pytest.mark.parametrize("requested_rad", [0.0, -0.6])
 def test_a_wheel_that_is_a_little_beyond_what_the_speed_allows_goes_back_to_that_and_on_by_the_jerk(
-    wanted_rad: float, sign: int
+    requested_rad: float, sign: int
 ) -> None:
     gate, front_rad = new_gate(), sign * 0.0582
     gate.start_from(state(front_rad, speed_mps=12.0), 0)
     sent = []
     for step in range(1, 4):
-        measured, wanted = state(front_rad, speed_mps=12.0), wish(front_wheel_angle_rad=sign * wanted_rad)
-        safe = gate.permit(wanted, measured, now_ns=step * 10_000_000, reversing=False)
+        measured, requested = state(front_rad, speed_mps=12.0), request(front_wheel_angle_rad=sign * requested_rad)
+        safe = gate.permit(requested, measured, now_ns=step * 10_000_000, reversing=False)
         front_rad = safe.front_wheel_angle_rad
         sent.append(front_rad)
     # 3 m/s² are at 0.05618 rad, 5 m/s³ are 0.00094 rad in 10 ms
@@ -648,9 +651,9 @@ def test_a_wheel_that_is_a_little_beyond_what_the_speed_allows_goes_back_to_that
 def test_a_little_more_speed_at_the_lateral_limit_is_no_leave_to_swerve(dt_s: float, sign: int) -> None:
     gate = new_gate(front_wheel_angle_by_speed=((0.0, 0.6),))
     gate.start_from(state(sign * 0.0202, speed_mps=20.0), 0)
-    held = wish(front_wheel_angle_rad=sign * 0.0202)
+    held = request(front_wheel_angle_rad=sign * 0.0202)
     at = gate.permit(held, state(sign * 0.0202, speed_mps=20.0), now_ns=10**9, reversing=False)
-    away = wish(front_wheel_angle_rad=-sign * 0.6)
+    away = request(front_wheel_angle_rad=-sign * 0.6)
     swerve = gate.permit(away, state(sign * 0.0202, speed_mps=20.05), now_ns=10**9 + round(dt_s * 1e9), reversing=False)
     slack_mps2 = 0.02 + 20.05**2 * 1e-4 / WHEELBASE_M  # what the speed has made of it, and a count
     assert abs(lateral_mps2(at, 20.05) - lateral_mps2(swerve, 20.05)) <= 5.0 * dt_s + slack_mps2
@@ -660,15 +663,15 @@ def test_a_little_more_speed_at_the_lateral_limit_is_no_leave_to_swerve(dt_s: fl
 
 
 def dragged(
-    gate: Gate, wanted_rad: float, speed_mps: float, rate_radps: float, **more: Any
+    gate: Gate, requested_rad: float, speed_mps: float, rate_radps: float, **more: Any
 ) -> list[tuple[float, float]]:
     """Somebody turns the wheels by this rate to 0.5 rad; measured and sent, at 100 Hz for two seconds."""
     gate.start_from(state(0.0, speed_mps), 0)
-    wanted, both = wish(front_wheel_angle_rad=wanted_rad), []
+    requested, both = request(front_wheel_angle_rad=requested_rad), []
     for step in range(1, 201):
         measured_rad = math.copysign(min(0.5, abs(rate_radps) * step / 100), rate_radps)
         safe = gate.permit(
-            wanted, state(measured_rad, speed_mps), now_ns=step * 10_000_000, reversing=speed_mps < 0.0, **more
+            requested, state(measured_rad, speed_mps), now_ns=step * 10_000_000, reversing=speed_mps < 0.0, **more
         )
         both.append((measured_rad, safe.front_wheel_angle_rad))
     return both
@@ -676,13 +679,13 @@ def dragged(
 
 @pytest.mark.parametrize("engaging", [False, True])
 @pytest.mark.parametrize("rate_radps", [-0.6, -0.2, 0.2, 0.6])
-@pytest.mark.parametrize("wanted_rad", [-0.6, 0.0, 0.6])
+@pytest.mark.parametrize("requested_rad", [-0.6, 0.0, 0.6])
 @pytest.mark.parametrize("speed_mps", [-8.0, 0.0, 3.0, 5.0, 6.0, 10.0, 18.0])
 def test_the_command_never_moves_further_from_wheels_that_the_driver_turns(
-    speed_mps: float, wanted_rad: float, rate_radps: float, engaging: bool
+    speed_mps: float, requested_rad: float, rate_radps: float, engaging: bool
 ) -> None:
     apart_rad = 0.03 if engaging else 0.3
-    both = dragged(new_gate(), wanted_rad, speed_mps, rate_radps, engaging=engaging)
+    both = dragged(new_gate(), requested_rad, speed_mps, rate_radps, engaging=engaging)
     for (_, before_rad), (measured_rad, sent_rad) in pairwise(both):
         leads = abs(sent_rad - measured_rad) > apart_rad + 1e-9
         assert not leads or abs(sent_rad - measured_rad) <= abs(before_rad - measured_rad) + 1e-9
@@ -699,7 +702,7 @@ def test_a_steering_sensor_that_is_wrong_does_not_drag_the_wheels_along(
     gate.start_from(state(0.0, speed_mps), 0)
     for step in range(1, 300):
         measured = state(front_rad + offset_rad, speed_mps)
-        safe = gate.permit(wish(), measured, now_ns=step * 10_000_000, reversing=speed_mps < 0.0, engaging=engaging)
+        safe = gate.permit(request(), measured, now_ns=step * 10_000_000, reversing=speed_mps < 0.0, engaging=engaging)
         front_rad = safe.front_wheel_angle_rad
         assert front_rad == 0.0
 
@@ -711,7 +714,7 @@ def test_what_is_measured_and_no_angle_moves_nothing(measured_rad: float, apart_
     msgspec.structs.force_setattr(broken, "front_wheel_angle_rad", measured_rad)
     gate = new_gate(front_wheel_deviation_rad=apart_rad)
     for engaging in (False, True):
-        safe = gate.permit(wish(), broken, now_ns=10_000_000, reversing=False, engaging=engaging)
+        safe = gate.permit(request(), broken, now_ns=10_000_000, reversing=False, engaging=engaging)
         assert safe.front_wheel_angle_rad == 0.0
 
 
@@ -724,10 +727,10 @@ def test_wherever_the_wheels_are_measured_no_command_leads_further_away_from_the
 ) -> None:
     gate, before_rad = new_gate(front_wheel_angle_by_speed=((0.0, 0.6),)), 0.0
     gate.start_from(state(0.0, speed_mps), 0)
-    for step, (wanted_rad, measured_rad, engaging) in enumerate(steps, start=1):
-        measured, wanted = state(measured_rad, speed_mps), wish(front_wheel_angle_rad=wanted_rad)
+    for step, (requested_rad, measured_rad, engaging) in enumerate(steps, start=1):
+        measured, requested = state(measured_rad, speed_mps), request(front_wheel_angle_rad=requested_rad)
         now_ns = step * 10_000_000
-        safe = gate.permit(wanted, measured, now_ns=now_ns, reversing=speed_mps < 0.0, engaging=engaging)
+        safe = gate.permit(requested, measured, now_ns=now_ns, reversing=speed_mps < 0.0, engaging=engaging)
         sent_rad = safe.front_wheel_angle_rad
         apart_rad = abs(sent_rad - measured_rad)
         assert apart_rad <= max(0.03 if engaging else 0.3, abs(before_rad - measured_rad)) + 1e-9
@@ -736,12 +739,12 @@ def test_wherever_the_wheels_are_measured_no_command_leads_further_away_from_the
 
 def test_where_table_and_lateral_jerk_contradict_each_other_the_wheels_go_back_by_the_jerk() -> None:
     gate = new_gate(front_wheel_angle_by_speed=((0.0, 0.6), (9.9, 0.07), (10.5, 0.02)))
-    answers = driven(gate, wish(front_wheel_angle_rad=0.6), 9.8, 100)
+    answers = driven(gate, request(front_wheel_angle_rad=0.6), 9.8, 100)
     assert answers[-1].front_wheel_angle_rad == pytest.approx(0.0753, abs=2e-4)
     sent = [answers[-1].front_wheel_angle_rad]
     for step in range(101, 161):
         measured = state(sent[-1], 10.8)
-        safe = gate.permit(wish(front_wheel_angle_rad=0.6), measured, now_ns=step * 10_000_000, reversing=False)
+        safe = gate.permit(request(front_wheel_angle_rad=0.6), measured, now_ns=step * 10_000_000, reversing=False)
         sent.append(safe.front_wheel_angle_rad)
     assert sent[1] == pytest.approx(0.0693)  # 3 m/s²
     steps = [before - after for before, after in pairwise(sent[1:42])]
@@ -753,7 +756,7 @@ def test_where_table_and_lateral_jerk_contradict_each_other_the_wheels_go_back_b
 @pytest.mark.parametrize(("speed_mps", "granted_rad"), [(0.0999, 0.008), (0.1, 0.0027), (-0.1, 0.0027)])
 def test_from_a_tenth_of_a_metre_per_second_on_the_lateral_jerk_counts(speed_mps: float, granted_rad: float) -> None:
     gate = new_gate(lateral_jerk_mps3=0.001)
-    answers = driven(gate, wish(front_wheel_angle_rad=0.6), speed_mps, 2)
+    answers = driven(gate, request(front_wheel_angle_rad=0.6), speed_mps, 2)
     assert answers[-1].front_wheel_angle_rad - answers[0].front_wheel_angle_rad == pytest.approx(
         granted_rad, abs=1.0001e-4
     )
@@ -762,8 +765,8 @@ def test_from_a_tenth_of_a_metre_per_second_on_the_lateral_jerk_counts(speed_mps
 def test_a_release_that_is_sent_commits_nothing_that_was_only_proposed() -> None:
     gate = new_gate()
     gate.start_from(state(), 0)
-    gate.propose(wish(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
+    gate.propose(request(front_wheel_angle_rad=0.6), state(), now_ns=10_000_000, reversing=False)
     gate.release(stamp_ns=1, reason=Reason.NOT_ENGAGED)
     gate.commit()
-    again = gate.permit(wish(front_wheel_angle_rad=-0.6), state(), now_ns=10_000_000, reversing=False)
+    again = gate.permit(request(front_wheel_angle_rad=-0.6), state(), now_ns=10_000_000, reversing=False)
     assert again.front_wheel_angle_rad == pytest.approx(-0.008)

@@ -17,7 +17,7 @@ from vehicle_iface.interpolation import interpolate
 from vehicle_iface.profile import Limits
 from vehicle_iface.safety.gate import LONGEST_STEP_S
 
-from .test_gate import LSB, WHEELBASE_M, new_gate, state, wish
+from .test_gate import LSB, WHEELBASE_M, new_gate, request, state
 
 Interval = tuple[float, float]
 LIMITS: list[dict[str, Any]] = [
@@ -35,9 +35,9 @@ def clamp(value: float, within: Interval) -> float:
     return min(max(value, within[0]), within[1])
 
 
-def reached(wanted: float, last: float, step: float, within: Interval) -> float:
-    """The value in the interval that is nearest to the wanted one, as far as one step leads there."""
-    return clamp(clamp(wanted, within), (last - step, last + step))
+def reached(requested: float, last: float, step: float, within: Interval) -> float:
+    """The value in the interval that is nearest to the requested one, as far as one step leads there."""
+    return clamp(clamp(requested, within), (last - step, last + step))
 
 
 def lateral(limits: Limits, last_rad: float, speed_mps: float, dt_s: float) -> Interval:
@@ -71,7 +71,7 @@ def test_the_gate_sends_what_the_limits_in_si_units_allow(
     for wanted_mps2, wanted_rad, wanted_mps, step_ns in steps:
         now_ns += step_ns
         dt_s = min(step_ns / 1e9, LONGEST_STEP_S)
-        asked = wish(
+        asked = request(
             accel_mps2=wanted_mps2,
             front_wheel_angle_rad=0.0,
             rear_wheel_angle_rad=wanted_rad,
@@ -117,7 +117,7 @@ def test_the_front_wheels_turn_as_the_limits_in_si_units_allow(
     for wanted_rad, off_rad in steps:
         now_ns += 10_000_000
         measured_rad = last_rad + off_rad
-        asked = wish(front_wheel_angle_rad=wanted_rad)
+        asked = request(front_wheel_angle_rad=wanted_rad)
         safe = gate.permit(asked, state(measured_rad, speed_mps), now_ns=now_ns, reversing=False, engaging=engaging)
         near = min(measured_rad - apart_rad, last_rad), max(measured_rad + apart_rad, last_rad)
         within = near

@@ -10,11 +10,11 @@ from vehicle_iface.status import Gear
 LIMIT_MPS = 0.5
 
 
-def contradicts(speed_mps: float, wanted: Gear, gear: Gear | None) -> bool:
+def contradicts(speed_mps: float, requested: Gear, gear: Gear | None) -> bool:
     check = GearCheck(LIMIT_MPS)
-    assert not check.contradicts(speed_mps, wanted, gear, 0)
-    assert not check.contradicts(speed_mps, wanted, gear, CONTRADICTS_NS - 1)
-    return check.contradicts(speed_mps, wanted, gear, CONTRADICTS_NS)
+    assert not check.contradicts(speed_mps, requested, gear, 0)
+    assert not check.contradicts(speed_mps, requested, gear, CONTRADICTS_NS - 1)
+    return check.contradicts(speed_mps, requested, gear, CONTRADICTS_NS)
 
 
 @pytest.mark.parametrize("gear", [Gear.PARK, Gear.REVERSE, Gear.NEUTRAL])
@@ -32,10 +32,10 @@ def test_driven_backwards_only_reverse_fits(gear: Gear, speed_mps: float, expect
 
 
 @pytest.mark.parametrize(
-    ("speed_mps", "wanted", "gear"), [(-2.0, Gear.DRIVE, Gear.REVERSE), (2.0, Gear.REVERSE, Gear.PARK)]
+    ("speed_mps", "requested", "gear"), [(-2.0, Gear.DRIVE, Gear.REVERSE), (2.0, Gear.REVERSE, Gear.PARK)]
 )
-def test_a_vehicle_that_rolls_back_may_be_in_any_gear(speed_mps: float, wanted: Gear, gear: Gear) -> None:
-    assert not contradicts(speed_mps, wanted, gear)
+def test_a_vehicle_that_rolls_back_may_be_in_any_gear(speed_mps: float, requested: Gear, gear: Gear) -> None:
+    assert not contradicts(speed_mps, requested, gear)
 
 
 @pytest.mark.parametrize("speed_mps", [5.0, -5.0])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from vehicle_iface.safety.lateral import curvature_per_m, front_angle_rad
 
-from .test_gate import WHEELBASE_M, SendingGate, driven, new_gate, state, wish
+from .test_gate import WHEELBASE_M, SendingGate, driven, new_gate, request, state
 
 JERK_MPS3 = 5.0
 NS_PER_MS = 1_000_000
@@ -37,7 +37,7 @@ def test_from_a_tenth_of_a_metre_a_second_on_the_wheels_are_held_back_by_what_ca
     speed_mps: float, step_rad: float, sign: int
 ) -> None:
     gate = new_gate(lateral_jerk_mps3=0.001)
-    (answer,) = driven(gate, wish(front_wheel_angle_rad=sign * 0.6), sign * speed_mps, 1)
+    (answer,) = driven(gate, request(front_wheel_angle_rad=sign * 0.6), sign * speed_mps, 1)
     assert answer.front_wheel_angle_rad == pytest.approx(sign * step_rad, abs=1.0001e-4)
 
 
@@ -46,7 +46,7 @@ def test_from_a_tenth_of_a_metre_a_second_on_the_wheels_are_held_back_by_what_ca
 
 def turned(
     gate: SendingGate,
-    wanted_rad: float,
+    requested_rad: float,
     speed_mps: float,
     at_ms: float,
     from_rad: float = 0.0,
@@ -56,7 +56,7 @@ def turned(
     """Where the front wheels are sent, unless that is lost; they were measured at `from_rad`."""
     decide = gate.propose if is_lost else gate.permit
     safe = decide(
-        wish(front_wheel_angle_rad=wanted_rad),
+        request(front_wheel_angle_rad=requested_rad),
         state(from_rad, speed_mps),
         now_ns=round(at_ms * NS_PER_MS),
         reversing=speed_mps < 0.0,
@@ -114,7 +114,9 @@ def test_turning_rear_wheels_restart_the_time() -> None:
     gate.start_from(state(0.0, 20.0), 0)
     front, rear = [], []
     for at_ms in (9, 10, 11, 12, 13):
-        both = wish(front_wheel_angle_rad=0.6 if at_ms > 10 else 0.0, rear_wheel_angle_rad=2e-5 if at_ms > 9 else 0.0)
+        both = request(
+            front_wheel_angle_rad=0.6 if at_ms > 10 else 0.0, rear_wheel_angle_rad=2e-5 if at_ms > 9 else 0.0
+        )
         safe = gate.permit(both, state(0.0, 20.0), now_ns=at_ms * NS_PER_MS, reversing=False)
         front.append(safe.front_wheel_angle_rad)
         rear.append(safe.rear_wheel_angle_rad)
@@ -125,7 +127,7 @@ def test_turning_rear_wheels_restart_the_time() -> None:
 def test_rear_wheels_that_were_sent_alone_restart_the_time_of_the_lateral_jerk() -> None:
     gate = new_gate({"rear_wheel_angle_rad": 2e-5}, rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.1)
     gate.start_from(state(0.0, 20.0), 0)
-    gate.propose(wish(rear_wheel_angle_rad=2e-5), state(0.0, 20.0), now_ns=40 * NS_PER_MS, reversing=False)
+    gate.propose(request(rear_wheel_angle_rad=2e-5), state(0.0, 20.0), now_ns=40 * NS_PER_MS, reversing=False)
     gate.commit_fields({"rear_wheel_angle_rad"})
     assert [turned(gate, 0.6, 20.0, at_ms) for at_ms in (42, 50)] == pytest.approx([0.0, 2e-4])
 
@@ -164,9 +166,9 @@ def test_from_turn_to_turn_at_a_steady_speed_the_jerk_is_kept_whatever_the_count
     gate = new_gate({"front_wheel_angle_rad": lsb_rad})
     gate.start_from(state(0.0, speed_mps), 0)
     now_ns, turn_ns, sent_ns, front_rad = 0, 0, 0, 0.0
-    for wanted_rad, step_ns, is_lost in steps:
+    for requested_rad, step_ns, is_lost in steps:
         now_ns += step_ns
-        safe = turned(gate, wanted_rad, speed_mps, now_ns / NS_PER_MS, front_rad, is_lost=is_lost)
+        safe = turned(gate, requested_rad, speed_mps, now_ns / NS_PER_MS, front_rad, is_lost=is_lost)
         if is_lost:
             continue
         change_mps2 = abs(felt_mps2(safe, 0.0, speed_mps) - felt_mps2(front_rad, 0.0, speed_mps))

@@ -1,4 +1,4 @@
-"""Limits on wire integers: in range always, within one step of the last value, nearest to what was wanted."""
+"""Limits on wire integers: in range always, within one step of the last value, nearest to the request."""
 
 import math
 
@@ -27,8 +27,8 @@ def channels(draw: st.DrawFn) -> Channel:
 
 
 @given(channels(), ANY_FLOAT, st.integers(-(10**9), 10**9), st.floats(-1.0, 10.0))
-def test_whatever_is_requested_the_result_is_in_range(c: Channel, wanted: float, last_raw: int, dt_s: float) -> None:
-    raw = limit_raw(c, wanted, last_raw, dt_s)
+def test_whatever_is_requested_the_result_is_in_range(c: Channel, requested: float, last_raw: int, dt_s: float) -> None:
+    raw = limit_raw(c, requested, last_raw, dt_s)
     assert type(raw) is int
     assert c.lowest_raw <= raw <= c.highest_raw
     assert c.lowest - 2e-6 * c.lsb <= raw * c.lsb <= c.highest + 2e-6 * c.lsb
@@ -36,45 +36,45 @@ def test_whatever_is_requested_the_result_is_in_range(c: Channel, wanted: float,
 
 @given(channels(), ANY_FLOAT, st.data(), st.floats(-1.0, 10.0))
 def test_from_a_value_in_range_no_step_is_greater_than_the_rate_grants(
-    c: Channel, wanted: float, data: st.DataObject, dt_s: float
+    c: Channel, requested: float, data: st.DataObject, dt_s: float
 ) -> None:
     last_raw = data.draw(st.integers(c.lowest_raw, c.highest_raw))
-    step = abs(limit_raw(c, wanted, last_raw, dt_s) - last_raw)
+    step = abs(limit_raw(c, requested, last_raw, dt_s) - last_raw)
     assert step * c.lsb <= c.rate_per_s * max(0.0, dt_s) + 2e-6 * c.lsb or math.isinf(c.rate_per_s)
 
 
 @given(channels(), st.floats(-100.0, 100.0), st.data(), st.floats(0.0, 1.0))
 def test_no_allowed_value_is_nearer_to_the_requested_one(
-    c: Channel, wanted: float, data: st.DataObject, dt_s: float
+    c: Channel, requested: float, data: st.DataObject, dt_s: float
 ) -> None:
     last_raw = data.draw(st.integers(c.lowest_raw, c.highest_raw))
-    raw = limit_raw(c, wanted, last_raw, dt_s)
+    raw = limit_raw(c, requested, last_raw, dt_s)
     step = c.step_raw(dt_s)
     for other in (raw - 1, raw + 1):
         allowed = c.lowest_raw <= other <= c.highest_raw and abs(other - last_raw) <= step
-        assert not allowed or abs(raw * c.lsb - wanted) <= abs(other * c.lsb - wanted) + 1e-9 * c.lsb + 1e-12
+        assert not allowed or abs(raw * c.lsb - requested) <= abs(other * c.lsb - requested) + 1e-9 * c.lsb + 1e-12
 
 
-@pytest.mark.parametrize("wanted", [math.nan, math.inf, -math.inf])
-def test_a_value_that_is_not_finite_becomes_zero_and_never_full_lock(wanted: float) -> None:
-    assert limit_raw(channel(), wanted, 0, 1.0) == 0
-    assert limit_raw(channel(), wanted, 500, 0.01) == 420
+@pytest.mark.parametrize("requested", [math.nan, math.inf, -math.inf])
+def test_a_value_that_is_not_finite_becomes_zero_and_never_full_lock(requested: float) -> None:
+    assert limit_raw(channel(), requested, 0, 1.0) == 0
+    assert limit_raw(channel(), requested, 500, 0.01) == 420
 
 
 @pytest.mark.parametrize("offset", [-3, -2, -1, 0, 1, 2, 3])
 @pytest.mark.parametrize("limit", [6000, -6000])
 def test_around_each_limit_every_count_is_cut_where_it_must_be(limit: int, offset: int) -> None:
     for fraction in (-0.5, -0.49, 0.0, 0.49, 0.5):
-        wanted = (limit + offset + fraction) * 1e-4
-        raw = limit_raw(channel(rate_per_s=math.inf), wanted, 0, 0.0)
-        assert raw == max(-6000, min(6000, round(wanted / 1e-4)))
+        requested = (limit + offset + fraction) * 1e-4
+        raw = limit_raw(channel(rate_per_s=math.inf), requested, 0, 0.0)
+        assert raw == max(-6000, min(6000, round(requested / 1e-4)))
 
 
 @pytest.mark.parametrize("offset", [-2, -1, 0, 1, 2])
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_around_the_greatest_step_every_count_is_cut_where_it_must_be(sign: int, offset: int) -> None:
-    wanted = sign * (80 + offset) * 1e-4
-    assert limit_raw(channel(), wanted, 0, 0.01) == sign * min(80, 80 + offset)
+    requested = sign * (80 + offset) * 1e-4
+    assert limit_raw(channel(), requested, 0, 0.01) == sign * min(80, 80 + offset)
 
 
 @pytest.mark.parametrize("dt_s", [0.0, -1e-9, -1.0, -math.inf])
@@ -121,9 +121,9 @@ def test_an_interval_beyond_the_range_leads_to_the_end_of_the_range_and_no_furth
     assert limit_raw(c, 0.0, 0, 0.01, within=(-8000, -7000)) == -6000
 
 
-@pytest.mark.parametrize(("wanted", "raw"), [(0.6, 30), (0.003, 30), (0.0025, 25), (0.002, 20), (-0.6, 20)])
-def test_a_request_is_clamped_to_the_interval(wanted: float, raw: int) -> None:
-    assert limit_raw(channel(), wanted, 10, 0.01, within=(20, 30)) == raw
+@pytest.mark.parametrize(("requested", "raw"), [(0.6, 30), (0.003, 30), (0.0025, 25), (0.002, 20), (-0.6, 20)])
+def test_a_request_is_clamped_to_the_interval(requested: float, raw: int) -> None:
+    assert limit_raw(channel(), requested, 10, 0.01, within=(20, 30)) == raw
 
 
 def test_what_is_outside_the_interval_goes_there_as_fast_as_the_rate_lets_it() -> None:

@@ -152,8 +152,8 @@ def test_a_signal_that_is_late_is_found_out_while_the_vehicle_brakes(field: str,
 def test_a_field_that_the_vehicle_does_not_send_is_not_compared(absent: str, field: str) -> None:
     states = [*drive(2.0, speed_mps=8.0, front_rad=0.1), *drive(0.01)]
     braking = drive(3.0, speed_mps=8.0, accel_mps2=-3.0, front_rad=0.1)
-    for told in (states[:-1], braking):
-        zeroed = distort(told, field, lambda _value, _i: 0.0)
+    for part in (states[:-1], braking):
+        zeroed = distort(part, field, lambda _value, _i: 0.0)
         assert first_disagreement(zeroed, check=motion_check(**{absent: False})) == (None, math.inf)
 
 
@@ -199,8 +199,8 @@ def test_an_invalid_pose_and_another_frame_are_not_compared() -> None:
     for i, state in enumerate(drive(3.0)):
         is_valid = i % 3 > 0
         elsewhere: dict[str, Any] = {} if is_valid else {"x_m": 300.0, "heading_rad": 2.0}
-        told = replace(state, **elsewhere, frame_id="map" if i % 5 else "odom")
-        check.update(told, pose_valid=is_valid)
+        sample = replace(state, **elsewhere, frame_id="map" if i % 5 else "odom")
+        check.update(sample, pose_valid=is_valid)
     assert check.disagreement is None
 
 
@@ -346,7 +346,7 @@ def test_with_two_sources_of_direction_the_gear_decides_while_they_disagree() ->
 def test_the_first_sample_and_one_with_the_same_stamp_give_no_motion() -> None:
     check = motion_check()
     state = drive(0.01)[0]
-    for told in (state, replace(state, x_m=99.0), replace(state, x_m=50.0, stamp_ns=-PERIOD_NS)):
-        check.update(told, pose_valid=True)
+    for sample in (state, replace(state, x_m=99.0), replace(state, x_m=50.0, stamp_ns=-PERIOD_NS)):
+        check.update(sample, pose_valid=True)
     assert check.disagreement is None
     assert check.limit_speed_mps(5.0) == 5.0

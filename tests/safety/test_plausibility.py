@@ -122,8 +122,8 @@ def test_implausible_samples_persist_when_more_than_one_in_five_is(every: int, i
     checked, seen = check(), False
     for number, state in enumerate(drive(200)):
         is_bad = number % every == every - 1
-        told = replace(state, x_m=state.x_m + 5.0) if is_bad else state
-        assert checked.is_plausible(told, pose_valid=True) is not is_bad
+        sample = replace(state, x_m=state.x_m + 5.0) if is_bad else state
+        assert checked.is_plausible(sample, pose_valid=True) is not is_bad
         seen = seen or checked.is_persistent(since_ns=0)
     assert seen is is_seen
 
@@ -132,8 +132,8 @@ def test_an_implausible_sample_of_long_ago_does_not_count_with_two_new_ones() ->
     checked, states = check(), drive(20)
     for number, state in enumerate(states):
         is_bad = number in (1, 18, 19)
-        told = replace(state, x_m=state.x_m + 5.0) if is_bad else state
-        assert checked.is_plausible(told, pose_valid=True) is not is_bad
+        sample = replace(state, x_m=state.x_m + 5.0) if is_bad else state
+        assert checked.is_plausible(sample, pose_valid=True) is not is_bad
     assert not checked.is_persistent(since_ns=0)
 
 
@@ -198,8 +198,8 @@ def test_samples_of_a_vehicle_that_braked_or_turned_while_others_were_dropped_ar
         state = still(tick * PERIOD_NS, x_m=x_m, y_m=y_m, heading_rad=heading_rad, speed_mps=speed_mps)
         state = replace(state, yaw_rate_radps=yaw_radps, front_wheel_angle_rad=front_rad)
         is_bad = 10 <= tick < 10 + lost
-        told = replace(state, x_m=x_m + 50.0) if is_bad else state
-        assert checked.is_plausible(told, pose_valid=True) is not is_bad
+        sample = replace(state, x_m=x_m + 50.0) if is_bad else state
+        assert checked.is_plausible(sample, pose_valid=True) is not is_bad
         x_m += speed_mps * 0.01 * math.cos(heading_rad)
         y_m += speed_mps * 0.01 * math.sin(heading_rad)
         heading_rad += yaw_radps * 0.01
@@ -266,8 +266,8 @@ def test_a_vehicle_that_moves_slowly_with_coarse_signals_is_not_frozen(
     for tick in range(400):
         way_m = start_m + speed_mps * tick * 0.01
         x_m, y_m = (round(way_m * part / 0.005) * 0.005 for part in (math.cos(heading_rad), math.sin(heading_rad)))
-        told = still(tick * PERIOD_NS, x_m=x_m, y_m=y_m, heading_rad=heading_rad, speed_mps=round(speed_mps, 2))
-        assert checked.is_plausible(told, pose_valid=True)
+        sample = still(tick * PERIOD_NS, x_m=x_m, y_m=y_m, heading_rad=heading_rad, speed_mps=round(speed_mps, 2))
+        assert checked.is_plausible(sample, pose_valid=True)
 
 
 @pytest.mark.parametrize("brake_mps2", [0.5, 3.0, 6.0])
@@ -275,11 +275,11 @@ def test_a_vehicle_that_moves_slowly_with_coarse_signals_is_not_frozen(
 def test_a_vehicle_that_comes_to_a_stop_and_whose_speed_lags_behind_is_not_frozen(
     brake_mps2: float, lag_s: float
 ) -> None:
-    checked, x_m, speed_mps, told_mps = check(), 0.0, 2.0, 2.0
+    checked, x_m, speed_mps, sent_mps = check(), 0.0, 2.0, 2.0
     for tick in range(600):
-        told_mps += (speed_mps - told_mps) * (0.01 / lag_s if lag_s else 1.0)
-        told = still(tick * PERIOD_NS, x_m=round(x_m / 0.005) * 0.005, speed_mps=round(told_mps / 0.005) * 0.005)
-        assert checked.is_plausible(told, pose_valid=True)
+        sent_mps += (speed_mps - sent_mps) * (0.01 / lag_s if lag_s else 1.0)
+        sample = still(tick * PERIOD_NS, x_m=round(x_m / 0.005) * 0.005, speed_mps=round(sent_mps / 0.005) * 0.005)
+        assert checked.is_plausible(sample, pose_valid=True)
         speed_mps = max(0.0, speed_mps - brake_mps2 * 0.01)
         x_m += speed_mps * 0.01
 
@@ -291,8 +291,8 @@ def test_a_vehicle_that_stands_may_send_the_same_for_ever_and_then_drive_on(offs
         assert checked.is_plausible(still(tick * PERIOD_NS, x_m=1.0, speed_mps=offset_mps), pose_valid=True)
     for tick in range(300):
         speed_mps, x_m = 0.01 * tick, 1.0 + 0.00005 * tick**2
-        told = still((30_000 + tick) * PERIOD_NS, x_m=round(x_m / 0.005) * 0.005, speed_mps=speed_mps)
-        assert checked.is_plausible(told, pose_valid=True)
+        sample = still((30_000 + tick) * PERIOD_NS, x_m=round(x_m / 0.005) * 0.005, speed_mps=speed_mps)
+        assert checked.is_plausible(sample, pose_valid=True)
 
 
 @pytest.mark.parametrize("stuck_mps", [0.3, 1.5, 10.0])
@@ -314,23 +314,23 @@ def test_half_a_second_at_rest_forgets_the_way_before_it(
     """0.48 m by the speed at one place, rest, and 0.04 m more."""
     checked = check()
     speeds_mps = [0.0, *[0.4] * 120, *[rest_mps] * rest_samples, *[0.4] * 10]
-    told = (still(tick * PERIOD_NS, speed_mps=speed_mps) for tick, speed_mps in enumerate(speeds_mps))
-    assert all(checked.is_plausible(state, pose_valid=True) for state in told) is is_forgotten
+    states = (still(tick * PERIOD_NS, speed_mps=speed_mps) for tick, speed_mps in enumerate(speeds_mps))
+    assert all(checked.is_plausible(state, pose_valid=True) for state in states) is is_forgotten
 
 
 def test_time_at_rest_counts_from_the_last_motion() -> None:
     checked = check()
     speeds_mps = [0.0, *[0.4] * 120, *[0.0] * 30, 0.4, *[0.0] * 49, *[0.4] * 10]
-    told = (still(tick * PERIOD_NS, speed_mps=speed_mps) for tick, speed_mps in enumerate(speeds_mps))
-    assert not all(checked.is_plausible(state, pose_valid=True) for state in told)
+    states = (still(tick * PERIOD_NS, speed_mps=speed_mps) for tick, speed_mps in enumerate(speeds_mps))
+    assert not all(checked.is_plausible(state, pose_valid=True) for state in states)
 
 
 def test_time_at_rest_counts_from_where_the_position_changed_last() -> None:
     checked = check()
-    told = [still(tick * PERIOD_NS) for tick in range(200)]
+    states = [still(tick * PERIOD_NS) for tick in range(200)]
     speeds_mps = [*[0.4] * 122, *[0.0] * 49, *[0.4] * 10]
-    told += [still((200 + tick) * PERIOD_NS, x_m=0.1, speed_mps=speed) for tick, speed in enumerate(speeds_mps)]
-    assert not all(checked.is_plausible(state, pose_valid=True) for state in told)
+    states += [still((200 + tick) * PERIOD_NS, x_m=0.1, speed_mps=speed) for tick, speed in enumerate(speeds_mps)]
+    assert not all(checked.is_plausible(state, pose_valid=True) for state in states)
 
 
 def test_a_speed_that_is_0_now_and_then_does_not_hide_a_frozen_position() -> None:

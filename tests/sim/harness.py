@@ -18,7 +18,7 @@ START_NS = 5_000_000_000
 
 
 class VehicleHarness:
-    """`now_ns` moves only when told to; every frame that the vehicle sends is kept."""
+    """`now_ns` moves only when set; every frame that the vehicle sends is kept."""
 
     def __init__(self, start: BicycleState | None = None, **more: Any) -> None:
         self.now_ns = START_NS
@@ -41,10 +41,10 @@ class VehicleHarness:
     def tick(self) -> list[DecodedFrame]:
         """One turn of the vehicle, now."""
         frames = self.vehicle.advance(self.now_ns)
-        told = [unpack(frame) for frame in frames]
+        decoded = [unpack(frame) for frame in frames]
         self.frames += frames
-        self.decoded += told
-        return told
+        self.decoded += decoded
+        return decoded
 
     def drive(self, **signals: float) -> None:
         """One DRIVE_COMMAND, enabled unless said otherwise."""
@@ -82,8 +82,8 @@ class VehicleHarness:
     def are_intact(self, *names: str) -> list[bool]:
         """Whether each frame was intact: of the named messages, or of all."""
         pairs = zip(self.frames, self.decoded, strict=True)
-        return [intact(frame) is not None for frame, told in pairs if not names or told.name in names]
+        return [intact(frame) is not None for frame, decoded in pairs if not names or decoded.name in names]
 
     def last(self, name: str) -> DecodedFrame:
         """The newest frame of that name."""
-        return next(told for told in reversed(self.decoded) if told.name == name)
+        return next(decoded for decoded in reversed(self.decoded) if decoded.name == name)

@@ -22,7 +22,7 @@ def harness() -> VehicleHarness:
 def sent_in_100_ms(harness: VehicleHarness, name: str) -> list[DecodedFrame]:
     before = len(harness.decoded)
     harness.wait_ms(100)
-    return [told for told in harness.decoded[before:] if told.name == name]
+    return [decoded for decoded in harness.decoded[before:] if decoded.name == name]
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_muted_pose_is_lost_while_its_counter_goes_on(harness: VehicleHarness) -
 def test_mute_state_leaves_the_status_and_mute_all_leaves_nothing(harness: VehicleHarness) -> None:
     harness.say("mute STATE on")
     harness.wait_ms(100)
-    assert {told.name for told in harness.decoded} == {"VEHICLE_STATUS"}
+    assert {decoded.name for decoded in harness.decoded} == {"VEHICLE_STATUS"}
     harness.say("mute ALL on")
     assert sent_in_100_ms(harness, "VEHICLE_STATUS") == []
     harness.say("mute ALL off")
@@ -169,11 +169,11 @@ def test_frozen_samples_repeat_their_values_with_live_counters() -> None:
     harness = VehicleHarness(BicycleState(speed_mps=5.0), gear=Gear.DRIVE)
     harness.wait_ms(50)
     harness.say("freeze on")
-    told = sent_in_100_ms(harness, "POSE")
-    assert len({one["POS_X"] for one in told}) == 1
-    assert len({one.counter for one in told}) == 10
+    decoded = sent_in_100_ms(harness, "POSE")
+    assert len({one["POS_X"] for one in decoded}) == 1
+    assert len({one.counter for one in decoded}) == 10
     harness.say("freeze off")
-    assert sent_in_100_ms(harness, "POSE")[-1]["POS_X"] > told[-1]["POS_X"] + 0.8
+    assert sent_in_100_ms(harness, "POSE")[-1]["POS_X"] > decoded[-1]["POS_X"] + 0.8
 
 
 def test_a_jump_is_on_the_bus_with_the_next_sample(harness: VehicleHarness) -> None:

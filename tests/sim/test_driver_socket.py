@@ -48,7 +48,7 @@ def connect(path: str) -> Iterator[Callable[[], Client]]:
 
 
 def echo(line: str) -> str:
-    return f"heard {line}"
+    return f"received {line}"
 
 
 def pressed(driver: DriverSocket, line: str) -> str:
@@ -63,7 +63,7 @@ def pressed(driver: DriverSocket, line: str) -> str:
 
 
 def test_a_line_pressed_is_a_line_answered(driver: DriverSocket) -> None:
-    assert pressed(driver, "brake 1") == "heard brake 1"
+    assert pressed(driver, "brake 1") == "received brake 1"
 
 
 def test_only_its_own_user_can_reach_it(driver: DriverSocket) -> None:
@@ -100,7 +100,7 @@ def test_a_stale_socket_is_replaced(path: str) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as dead:
         dead.bind(path)
     driver = DriverSocket(path)
-    assert pressed(driver, "x") == "heard x"
+    assert pressed(driver, "x") == "received x"
     driver.close()
 
 
@@ -149,10 +149,10 @@ def test_a_line_that_comes_in_pieces_is_one_line(driver: DriverSocket, connect: 
     assert driver.poll(echo) == 0
     client.sendall(b"ke 1\nste")
     assert driver.poll(echo) == 1
-    assert client.recv(100) == b"heard brake 1\n"
+    assert client.recv(100) == b"received brake 1\n"
     client.sendall(b"er 1\n")
     assert driver.poll(echo) == 1
-    assert client.recv(100) == b"heard steer 1\n"
+    assert client.recv(100) == b"received steer 1\n"
 
 
 def test_a_line_that_is_too_long_is_refused_and_hung_up_on(driver: DriverSocket, connect: Callable[[], Client]) -> None:
@@ -171,7 +171,7 @@ def test_a_flood_is_answered_a_few_lines_per_poll(driver: DriverSocket, connect:
     while answers.count(b"\n") < 100:
         driver.poll(echo)
         answers += client.recv(4096)
-    assert answers == b"heard x\n" * 100
+    assert answers == b"received x\n" * 100
 
 
 def test_a_client_that_never_reads_is_hung_up_on(driver: DriverSocket, connect: Callable[[], Client]) -> None:
@@ -190,14 +190,14 @@ def test_a_client_that_leaves_in_the_middle_changes_nothing(
     client.close()
     assert driver.poll(echo) == 1
     assert driver.poll(echo) == 0
-    assert pressed(driver, "x") == "heard x"
+    assert pressed(driver, "x") == "received x"
 
 
 def test_bytes_that_are_no_text_are_answered_too(driver: DriverSocket, connect: Callable[[], Client]) -> None:
     client = connect()
     client.sendall(b"\xff\xfe\x00\n")
     assert driver.poll(echo) == 1
-    assert client.recv(100).startswith(b"heard ")
+    assert client.recv(100).startswith(b"received ")
 
 
 def test_idle_clients_make_room_for_new_ones(driver: DriverSocket, connect: Callable[[], Client]) -> None:
@@ -205,7 +205,7 @@ def test_idle_clients_make_room_for_new_ones(driver: DriverSocket, connect: Call
         connect()
         driver.poll(echo)
     assert len(driver._clients) == MOST_CLIENTS
-    assert pressed(driver, "x") == "heard x"
+    assert pressed(driver, "x") == "received x"
 
 
 def test_the_default_path_is_made_of_the_channel_and_stays_in_one_directory() -> None:

@@ -1,4 +1,4 @@
-"""The vehicle on its bus, told by frames alone: what the contract's page says, seen by an independent peer."""
+"""The vehicle on its bus, by its frames alone: the contract's page, as an independent peer observes it."""
 
 import math
 from collections.abc import Callable
@@ -76,7 +76,7 @@ def test_every_frame_is_intact_and_of_eight_bytes(harness: VehicleHarness) -> No
 
 def test_the_three_messages_of_a_sample_carry_one_counter(harness: VehicleHarness) -> None:
     for _ in range(50):
-        counters = {told.counter for told in harness.tick() if told.name in SAMPLE}
+        counters = {decoded.counter for decoded in harness.tick() if decoded.name in SAMPLE}
         assert len(counters) == 1
         harness.now_ns += 10 * MS
 
@@ -84,7 +84,7 @@ def test_the_three_messages_of_a_sample_carry_one_counter(harness: VehicleHarnes
 @pytest.mark.parametrize("name", [*SAMPLE, "VEHICLE_STATUS"])
 def test_each_counter_steps_once_per_frame_from_0_to_14_and_round(harness: VehicleHarness, name: str) -> None:
     harness.wait_ms(1000)
-    counters = [told.counter for told in harness.decoded if told.name == name]
+    counters = [decoded.counter for decoded in harness.decoded if decoded.name == name]
     first = counters[0]
     assert counters == [(first + i) % 15 for i in range(len(counters))]
 
@@ -92,7 +92,7 @@ def test_each_counter_steps_once_per_frame_from_0_to_14_and_round(harness: Vehic
 def test_samples_come_every_10_ms_and_the_status_every_20(harness: VehicleHarness) -> None:
     names = []
     for _ in range(4):
-        names.append([told.name for told in harness.tick()])
+        names.append([decoded.name for decoded in harness.tick()])
         harness.now_ns += 10 * MS
     with_status = ["VEHICLE_STATUS", *SAMPLE]
     assert names == [with_status, list(SAMPLE), with_status, list(SAMPLE)]
@@ -140,7 +140,7 @@ def test_the_reports_on_the_bus_agree_with_the_motion() -> None:
 def test_the_heading_on_the_bus_is_wrapped() -> None:
     harness = cruising(5.0, heading_rad=3.1)
     harness.command_for_ms(2000, angle_rad=0.3)
-    headings = [told["HEADING"] for told in harness.decoded if told.name == "MOTION"]
+    headings = [decoded["HEADING"] for decoded in harness.decoded if decoded.name == "MOTION"]
     assert min(headings) < -2.5
     assert all(abs(heading) <= math.pi + 1e-4 for heading in headings)
 
@@ -566,7 +566,7 @@ def test_a_safe_stop_brakes_as_requested_and_holds_at_standstill(speed_mps: floa
         accel_mps2 = -math.copysign(min(abs(now_mps) / 0.1, 3.0), now_mps)
         harness.pair(SAFE_STOP=1, ACCEL_REQUEST=accel_mps2)
         harness.wait_ms(10)
-    speeds = [told["SPEED"] for told in harness.decoded if told.name == "MOTION"]
+    speeds = [decoded["SPEED"] for decoded in harness.decoded if decoded.name == "MOTION"]
     assert all(speed * speed_mps >= 0 for speed in speeds)
     assert harness.vehicle.state.speed_mps == 0.0
     assert harness.last("CHASSIS")["ACCEL"] == 0
@@ -578,7 +578,7 @@ def test_a_safe_stop_brakes_as_requested_and_holds_at_standstill(speed_mps: floa
 def test_the_speed_signal_never_changes_its_sign_under_the_brakes() -> None:
     harness = cruising(4.0)
     harness.command_for_ms(3000, ACCEL_REQUEST=-6.0)
-    assert min(told["SPEED"] for told in harness.decoded if told.name == "MOTION") == 0.0
+    assert min(decoded["SPEED"] for decoded in harness.decoded if decoded.name == "MOTION") == 0.0
 
 
 # Late turns
@@ -587,7 +587,7 @@ def test_the_speed_signal_never_changes_its_sign_under_the_brakes() -> None:
 def test_a_late_turn_sends_once_counts_the_overrun_and_keeps_the_grid(harness: VehicleHarness) -> None:
     harness.tick()
     harness.now_ns = START_NS + 37 * MS
-    assert [told.name for told in harness.tick()] == ["VEHICLE_STATUS", *SAMPLE]
+    assert [decoded.name for decoded in harness.tick()] == ["VEHICLE_STATUS", *SAMPLE]
     assert harness.vehicle.counters["overruns"] == 2
     assert harness.tick() == []
     assert harness.vehicle.next_due_ns == START_NS + 40 * MS
@@ -614,7 +614,7 @@ def test_the_grid_does_not_drift_however_late_the_turns(lateness_ms: list[int]) 
         due_ns = harness.vehicle.next_due_ns
         assert (due_ns - START_NS) % (10 * MS) == 0
         harness.now_ns = max(due_ns, harness.now_ns) + late_ms * MS
-        sent += any(told.name == "POSE" for told in harness.tick())
+        sent += any(decoded.name == "POSE" for decoded in harness.tick())
     last_tick = (harness.now_ns - START_NS) // (10 * MS)
     assert sent == len(lateness_ms)
     assert sent + harness.vehicle.counters["overruns"] == last_tick + 1

@@ -133,9 +133,9 @@ def test_the_vehicle_drives_off_after_three_enabled_pairs_and_keeps_to_its_cours
         vehicle.hear(command_pair(0, counter)[0], now_s=5.0)
     assert vehicle.is_autonomous
     ramp_s = 4.0 / 3.0  # to 4 m/s at 3 m/s², which takes half of its way longer
-    told = [intact(decode(raw, 0)) for raw in vehicle.sample(5.0 + course.s_m[100] / 4.0 + 0.5 * ramp_s)]
-    assert None not in told
-    pose, motion, _ = (one for one in told if one is not None)
+    decoded = [intact(decode(raw, 0)) for raw in vehicle.sample(5.0 + course.s_m[100] / 4.0 + 0.5 * ramp_s)]
+    assert None not in decoded
+    pose, motion, _ = (one for one in decoded if one is not None)
     assert (pose["POS_X"], pose["POS_Y"]) == pytest.approx((course.x_m[100], course.y_m[100]), abs=0.005)
     assert motion["SPEED"] == pytest.approx(4.0)
 
@@ -148,9 +148,9 @@ def test_a_failing_part_reports_the_reason(monkeypatch: pytest.MonkeyPatch) -> N
 
 def control_run(**changes: Any) -> dict[str, Any]:
     """What a control process says of a run in which nothing was late."""
-    told = {"late_ns": [50_000] * 100, "ticks": 50, "periods": 50.2, "state": "ENGAGED", "deadline_misses": 0}
+    usual = {"late_ns": [50_000] * 100, "ticks": 50, "periods": 50.2, "state": "ENGAGED", "deadline_misses": 0}
     collections = {"in a pass": 0, "between passes": 1}
-    return {**told, "full_collections": collections, "imports_viser": False, "page": True, **changes}
+    return {**usual, "full_collections": collections, "imports_viser": False, "page": True, **changes}
 
 
 def paced(**changes: Any) -> dict[pacing.Case, pacing.Found]:

@@ -135,12 +135,12 @@ def test_a_steady_drive_is_found_faultless() -> None:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(("spoil", "told"), FAULTS, ids=[told for _, told in FAULTS])
-def test_a_fault_is_found_by_name_and_time(spoil: Callable[[Frames], None], told: str) -> None:
+@pytest.mark.parametrize(("spoil", "finding"), FAULTS, ids=[finding for _, finding in FAULTS])
+def test_a_fault_is_found_by_name_and_time(spoil: Callable[[Frames], None], finding: str) -> None:
     frames = steady()
     spoil(frames)
     wrong = judged(frames)["wrong"]
-    assert any(told in text for text in wrong), wrong
+    assert any(finding in text for text in wrong), wrong
 
 
 def test_a_vehicle_beside_its_route_is_found() -> None:

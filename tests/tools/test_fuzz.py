@@ -69,11 +69,11 @@ def python(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def findings(done: subprocess.CompletedProcess[str]) -> list[str]:
-    """What a hunt has told; fails when it did not come to its end."""
+    """What a hunt has found; fails when it did not come to its end."""
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Done " in done.stderr, done.stderr
-    told = [line.removeprefix("FINDING ") for line in done.stdout.splitlines() if line.startswith("FINDING ")]
-    return [f"{found['fault']}: {found['input']}" for found in map(json.loads, told)]
+    lines = [line.removeprefix("FINDING ") for line in done.stdout.splitlines() if line.startswith("FINDING ")]
+    return [f"{found['fault']}: {found['input']}" for found in map(json.loads, lines)]
 
 
 def planted(fault: str, name: str, folder: Path, runs: int) -> list[str]:

@@ -35,7 +35,7 @@ def test_a_run_without_incident_is_clean() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "incident"),
     [
         (lambda summary: summary.update(latched_fault="LINK_DOWN"), "latched fault LINK_DOWN"),
         (lambda summary: summary["drops"].update({"bad CRC STATE": 2}), "drops: bad CRC STATE 2"),
@@ -48,10 +48,10 @@ def test_a_run_without_incident_is_clean() -> None:
         (lambda summary: summary["link"].update(state="DOWN"), "link DOWN, changed 0 times"),
     ],
 )
-def test_each_incident_of_a_run_is_named(change: Callable[[dict[str, Any]], None], told: str) -> None:
+def test_each_incident_of_a_run_is_named(change: Callable[[dict[str, Any]], None], incident: str) -> None:
     summary = copy.deepcopy(CLEAN)
     change(summary)
-    assert wrong_with_run(summary, 0) == [told]
+    assert wrong_with_run(summary, 0) == [incident]
 
 
 def test_a_run_that_failed_or_left_nothing_is_not_clean() -> None:

@@ -47,12 +47,12 @@ class Scene:
         """Another answer to sample number i."""
         for place in self.pair(i):
             old = self.at_loop[i][place].frame
-            told = REFERENCE.intact(old)
-            assert told is not None
-            layout = REFERENCE.messages[told.name][2]
-            changed = {name: value for name, value in {**told.signals, **signals}.items() if name in layout}
-            changed["COUNTER"] = told.counter if counter is None else counter
-            frame = sent(old.stamp_ns, told.name, **changed)
+            decoded = REFERENCE.intact(old)
+            assert decoded is not None
+            layout = REFERENCE.messages[decoded.name][2]
+            changed = {name: value for name, value in {**decoded.signals, **signals}.items() if name in layout}
+            changed["COUNTER"] = decoded.counter if counter is None else counter
+            frame = sent(old.stamp_ns, decoded.name, **changed)
             self.at_loop[i][place] = ReceivedFrame(frame, is_own=True)
             self.at_vehicle[i] = [seen for seen in self.at_vehicle[i] if seen.frame.data != old.data]
             self.at_vehicle[i].append(ReceivedFrame(later(frame, DELAY_NS), is_own=False))
@@ -73,7 +73,7 @@ def later(frame: Frame, by_ns: int) -> Frame:
 
 @pytest.fixture
 def scene() -> Scene:
-    """A drive straight ahead at 3 m/s over a cable that only delays; the loop is told to end after the last sample."""
+    """A drive straight ahead at 3 m/s over a cable that only delays; the loop is asked to end after the last sample."""
     made = Scene()
     for i in range(SAMPLES):
         at_ns, counter = BEGIN_NS + i * PERIOD_NS, i % REFERENCE.counters
@@ -155,9 +155,9 @@ def let_go(scene: Scene) -> None:
 def let_go_of_a_vehicle_with_a_fault(scene: Scene) -> None:
     let_go(scene)
     place = next(i for i, seen in enumerate(scene.at_loop[MIDDLE]) if seen.frame.can_id == 0x100)
-    told = REFERENCE.intact(scene.at_loop[MIDDLE][place].frame)
-    assert told is not None
-    status = sent(told.stamp_ns, "VEHICLE_STATUS", COUNTER=told.counter, GEAR=DRIVE, MODE=FAULT)
+    decoded = REFERENCE.intact(scene.at_loop[MIDDLE][place].frame)
+    assert decoded is not None
+    status = sent(decoded.stamp_ns, "VEHICLE_STATUS", COUNTER=decoded.counter, GEAR=DRIVE, MODE=FAULT)
     scene.at_loop[MIDDLE][place] = ReceivedFrame(status, is_own=False)
     scene.at_vehicle[MIDDLE].append(ReceivedFrame(later(status, -DELAY_NS), is_own=True))
 
@@ -188,7 +188,7 @@ def keep_a_command_back(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize(
-    ("tamper", "told"),
+    ("tamper", "finding"),
     [
         (send_a_command_again, "DRIVE_COMMAND with the counter of the one before it, 0"),
         (give_new_values_an_old_counter, "STEER_COMMAND with the counter of the one before it, 14"),
@@ -208,9 +208,9 @@ def keep_a_command_back(scene: Scene) -> None:
         (keep_a_command_back, "DRIVE_COMMAND arrives 320 ms after it was sent"),
     ],
 )
-def test_what_is_not_as_it_should_be_is_named(scene: Scene, tamper: Callable[[Scene], None], told: str) -> None:
+def test_what_is_not_as_it_should_be_is_named(scene: Scene, tamper: Callable[[Scene], None], finding: str) -> None:
     tamper(scene)
-    assert any(text.endswith(told) for text in scene.judged(pieces=3).wrong)
+    assert any(text.endswith(finding) for text in scene.judged(pieces=3).wrong)
 
 
 def test_a_vehicle_with_a_fault_is_a_cause_of_release(scene: Scene) -> None:

@@ -243,7 +243,7 @@ def test_a_silent_connection_does_not_delay_the_end() -> None:
 
 
 def wait_for_client(server: viser.ViserServer, client: Connection) -> None:
-    """Until the server has heard of the client's camera."""
+    """Until the server has received the client's camera."""
     while not server.get_clients():
         wait_for_answer(client)
 

@@ -1,4 +1,4 @@
-"""What the page is told: the newest, how old it is, and how fast it comes."""
+"""What the page receives: the newest, how old it is, and how fast it comes."""
 
 from collections.abc import Iterator
 

@@ -128,8 +128,8 @@ def test_a_shadow_shows_its_differences_from_another_commander() -> None:
     )
     of = view(driving(controller_state=ControllerState.SHADOW))
     link = LinkDetails(state="UP")
-    told = banner_html(replace(of, details=LiveDetails(link=link, shadow=found)))
-    assert "other commander: 812 commands, 95 % differ by at most 0.020 m/s², 0.0003 rad" in _Words(told).text
+    banner = banner_html(replace(of, details=LiveDetails(link=link, shadow=found)))
+    assert "other commander: 812 commands, 95 % differ by at most 0.020 m/s², 0.0003 rad" in _Words(banner).text
     for other in (
         None,
         LiveDetails(link=link),
