@@ -497,3 +497,11 @@ def test_messages_of_two_commands_are_not_taken_for_one_after_a_loss() -> None:
     assert [pair.is_enabled for pair in record.pairs] == [False, True, True]
     assert not [text for text in record.violations if "contradict" in text]
     assert len(record.doubled) == 1
+
+
+@pytest.mark.parametrize("profile", SHIPPED)
+def test_a_tow_is_stronger_than_the_brake_and_leaves_no_signals_range(profile: str) -> None:
+    wire = open_wire(profile)
+    assert wire.tow_mps2 > -wire.profile["limits"]["accel_min_mps2"]
+    if isinstance(wire, PeerWire) and wire.has("ACCEL"):
+        assert wire.tow_mps2 < 0.9 * wire.greatest("ACCEL")[0]

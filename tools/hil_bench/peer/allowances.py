@@ -22,6 +22,8 @@ SPEED_BRAKE_MPS2 = 4.0
 """Of the vehicle's own speed controller."""
 TOW_SHARE_PER_S = 0.25
 """Of the plausible speeds above the limit: what a tow's acceleration takes beyond the brake's in a second."""
+MEASURED_SHARE = 0.8
+"""Of what a signal can carry: above it, noise and an accelerating vehicle leave the range."""
 TABLE_SHARE, FEEDBACK_SHARE = 0.05, 0.35
 """Of the greatest acceleration: what a pedal's table and its feedback may make of one."""
 
@@ -66,12 +68,15 @@ def accel_slack_mps2(profile: Mapping[str, Any], reader: CommandReader) -> float
     return float(0.002 + count + share * profile["limits"]["accel_max_mps2"])
 
 
-def tow_mps2(profile: Mapping[str, Any], reader: CommandReader) -> float:
-    """Acceleration by a tow: more than any brake, and so little more that the speed stays plausible."""
+def tow_mps2(profile: Mapping[str, Any], reader: CommandReader, measured_mps2: float) -> float:
+    """Acceleration by a tow: more than any brake, and so little more that the speed stays plausible.
+
+    `measured_mps2` is the greatest acceleration that the vehicle's signal can carry.
+    """
     limits = profile["limits"]
     brake_mps2 = max(-limits["accel_min_mps2"], SPEED_BRAKE_MPS2 if reader.longitudinal == "speed" else 0.0)
     room_mps = profile.get("plausibility", {}).get("speed_mps", 2.0 * limits["speed_max_mps"]) - limits["speed_max_mps"]
-    return float(brake_mps2 + min(8.0, TOW_SHARE_PER_S * room_mps))
+    return float(min(brake_mps2 + min(8.0, TOW_SHARE_PER_S * room_mps), MEASURED_SHARE * measured_mps2))
 
 
 def length_share(profile: Mapping[str, Any]) -> float:

@@ -305,7 +305,8 @@ class PeerWire(Wire):
         self.enable_period_s = allowances.enable_period_s(profile, self.reader)
         self.later_s = allowances.later_s(profile, roles, self.reader)
         self.accel_slack_mps2 = self.engaging_slack_mps2 = allowances.accel_slack_mps2(profile, self.reader)
-        self.tow_mps2 = allowances.tow_mps2(profile, self.reader)
+        measured_mps2 = self.greatest("ACCEL")[0] if self.has("ACCEL") else math.inf
+        self.tow_mps2 = allowances.tow_mps2(profile, self.reader, measured_mps2)
         self.wheel_hold_s = self.hold_s(WHEEL_FIELDS.get(self.reader.lateral, "front_wheel_angle_rad"))
         self.speed_slack_mps = 2.0 * self.reader.count("speed_mps")
         self.along_mps2 = allowances.along_mps2(profile)
