@@ -14,7 +14,7 @@ OPERATORS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol() -> Generator[None, object, object]:
-    """The program's command line, called in this process, changes how it hears the operator: what it ignores from then
+    """The program's command line, called in this process, changes how it handles signals: what it ignores from then
     on would be ignored by every program that a later test begins."""
     before = {number: signal.getsignal(number) for number in OPERATORS}
     try:

@@ -241,7 +241,7 @@ def test_a_module_without_a_docstring_is_found(tmp_path: Path) -> None:
         ("viewer/vehicle_iface_viewer/app.py", "from vehicle_iface.telemetry import TelemetryReader\nimport viser"),
     ],
 )
-def test_what_is_allowed_is_not_found(tmp_path: Path, place: str, source: str) -> None:
+def test_allowed_imports_are_not_reported(tmp_path: Path, place: str, source: str) -> None:
     path = tmp_path / place
     path.parent.mkdir(parents=True)
     path.write_text(f'"""A module."""\n{source}\n', encoding="utf-8")

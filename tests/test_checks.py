@@ -20,7 +20,7 @@ def test_every_finite_float_passes_unchanged(number: float) -> None:
 
 @pytest.mark.parametrize("value", [*NOT_FINITE, *NOT_NUMBERS, 10**400])
 @pytest.mark.parametrize("check", [checks.finite, checks.positive, checks.non_negative])
-def test_what_is_no_finite_number_is_refused_by_name(check: Callable[[str, object], float], value: object) -> None:
+def test_numbers_that_are_not_finite_are_refused_by_name(check: Callable[[str, object], float], value: object) -> None:
     assert "n = " in refusal(lambda: check("n", value))
 
 

@@ -574,7 +574,7 @@ def test_a_fault_that_was_armed_away_is_one_until_something_is_sent_again() -> N
         CanFrame(0x7FF, bytes(8)),
     ],
 )
-def test_what_only_looks_like_another_commander_changes_nothing(frame: CanFrame) -> None:
+def test_frames_that_only_resemble_another_commanders_change_nothing(frame: CanFrame) -> None:
     drive = cruising()
     drive.line.inject(frame)
     assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 1.0))
@@ -770,7 +770,7 @@ def test_an_end_requested_in_the_pass_in_which_sending_notices_the_loss_of_the_b
 # Time
 
 
-def test_what_came_while_the_program_was_getting_ready_is_discarded_and_counts_neither_as_late_nor_as_expired() -> None:
+def test_frames_received_during_the_start_are_discarded_and_count_neither_as_late_nor_as_expired() -> None:
     drive = Drive()
     drive.stall(0.5)
     drive.loop.begin()
@@ -851,7 +851,7 @@ def test_a_command_is_not_sent_behind_one_that_still_waits() -> None:
 
 
 @pytest.mark.parametrize("lost", [1, 2])
-def test_where_half_a_command_found_room_the_next_one_is_limited_by_what_left_of_it(lost: int) -> None:
+def test_after_half_a_command_was_sent_the_next_one_is_limited_by_that_half(lost: int) -> None:
     controller = Alternating()
     drive = Drive(controller=controller).engage(3.0)
     controller.alternates = True
@@ -1028,7 +1028,7 @@ class OnceMore:
         self.paths = [replace(path, y_m=np.full(len(path), 3.5))]
 
 
-def test_what_a_vehicle_did_before_it_was_driven_does_not_stop_it() -> None:
+def test_a_deviation_before_the_drive_does_not_stop_the_vehicle() -> None:
     drive = Drive(OnceMore(), start=BicycleState(speed_mps=4.0, y_m=3.5), gear=Gear.DRIVE).engage()
     assert drive.loop.details().deviations["off the path"] > 10
     assert {pair["SAFE_STOP"] for pair in after(drive, 1.0)} == {0}

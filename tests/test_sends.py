@@ -146,7 +146,9 @@ def test_a_periodic_message_is_sent_once_more_for_each_change_and_then_in_its_pe
 
 
 @pytest.mark.parametrize("fault", ["brake", "status lost", "vehicle fault"])
-def test_what_enables_is_not_sent_while_the_driver_brakes_or_the_vehicle_is_not_fit(tmp_path: Path, fault: str) -> None:
+def test_enabling_messages_are_not_sent_while_the_driver_brakes_or_the_vehicle_is_not_fit(
+    tmp_path: Path, fault: str
+) -> None:
     send = ENABLE_AND_DISABLE.replace("once = true", "period_s = 0.02", 1)
     database = load_vehicle(tmp_path, send, command=ENABLED_BY_MESSAGE, signals=PLAIN)
     drive = ScriptedDrive(database, lambda _vehicle, _got: None)

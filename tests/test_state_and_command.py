@@ -20,14 +20,14 @@ COMMAND_NUMBERS = [f.name for f in dataclasses.fields(Command) if f.name not in 
 
 @pytest.mark.parametrize("value", [*NOT_FINITE, *NOT_NUMBERS])
 @pytest.mark.parametrize("name", STATE_NUMBERS)
-def test_a_state_refuses_what_is_no_finite_number_naming_field_and_value(name: str, value: Any) -> None:
+def test_a_state_refuses_a_number_that_is_not_finite_naming_field_and_value(name: str, value: Any) -> None:
     text = refusal(lambda: VehicleState(**STATE | {name: value}))
     assert text.startswith(f"{name} = {value!r}" if not isinstance(value, float) else f"{name} = {value}")
 
 
 @pytest.mark.parametrize("value", [*NOT_FINITE, *NOT_NUMBERS])
 @pytest.mark.parametrize("name", COMMAND_NUMBERS)
-def test_a_command_refuses_what_is_no_finite_number_naming_field_and_value(name: str, value: Any) -> None:
+def test_a_command_refuses_a_number_that_is_not_finite_naming_field_and_value(name: str, value: Any) -> None:
     text = refusal(lambda: Command(**COMMAND | {name: value}))
     assert text.startswith(f"{name} = {value!r}" if not isinstance(value, float) else f"{name} = {value}")
 

@@ -183,7 +183,7 @@ def test_a_message_repeated_before_its_sample_is_complete_counts_once() -> None:
     assert taken(t, [part("POSE", 5), part("POSE", 5), part("POSE", 5), part("MOTION", 5)]) == []
 
 
-def test_where_messages_have_no_counter_every_cycle_is_taken() -> None:
+def test_without_counters_every_cycle_is_assembled() -> None:
     t = assembler()
     parts = [part(name, cycle) for cycle in range(20) for name in NAMES]
     plain = [DecodedMessage(p.name, p.stamp_ns, -1, p.values) for p in parts]

@@ -52,7 +52,7 @@ def test_the_trajectorys_arrays_are_plain_ones_whatever_they_came_from() -> None
     assert x_m.flags.aligned
 
 
-def test_what_is_not_given_is_zero() -> None:
+def test_omitted_arrays_are_zero() -> None:
     trajectory = Trajectory(**LINE)
     for name in ("accel_mps2", "yaw_rate_radps", "front_wheel_angle_rad"):
         assert getattr(trajectory, name).tolist() == [0.0, 0.0, 0.0]

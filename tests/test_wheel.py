@@ -117,7 +117,7 @@ print(bench.environment(["vcan0"], "SocketCAN vcan0")["revision"], html.write(ex
     assert "<title>" in (tmp_path / page).read_text()
 
 
-def test_what_the_bench_imports_comes_with_the_extra_of_its_name(wheel: Path) -> None:
+def test_the_bench_extra_installs_everything_that_the_bench_imports(wheel: Path) -> None:
     archive = zipfile.ZipFile(wheel)
     imported = set()
     for name in archive.namelist():

@@ -70,7 +70,7 @@ def test_the_buses_have_the_profile_s_order_whatever_that_of_the_options_is(prof
         (["vehicle=can0", "ins=can0"], r"--channel ins=can0: is that of vehicle; each bus has its own"),
     ],
 )
-def test_what_does_not_fit_the_buses_is_one_line_with_the_right_command(
+def test_channels_that_do_not_fit_the_buses_are_refused_in_one_line_with_the_right_command(
     profile: Profile, given: Sequence[str], fault: str
 ) -> None:
     with pytest.raises(ConfigError, match=f"^{fault}$"):

@@ -221,7 +221,7 @@ def test_a_value_that_does_not_fit_the_vehicle_or_the_disk_is_refused(
     assert error.count("\n") == 1
 
 
-def test_what_lies_in_the_current_folder_is_not_imported(tmp_path: Path) -> None:
+def test_modules_in_the_current_folder_are_not_imported(tmp_path: Path) -> None:
     (tmp_path / "queue.py").write_text("raise SystemExit('hijacked')")
     (tmp_path / "vehicle_iface_viewer").mkdir()
     (tmp_path / "vehicle_iface_viewer" / "__init__.py").write_text("raise SystemExit('hijacked')")

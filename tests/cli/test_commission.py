@@ -218,7 +218,7 @@ def test_on_a_terminal_what_is_seen_stands_on_one_line(
         (["--record", "/nowhere/x.log"], "--record /nowhere/x.log: cannot be written"),
     ],
 )
-def test_what_cannot_be_done_is_refused_before_the_walk(
+def test_an_impossible_walk_is_refused_before_it_begins(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], complaint: str
 ) -> None:
     assert commission(write_profile(tmp_path), *options) == 2

@@ -332,7 +332,7 @@ def test_a_float_too_great_for_its_bits_is_refused(value: float) -> None:
 
 
 @pytest.mark.parametrize("value", [-1, 256, math.nan, math.inf, None, "1", 10**400])
-def test_what_the_bits_cannot_hold_is_refused_with_and_without_checks(value: Any) -> None:
+def test_a_value_too_great_for_its_bits_is_refused_with_and_without_checks(value: Any) -> None:
     for checked in (True, False):
         codec = MessageCodec(message_of(signal(width=8)), checked=checked)
         with pytest.raises(SignalError, match="MESSAGE"):

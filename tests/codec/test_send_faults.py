@@ -99,7 +99,7 @@ def beat(line: str, rest: str = "period_s = 0.1\n") -> str:
         (beat('KIND = "count"'), r"\$\.send\[0\]\.values\.KIND: BEAT\.KIND is a multiplexer: must be a number"),
     ],
 )
-def test_what_cannot_be_sent_is_refused_with_its_place(tmp_path: Path, more: str, text: str) -> None:
+def test_a_message_that_cannot_be_sent_is_refused_with_its_place(tmp_path: Path, more: str, text: str) -> None:
     with pytest.raises(ConfigError, match=text):
         load_vehicle(tmp_path, more, command=COMMAND + MORE)
 

@@ -243,7 +243,7 @@ class ControllerContract(ABC):
         assert (controller.spatial_index, controller.temporal_index) == (2, 1)
         assert controller.compute_command(at(2.5, stamp_ns=NS_PER_S)) == before
 
-    def test_what_is_not_a_trajectory_is_refused(self) -> None:
+    def test_an_object_that_is_not_a_trajectory_is_refused(self) -> None:
         with pytest.raises(InvalidValueError, match="must be a Trajectory"):
             self.controller().set_trajectory(None)  # type: ignore[arg-type]
 

@@ -78,7 +78,7 @@ def test_a_tracking_stop_is_straight_when_the_subclass_has_no_angle(answer: obje
     assert (command.front_wheel_angle_rad, command.rear_wheel_angle_rad) == (0.0, 0.0)
 
 
-def test_what_the_handler_returns_is_what_is_followed() -> None:
+def test_the_trajectory_that_the_handler_returns_is_followed() -> None:
     asked: list[str] = []
 
     class Shortening(Coasting):
@@ -98,7 +98,7 @@ def test_what_the_handler_returns_is_what_is_followed() -> None:
     assert controller.compute_command(at(2.5)).reason is Reason.PAST_END_SPACE
 
 
-def test_what_is_not_a_command_is_refused() -> None:
+def test_an_object_that_is_not_a_command_is_refused() -> None:
     class Silent(Coasting):
         def compute_command_impl(self, state: VehicleState) -> Command:  # noqa: ARG002
             return None  # type: ignore[return-value]
@@ -168,7 +168,7 @@ def test_a_subclass_without_a_stop_steering_stops_straight_and_a_failing_one_is_
         failing.compute_stop_command(at(0.0))
 
 
-def test_what_is_no_trajectory_is_refused_before_the_child_sees_it() -> None:
+def test_an_object_that_is_no_trajectory_is_refused_before_the_subclass_receives_it() -> None:
     with pytest.raises(InvalidValueError, match=r"^trajectory = "):
         Coasting().set_trajectory("straight on")  # type: ignore[arg-type]
 

@@ -88,7 +88,7 @@ def test_a_burst_is_over_after_a_sample_half_a_period_after_its_predecessor(sinc
     assert arrivals[third_ns] is arrival
 
 
-def test_of_samples_that_were_held_up_for_less_two_are_used() -> None:
+def test_two_samples_of_a_shorter_hold_up_are_used() -> None:
     before = [number * PERIOD_NS for number in range(100)]
     held = [before[-1] + ms(45) + number * BUS_NS for number in range(4)]
     after = [held[-1] + ms(8) + number * PERIOD_NS for number in range(100)]

@@ -42,7 +42,7 @@ def test_a_bus_that_is_held_all_the_time_has_a_load_of_one_hundred_percent() -> 
     assert load.whole("UP", [], NAMES, {}).load_percent == pytest.approx(100.0)
 
 
-def test_what_was_counted_takes_the_place_of_estimates() -> None:
+def test_counted_bits_replace_estimates() -> None:
     load = BusLoad()
     pose, unknown = FrameKey(0x110), FrameKey(0x3A0)
     load.add(TrafficSample(NS_PER_S, 200, 0, {pose: 80.0, unknown: 120.0}))

@@ -75,7 +75,7 @@ def test_a_stop_waits_for_its_turn_where_the_filter_has_no_room() -> None:
     assert sent_at_ms(new_pace(transmit_filter), [DRIVEN] * 4 + [STOPPED] * 6) == [0, 30, 60, 90]
 
 
-def test_of_samples_that_waited_only_the_newest_is_sent_in_slow_messages() -> None:
+def test_slow_messages_carry_only_the_newest_of_the_samples_that_waited() -> None:
     pace = new_pace(steer_ms=10)
     assert pace.select(DRIVEN, ms(1000), is_newest=False) == STEER
     assert pace.select(DRIVEN, ms(1000)) == DRIVE | STEER == pace.all_names

@@ -129,11 +129,11 @@ def test_a_bus_that_cannot_be_opened_at_the_start_is_an_error() -> None:
         Link(refuse, Counters(), now_ns=clock.now_ns, sleep_until=clock.sleep_until)
 
 
-@pytest.mark.parametrize("by", ["hearing", "sending"])
+@pytest.mark.parametrize("by", ["receiving", "sending"])
 def test_a_loss_closes_the_bus_and_is_counted_and_logged_once(by: str) -> None:
     cable = Cable()
     cable.down = True
-    if by == "hearing":
+    if by == "receiving":
         assert cable.receive() == []
     else:
         assert not cable.link.send(FRAME)
@@ -481,7 +481,7 @@ def test_one_lost_frame_is_trouble_and_its_count_outlives_the_bus() -> None:
     assert cable.link.counters()["receive_overflow"] == 1
 
 
-def test_of_a_link_that_comes_and_goes_the_first_thousand_changes_are_kept() -> None:
+def test_the_first_thousand_transitions_of_an_unstable_link_are_kept() -> None:
     cable = Cable()
     for _ in range(MAX_TRANSITIONS // 2 + 1):
         cable.down = True

@@ -90,7 +90,7 @@ def test_each_missing_permission_is_reported_with_its_command() -> None:
     assert any(realtime.FIX_LOCK in lack for lack in found["lacks"])
 
 
-def test_what_is_started_later_is_ordinary() -> None:
+def test_threads_that_are_started_later_have_no_priority() -> None:
     assert not claimed()["later_is_fifo"]
 
 

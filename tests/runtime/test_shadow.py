@@ -33,7 +33,7 @@ FAR_APART = 100
 
 
 class Tap(InboxBus):
-    """A bus on which a second loop hears what goes over the first one's line, and from which nothing leaves."""
+    """A bus on which a second loop receives what goes over the first one's line, and from which nothing leaves."""
 
     description = "tap"
 

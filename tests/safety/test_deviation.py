@@ -125,7 +125,7 @@ def test_a_deviation_holds_until_the_vehicle_stands_and_there_is_a_new_trajector
     assert not watching.update(state(speed_mps=-0.05), planned[2], 11, 5.0)
 
 
-def test_what_is_still_off_the_new_trajectory_as_well_needs_another_one() -> None:
+def test_a_vehicle_off_its_new_trajectory_too_needs_another_one() -> None:
     watching, planned = monitor(), straight(length_m=100.0)
     for path in (PATH, planned):
         assert watching.update(state(y_m=4.0, speed_mps=0.0), path, 10, 5.0)
@@ -140,7 +140,7 @@ def test_the_newest_trajectory_is_the_one_that_counts() -> None:
     assert watching.update(state(), aside, 10, 5.0)
 
 
-def test_what_is_forgotten_does_not_stop_a_vehicle_that_moves() -> None:
+def test_after_a_reset_a_deviation_does_not_stop_a_moving_vehicle() -> None:
     watching = monitor()
     assert watching.update(state(y_m=4.0), PATH, 10, 5.0)
     watching.reset()
@@ -250,9 +250,7 @@ def test_on_a_coarse_path_the_way_between_two_points_is_the_line_between_them() 
 
 
 @pytest.mark.parametrize(("heading_rad", "stops"), [(0.0, False), (math.pi / 2, False), (math.pi, True), (-0.81, True)])
-def test_where_a_path_turns_in_its_points_the_heading_is_that_of_either_neighbour(
-    heading_rad: float, stops: bool
-) -> None:
+def test_at_a_kink_of_the_path_the_heading_of_either_neighbour_counts(heading_rad: float, stops: bool) -> None:
     corner = Trajectory(
         stamp_ns=0,
         time_from_start_ns=np.array([0, 1]),
@@ -264,7 +262,7 @@ def test_where_a_path_turns_in_its_points_the_heading_is_that_of_either_neighbou
     assert monitor().update(state(x_m=5.0, heading_rad=heading_rad), corner, 0, 5.0) is stops
 
 
-def test_of_points_at_one_place_the_place_counts() -> None:
+def test_the_path_of_points_at_one_place_is_that_place() -> None:
     dwell = Trajectory(
         stamp_ns=0,
         time_from_start_ns=np.array([0, 1]),

@@ -173,7 +173,7 @@ def test_nothing_leads_out_of_listening() -> None:
     assert not any(mode is Mode.SHADOW for mode, _ in TABLE.values())
 
 
-def test_out_of_what_is_latched_only_arming_leads_to_where_commands_may_follow() -> None:
+def test_only_arming_leads_out_of_a_latched_mode() -> None:
     for (mode, event), (then, _) in TABLE.items():
         if mode in LATCHED and then not in LATCHED:
             assert event is Event.ARMED
@@ -207,7 +207,7 @@ def test_a_rejected_arming_names_the_reason_and_the_vehicles_state() -> None:
     assert in_mode(Mode.ENGAGED).refusal_to_arm(status()) == said[Mode.ENGAGED]
 
 
-def hearing(before: Mode | None = None) -> Engagement:
+def observing(before: Mode | None = None) -> Engagement:
     """Just armed, at the start or out of this mode; or without a status for long."""
     if before is None:
         return Engagement(TIMING, armed=True)
@@ -232,7 +232,7 @@ HEARERS = [None, Mode.SILENT, Mode.STARTING, Mode.STANDBY]
 def test_a_vehicle_is_observed_for_200_ms_to_the_nanosecond_before_commands_are_sent(
     before: Mode | None, first: str, after_ns: int, then: Mode
 ) -> None:
-    engagement = hearing(before)
+    engagement = observing(before)
     engagement.on_tick(10**18)  # a bus on which nothing is received shows nothing
     assert at_present(engagement.mode) is Mode.OBSERVING
     for later_ns in (0, 150 * MS):
@@ -247,17 +247,17 @@ def test_a_vehicle_is_observed_for_200_ms_to_the_nanosecond_before_commands_are_
 
 @pytest.mark.parametrize("mode", list(VehicleMode))
 def test_observing_ends_when_the_vehicle_reports_that_it_is_not_driven(mode: VehicleMode) -> None:
-    engagement = hearing()
+    engagement = observing()
     engagement.on_status(status(mode), 0)
     assert engagement.mode is (Mode.OBSERVING if mode is VehicleMode.AUTONOMOUS else Mode.STARTING)
 
 
 @pytest.mark.parametrize("received", ["nothing", "sample", "status"])
 @pytest.mark.parametrize(("after_ns", "reports"), [(200 * MS, False), (200 * MS + 1, True)])
-def test_where_there_is_no_vehicle_it_reports_after_200_ms_and_no_more_when_there_is_one(
+def test_without_a_vehicle_it_reports_after_200_ms_until_there_is_one(
     received: str, after_ns: int, reports: bool
 ) -> None:
-    engagement = hearing()
+    engagement = observing()
     assert not engagement.may_report(10**18)
     engagement.on_tick(10**18)
     if received == "sample":
@@ -268,15 +268,15 @@ def test_where_there_is_no_vehicle_it_reports_after_200_ms_and_no_more_when_ther
     assert not engagement.mode.may_send
 
 
-def test_out_of_hearing_it_reports_where_it_sends() -> None:
+def test_in_every_mode_but_observing_it_reports_where_it_may_send() -> None:
     for mode in set(Mode) - {Mode.OBSERVING}:
         assert in_mode(mode).may_report(10**18) is in_mode(mode).mode.may_send
 
 
 def test_a_fault_is_cleared_only_by_a_later_status() -> None:
-    assert not hearing().ends_in_fault
-    assert not hearing(Mode.STANDBY).ends_in_fault
-    again = hearing(Mode.SILENT)
+    assert not observing().ends_in_fault
+    assert not observing(Mode.STANDBY).ends_in_fault
+    again = observing(Mode.SILENT)
     assert at_present(again.ends_in_fault)
     again.on_status(status(), 0)
     assert not at_present(again.ends_in_fault)

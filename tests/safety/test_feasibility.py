@@ -145,7 +145,7 @@ def test_a_bend_that_is_driven_too_fast_is_refused_however_it_is_drawn(speed_mps
     assert f"at {speed_mps:.4g} m/s" in judged(bend)
 
 
-def test_what_is_too_sharp_is_named_with_its_point_its_value_and_the_limit() -> None:
+def test_a_turn_that_is_too_sharp_is_named_with_point_value_and_limit() -> None:
     text = judged(circle(2.0))
     assert re.fullmatch(r"the path turns by 0\.5 rad/m at point \d+: must be at most 0\.2534 rad/m at 1 m/s", text)
 
@@ -179,7 +179,7 @@ def test_a_vehicle_that_stands_while_it_is_measured_turns_by_nothing() -> None:
 
 
 @given(st.lists(st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 4), max_size=30))
-def test_whatever_is_finite_is_judged(rows: list[tuple[float, float, float, float]]) -> None:
+def test_every_finite_trajectory_is_judged(rows: list[tuple[float, float, float, float]]) -> None:
     x_m, y_m, heading_rad, speed_mps = np.array(rows).reshape(-1, 4).T
     times_ns = np.arange(len(rows))
     odd = path(time_from_start_ns=times_ns, x_m=x_m, y_m=y_m, heading_rad=heading_rad, speed_mps=speed_mps)

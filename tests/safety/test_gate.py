@@ -135,7 +135,7 @@ def test_a_stop_never_goes_on_driving(before: list[Command], requested_mps2: flo
 
 
 @given(st.lists(st.tuples(requests(), ANY_STEP_NS, st.booleans()), min_size=1, max_size=10))
-def test_what_is_read_back_from_the_frames_is_what_was_permitted(steps: list[tuple[Command, int, bool]]) -> None:
+def test_an_encoded_command_round_trips(steps: list[tuple[Command, int, bool]]) -> None:
     gate, encoder, now_ns = new_gate(), Encoder(reference().sent), 0
     for command, step_ns, reversing in steps:
         now_ns += step_ns
@@ -213,7 +213,7 @@ def test_every_reason_but_nominal_is_a_safe_stop(reason: Reason) -> None:
     assert (safe.reason, safe.safe_stop) == (reason, reason is not Reason.NOMINAL)
 
 
-def test_what_was_cut_is_counted_by_name_and_what_was_only_rounded_is_not() -> None:
+def test_limited_values_are_counted_by_name_and_rounded_ones_are_not() -> None:
     gate = new_gate()
     gate.start_from(state(), 0)
     gate.permit(request(speed_mps=19.9987, front_wheel_angle_rad=0.00004), state(), now_ns=10_000_000, reversing=False)
@@ -366,7 +366,7 @@ def test_the_wheels_turn_less_far_where_it_is_fast_in_either_direction(speed_mps
     st.floats(allow_nan=False, allow_infinity=False),
     st.floats(-1.5, 1.5),
 )
-def test_whatever_is_measured_the_answer_is_finite_and_in_range(
+def test_any_measured_values_give_a_finite_command_in_range(
     steps: list[tuple[Command, int, bool, bool]], speed_mps: float, front_rad: float, rear_rad: float
 ) -> None:
     gate, now_ns = new_gate(), 0
@@ -553,7 +553,7 @@ def test_the_deceleration_of_a_stop_does_not_depend_on_the_request(requested_mps
 
 @pytest.mark.parametrize("reversing", [False, True])
 @pytest.mark.parametrize("speed_mps", [0.0, 0.1, -0.1, 5.0, -5.0])
-def test_where_no_speed_is_known_a_stop_brakes_as_hard_as_it_may_and_goes_on(speed_mps: float, reversing: bool) -> None:
+def test_without_a_known_speed_a_stop_brakes_as_hard_as_it_may_and_goes_on(speed_mps: float, reversing: bool) -> None:
     """What the sensors say of standstill and direction does not ease or turn the brake."""
     gate, stop, accels_mps2 = new_gate(), request(reason=Reason.STATE_INVALID), []
     gate.start_from(state(), 0)
@@ -709,7 +709,7 @@ def test_a_steering_sensor_that_is_wrong_does_not_drag_the_wheels_along(
 
 @pytest.mark.parametrize("measured_rad", [math.nan, math.inf, -math.inf, 1e300])
 @pytest.mark.parametrize("apart_rad", [0.3, math.inf])
-def test_what_is_measured_and_no_angle_moves_nothing(measured_rad: float, apart_rad: float) -> None:
+def test_a_measured_value_that_is_no_angle_moves_nothing(measured_rad: float, apart_rad: float) -> None:
     broken = state(speed_mps=5.0)
     msgspec.structs.force_setattr(broken, "front_wheel_angle_rad", measured_rad)
     gate = new_gate(front_wheel_deviation_rad=apart_rad)

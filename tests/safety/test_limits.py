@@ -126,7 +126,7 @@ def test_a_request_is_clamped_to_the_interval(requested: float, raw: int) -> Non
     assert limit_raw(channel(), requested, 10, 0.01, within=(20, 30)) == raw
 
 
-def test_what_is_outside_the_interval_goes_there_as_fast_as_the_rate_lets_it() -> None:
+def test_a_value_outside_the_interval_returns_to_it_at_the_rate_limit() -> None:
     assert limit_raw(channel(), -0.6, 500, 0.01, within=(20, 30)) == 420
     assert limit_raw(channel(), 0.6, -500, 0.01, within=(20, 30)) == -420
 
@@ -148,7 +148,7 @@ def test_after_a_time_without_end_the_whole_range_is_one_step() -> None:
         ((-9, -1), (0, 0)),
     ],
 )
-def test_of_two_intervals_that_do_not_meet_the_end_of_the_outer_one_that_is_nearer_counts(
+def test_two_disjoint_intervals_give_the_nearer_end_of_the_outer_one(
     inner: tuple[int, int], both: tuple[int, int]
 ) -> None:
     assert clamp_interval(inner, (0, 3)) == both

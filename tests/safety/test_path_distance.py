@@ -486,7 +486,7 @@ def test_a_stop_is_begun_only_after_a_search_of_the_whole_path_and_is_not_search
     assert found.locate(on_circle(4.0, stamp_ns=SEARCH_PERIOD_NS), may_begin_stop=False).is_on
 
 
-def test_where_every_segment_is_as_near_the_nearest_blocks_alone_are_looked_at(looked_at: list[int]) -> None:
+def test_with_all_segments_equally_near_only_the_nearest_blocks_are_searched(looked_at: list[int]) -> None:
     found = locator(circle(300_000, laps=300.0))
     place = found.locate(state(0.0, RADIUS_M), may_begin_stop=True)
     assert place.distance_m == pytest.approx(RADIUS_M, abs=0.01)

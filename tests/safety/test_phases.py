@@ -89,7 +89,7 @@ def test_enabling_messages_may_be_sent_while_the_vehicle_is_ready_and_the_driver
         status(VehicleMode.EMERGENCY_STOP),
     ],
 )
-def test_what_enables_is_held_back_while_the_driver_acts_or_the_vehicle_is_not_fit(
+def test_enabling_messages_are_held_back_while_the_driver_acts_or_the_vehicle_is_not_fit(
     reported: VehicleStatus | None,
 ) -> None:
     found = phases(Mode.ENGAGING, reported)

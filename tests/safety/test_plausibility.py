@@ -80,9 +80,7 @@ def test_samples_of_an_ordinary_drive_are_accepted_at_any_spacing(
         ({"stamp_ns": ms(89)}, PlausibilityFault.ORDER),
     ],
 )
-def test_what_no_vehicle_does_is_dropped_and_counted_by_its_kind(
-    change: dict[str, Any], doubt: PlausibilityFault
-) -> None:
+def test_impossible_motion_is_dropped_and_counted_by_kind(change: dict[str, Any], doubt: PlausibilityFault) -> None:
     checked, states = check(), drive(12)
     assert all(checked.is_plausible(state, pose_valid=True) for state in states[:10])
     assert not checked.is_plausible(replace(states[10], **change), pose_valid=True)
@@ -221,7 +219,7 @@ def test_an_earlier_jump_does_not_count_for_the_position_that_is_accepted_in_the
     assert believed == [True, False, True] + [False] * 100 + [True] * (len(believed) - 103)
 
 
-def test_what_stood_before_forgetting_is_not_frozen_after_it() -> None:
+def test_a_constant_position_before_a_reset_does_not_count_as_frozen_after_it() -> None:
     checked = check()
     for first_ns in (0, ms(90)):
         for tick in range(9):
@@ -506,7 +504,7 @@ def still(stamp_ns: int = 0, /, **numbers: Any) -> VehicleState:
         },
     ],
 )
-def test_what_is_exactly_at_a_limit_can_be_true(numbers: dict[str, float]) -> None:
+def test_values_exactly_at_a_limit_are_accepted(numbers: dict[str, float]) -> None:
     assert check().is_plausible(still(**numbers), pose_valid=True)
 
 
@@ -545,7 +543,7 @@ def test_between_two_samples_a_vehicle_may_have_moved_at_the_faster_one_of_both(
 
 
 @pytest.mark.parametrize(("gap_ns", "believed"), [(ms(500), False), (ms(500) + 1, True)])
-def test_what_was_known_is_forgotten_after_half_a_second_to_the_nanosecond(gap_ns: int, believed: bool) -> None:
+def test_the_history_is_reset_after_half_a_second_to_the_nanosecond(gap_ns: int, believed: bool) -> None:
     checked = check()
     checked.is_plausible(still(), pose_valid=True)
     assert checked.is_plausible(still(gap_ns, x_m=100.0), pose_valid=True) is believed

@@ -79,7 +79,7 @@ def test_whatever_comes_a_stop_is_finite_in_range_and_never_along_the_motion(
 
 
 @given(ANY_RAW, ANY_SPEED, ANY_DT, st.booleans(), st.floats(0.1, 30.0))
-def test_no_step_is_greater_than_the_jerk_grants_from_what_a_stop_may_go_on_with(
+def test_no_step_of_a_stop_is_greater_than_its_jerk_allows(
     last_raw: int, speed_mps: float, dt_s: float, reversing: bool, jerk_mps3: float
 ) -> None:
     """Not with drive, not with more than the safe deceleration, and not with what would turn the motion round."""
@@ -129,13 +129,13 @@ def test_the_brake_is_let_up_with_the_speed(speed_mps: float, asked_mps2: float,
     assert found[-1] == pytest.approx(-sign * asked_mps2)
 
 
-def test_where_the_ease_is_shorter_than_the_time_step_the_time_step_counts() -> None:
+def test_a_release_time_constant_shorter_than_the_time_step_is_the_time_step() -> None:
     assert coming(0.1, 30, release_time_constant_s=0.01)[-1] == pytest.approx(-1.0)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("speed_mps", [0.0, 0.005, 0.4, 5.0])
-def test_what_drives_is_dropped_at_once(speed_mps: float, sign: float) -> None:
+def test_drive_torque_is_removed_at_once(speed_mps: float, sign: float) -> None:
     least = after(sign * 3.0, sign * speed_mps, reversing=sign < 0)
     assert least == pytest.approx(-sign * min(0.3, speed_mps / 0.2))
 
@@ -202,7 +202,7 @@ def test_the_lesser_of_the_jerk_and_the_rate_of_the_channel_counts() -> None:
     assert after(0.0, 5.0, jerk_mps3=60.0) == pytest.approx(-0.3)
 
 
-def test_no_brake_is_asked_for_that_the_vehicle_does_not_have() -> None:
+def test_no_braking_beyond_the_vehicles_limit_is_requested() -> None:
     assert coming(50.0, 40, deceleration_mps2=8.0)[-1] == pytest.approx(-6.0)
     assert coming(0.0, 40, deceleration_mps2=8.0, hold_mps2=8.0)[-1] == pytest.approx(-6.0)
     assert coming(0.0, 40, hold_mps2=8.0)[-1] == pytest.approx(-3.0)

@@ -25,7 +25,7 @@ FRAME = CanFrame(0x080, bytes(8))
         CanFrame(0x080, bytes(8), is_error=True),
     ],
 )
-def test_what_is_not_on_the_list_stays_here(frame: CanFrame) -> None:
+def test_frames_that_are_not_on_the_list_are_not_sent(frame: CanFrame) -> None:
     transmit_filter = TransmitFilter([DRIVE])
     assert not transmit_filter.allows(frame, 0)
     assert transmit_filter.refused == {"not on the list": 1, "too often": 0}

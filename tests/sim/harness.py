@@ -49,19 +49,19 @@ class VehicleHarness:
     def drive(self, **signals: float) -> None:
         """One DRIVE_COMMAND, enabled unless said otherwise."""
         self.drive_counter = (self.drive_counter + 1) % 15
-        self.hear(pack("DRIVE_COMMAND", self.drive_counter, **{"ENABLE": 1, "GEAR_REQUEST": 7} | signals))
+        self.receive(pack("DRIVE_COMMAND", self.drive_counter, **{"ENABLE": 1, "GEAR_REQUEST": 7} | signals))
 
     def steer(self, **signals: float) -> None:
         """One STEER_COMMAND, enabled unless said otherwise."""
         self.steer_counter = (self.steer_counter + 1) % 15
-        self.hear(pack("STEER_COMMAND", self.steer_counter, **{"ENABLE": 1} | signals))
+        self.receive(pack("STEER_COMMAND", self.steer_counter, **{"ENABLE": 1} | signals))
 
     def pair(self, angle_rad: float = 0.0, enable: int = 1, **signals: float) -> None:
         """One command pair."""
         self.drive(ENABLE=enable, **signals)
         self.steer(ENABLE=enable, FRONT_WHEEL_ANGLE_REQUEST=angle_rad)
 
-    def hear(self, frame: CanFrame) -> None:
+    def receive(self, frame: CanFrame) -> None:
         self.vehicle.receive(frame._replace(stamp_ns=self.now_ns), self.now_ns)
 
     def command_for_ms(self, ms: float, **pair: Any) -> None:

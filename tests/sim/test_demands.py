@@ -123,7 +123,7 @@ def test_an_echo_that_ends_is_a_lost_commander_after_ten_periods(
 
 
 @pytest.mark.parametrize("sends", [VALUE, MESSAGES])
-def test_a_vehicle_without_an_enable_is_enabled_by_what_is_sent_while_engaging(
+def test_a_vehicle_without_an_enable_signal_is_enabled_by_the_messages_of_engaging(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sends: str
 ) -> None:
     drive = drive_of(tmp_path, sends)
@@ -138,7 +138,9 @@ def test_a_vehicle_without_an_enable_is_enabled_by_what_is_sent_while_engaging(
 
 
 @pytest.mark.parametrize("sends", [VALUE, MESSAGES])
-def test_it_is_released_by_what_is_sent_then(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sends: str) -> None:
+def test_it_is_released_by_the_messages_of_a_release(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sends: str
+) -> None:
     drive = drive_of(tmp_path, sends)
     receiver = Receiver(drive, monkeypatch)
     drive.engage(1.0)
@@ -151,7 +153,7 @@ def test_it_is_released_by_what_is_sent_then(tmp_path: Path, monkeypatch: pytest
     assert drive.vehicle.mode.name == "READY"
 
 
-def test_what_enabled_it_once_does_not_enable_it_again(tmp_path: Path) -> None:
+def test_after_an_override_the_earlier_messages_do_not_enable_it_again(tmp_path: Path) -> None:
     drive = drive_of(tmp_path, MESSAGES).engage(1.0)
     drive.say("brake 1")
     drive.run_s(0.1)

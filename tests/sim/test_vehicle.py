@@ -200,16 +200,16 @@ def test_commands_of_one_kind_alone_never_engage(harness: VehicleHarness, kind: 
 def broken_crc(harness: VehicleHarness) -> None:
     harness.steer_counter = (harness.steer_counter + 1) % 15
     frame = pack("STEER_COMMAND", harness.steer_counter, ENABLE=1)
-    harness.hear(frame._replace(data=bytes([frame.data[0] ^ 1]) + frame.data[1:]))
+    harness.receive(frame._replace(data=bytes([frame.data[0] ^ 1]) + frame.data[1:]))
 
 
 def repeated_counter(harness: VehicleHarness) -> None:
-    harness.hear(pack("STEER_COMMAND", harness.steer_counter, ENABLE=1))
+    harness.receive(pack("STEER_COMMAND", harness.steer_counter, ENABLE=1))
 
 
 def jumping_counter(harness: VehicleHarness) -> None:
     harness.steer_counter = (harness.steer_counter + 4) % 15
-    harness.hear(pack("STEER_COMMAND", harness.steer_counter, ENABLE=1))
+    harness.receive(pack("STEER_COMMAND", harness.steer_counter, ENABLE=1))
 
 
 def missing_partner(harness: VehicleHarness) -> None:
@@ -224,7 +224,7 @@ def let_go(harness: VehicleHarness) -> None:
 
 def other_id(harness: VehicleHarness) -> None:
     frame = pack("DRIVE_COMMAND", (harness.steer_counter + 1) % 15, ENABLE=1)
-    harness.hear(CanFrame(0x081, frame.data))
+    harness.receive(CanFrame(0x081, frame.data))
 
 
 def long_gap(harness: VehicleHarness) -> None:
@@ -278,9 +278,9 @@ def test_a_counter_that_advances_by_one_to_three_is_intact(harness: VehicleHarne
         CanFrame(0x110, bytes(8)),
     ],
 )
-def test_what_is_no_command_does_nothing(engaged: VehicleHarness, frame: CanFrame) -> None:
+def test_frames_that_are_no_command_do_nothing(engaged: VehicleHarness, frame: CanFrame) -> None:
     before = engaged.vehicle.next_due_ns
-    engaged.hear(frame)
+    engaged.receive(frame)
     assert engaged.vehicle.mode is VehicleMode.AUTONOMOUS
     assert engaged.vehicle.next_due_ns == before
 
@@ -288,7 +288,7 @@ def test_what_is_no_command_does_nothing(engaged: VehicleHarness, frame: CanFram
 @given(can_id=st.sampled_from([0x080, 0x081, 0x082, 0x100]), data=st.binary(max_size=8))
 @settings(max_examples=200, deadline=None)
 def test_no_frame_makes_it_raise(can_id: int, data: bytes) -> None:
-    _fuzzed.hear(CanFrame(can_id, data))
+    _fuzzed.receive(CanFrame(can_id, data))
     _fuzzed.wait_ms(1)
 
 
@@ -298,17 +298,17 @@ _fuzzed = VehicleHarness()
 def test_foreign_frames_between_pairs_do_not_break_the_row(harness: VehicleHarness) -> None:
     for _ in range(3):
         harness.drive()
-        harness.hear(CanFrame(0x123, b"\x00"))
+        harness.receive(CanFrame(0x123, b"\x00"))
         harness.steer()
     assert harness.vehicle.mode is VehicleMode.AUTONOMOUS
 
 
 def test_only_frames_that_the_profile_does_not_have_are_counted_as_others(harness: VehicleHarness) -> None:
     for can_id in (0x082, 0x180, 0x100, 0x110):  # lights, the controller's report, another vehicle's status and pose
-        harness.hear(CanFrame(can_id, bytes(8)))
+        harness.receive(CanFrame(can_id, bytes(8)))
     assert harness.vehicle.counters["other"] == 0
-    harness.hear(CanFrame(0x123, bytes(8)))
-    harness.hear(CanFrame(0x082, bytes(8), is_extended=True))
+    harness.receive(CanFrame(0x123, bytes(8)))
+    harness.receive(CanFrame(0x082, bytes(8), is_extended=True))
     assert harness.vehicle.counters["other"] == 2
 
 

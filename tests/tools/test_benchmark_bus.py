@@ -130,7 +130,7 @@ def test_the_vehicle_drives_off_after_three_enabled_pairs_and_keeps_to_its_cours
     vehicle, course = RailVehicle(figure_of_eight()), figure_of_eight()
     for counter in range(3):
         assert not vehicle.is_autonomous
-        vehicle.hear(command_pair(0, counter)[0], now_s=5.0)
+        vehicle.receive(command_pair(0, counter)[0], now_s=5.0)
     assert vehicle.is_autonomous
     ramp_s = 4.0 / 3.0  # to 4 m/s at 3 m/s², which takes half of its way longer
     decoded = [intact(decode(raw, 0)) for raw in vehicle.sample(5.0 + course.s_m[100] / 4.0 + 0.5 * ramp_s)]

@@ -103,7 +103,7 @@ class Runner:
         pair = []
         for raw, stamp_ns in received(self.far):
             frame = decode(raw, stamp_ns)
-            self.vehicle.hear(frame, now_s)
+            self.vehicle.receive(frame, now_s)
             if frame.can_id in (0x080, 0x081):
                 pair.append(frame)
         if [frame.can_id for frame in pair] != [0x080, 0x081]:

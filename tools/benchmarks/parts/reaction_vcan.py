@@ -149,7 +149,7 @@ class Driver:
             time.sleep(max(0.0, next_s - time.monotonic()))
             fresh = receive_frames(self._watch)
             for frame in fresh:
-                self._vehicle.hear(frame, next_s)
+                self._vehicle.receive(frame, next_s)
             seen += fresh
             self._send(frames)
             next_s = max(next_s + PERIOD_S, time.monotonic())

@@ -84,7 +84,7 @@ class RailVehicle:
         """Whether it drives."""
         return not math.isnan(self.left_s)
 
-    def hear(self, frame: Frame, now_s: float) -> None:
+    def receive(self, frame: Frame, now_s: float) -> None:
         """A command; only whether it enables counts here."""
         told = intact(frame)
         if told is None or told.name != "DRIVE_COMMAND" or self.is_autonomous:
