@@ -505,3 +505,10 @@ def test_a_tow_is_stronger_than_the_brake_and_leaves_no_signals_range(profile: s
     assert wire.tow_mps2 > -wire.profile["limits"]["accel_min_mps2"]
     if isinstance(wire, PeerWire) and wire.has("ACCEL"):
         assert wire.tow_mps2 < 0.9 * wire.greatest("ACCEL")[0]
+
+
+@pytest.mark.parametrize("profile", SHIPPED)
+def test_a_device_that_requests_engagement_is_watched_for_longer_than_its_profile_allows(profile: str) -> None:
+    wire = open_wire(profile)
+    case = adapt(find_case("vehicle-never-engages"), wire)
+    assert case.for_s > wire.profile["timing"]["engage_timeout_s"] + 5.0

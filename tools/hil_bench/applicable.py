@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from hil_bench import routes
 from hil_bench.case import Case, Need, Then
-from hil_bench.expect import Expectation, FallsSilent, LetsGo, MomentaryAtMost, Standstill, Stops, WatchdogActs
+from hil_bench.expect import Expectation, FallsSilent, GivesUp, LetsGo, MomentaryAtMost, Standstill, Stops, WatchdogActs
 from hil_bench.parts import Part, parts_of
 from hil_bench.routes import Route
 from hil_bench.wire import Wire
@@ -14,6 +14,8 @@ from hil_bench.wire import Wire
 STALE = {"STATE_STALE"}
 SHOWN_BY_MOTION_S = 1.0
 """A reaction with more time than this waits for the vehicle's motion, not for its bus."""
+WATCHED_AFTER_S = 9.0
+"""So long is a device watched that has given up to engage."""
 LEAST_ERROR_SHARE = 0.5
 """Errors of a path shrink less than the path: a controller looks ahead as far as it does."""
 FASTEST_SHARE = 0.9
@@ -45,6 +47,8 @@ def adapt(case: Case, wire: Wire) -> Case:
 
     A vehicle with odometry has lost its place when its state was stale: it stays stopped until it is armed again.
     """
+    if any(isinstance(one, GivesUp) for one in case.see):
+        case = replace(case, for_s=float(wire.profile["timing"]["engage_timeout_s"]) + WATCHED_AFTER_S)
     if wire.speed_share == wire.length_share == 1.0 and not any(wire.later_s.values()):
         return case
     length, share = _shares(case.route(), wire)
