@@ -27,9 +27,10 @@ _TIMESPEC = struct.Struct("@ll")
 _UINT32 = struct.Struct("@I")
 _CONTROL_BYTES = 64
 """Room for the stamp and the drop counter, each with its header and padding."""
-_PLACE = struct.Struct(f"@IBB2x64sNii{_TIMESPEC.format[1:]}")
-"""Identifier, length, flags and data of a frame, and the control message that is usually the only one: the stamp."""
 _STRIDE = CANFD_MTU + _CONTROL_BYTES
+_FIELDS = f"@IB3x64sNii{_TIMESPEC.format[1:]}"
+_PLACE = struct.Struct(f"{_FIELDS}{_STRIDE - struct.calcsize(_FIELDS)}x")
+"""Identifier, length and data of a frame, and the control message that is usually the only one: the stamp."""
 _FLAGS_AT = 5
 
 
@@ -55,6 +56,7 @@ class BatchReceiver:
             MMSGHDR.pack_into(self._headers, i * MMSGHDR.size, *fields)
         self._blank = bytes(self._headers)
         self._address = address_of(self._headers)
+        self._headers_view, self._places_view = memoryview(self._headers), memoryview(self._places)
         self._recvmmsg = ctypes.CDLL(None, use_errno=True).recvmmsg
         self._recvmmsg.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
 
@@ -71,17 +73,16 @@ class BatchReceiver:
                 return []
             raise OSError(error, os.strerror(error))
         packets: list[Packet] = []
-        for i in range(count):
-            _, _, _, _, _, control, flags, length = MMSGHDR.unpack_from(self._headers, i * MMSGHDR.size)
-            at = i * _STRIDE
-            can_id, size, _, room, told, level, kind, seconds, nanoseconds = _PLACE.unpack_from(self._places, at)
+        used = count * MMSGHDR.size
+        places = _PLACE.iter_unpack(self._places_view[: count * _STRIDE])
+        for _, _, _, _, _, control, flags, length in MMSGHDR.iter_unpack(self._headers_view[:used]):
+            can_id, size, room, told, level, kind, seconds, nanoseconds = next(places)
             if control == told and level == SOL_SOCKET and kind == SO_TIMESTAMPNS:  # the stamp is all there is
                 wall_ns, dropped = seconds * NS_PER_S + nanoseconds, 0
             else:
-                wall_ns, dropped = self._ancillary(at + CANFD_MTU, control)
+                wall_ns, dropped = self._ancillary(len(packets) * _STRIDE + CANFD_MTU, control)
             is_local = flags & MSG_DONTROUTE != 0
             packets.append((can_id, room[:size], length == CANFD_MTU, wall_ns, dropped, is_local))
-        used = count * MMSGHDR.size
         self._headers[:used] = self._blank[:used]  # the kernel has written lengths into them
         return packets
 

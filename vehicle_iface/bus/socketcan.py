@@ -16,6 +16,7 @@ from vehicle_iface.bus.controller_events import ControllerEvent, parse_error_fra
 from vehicle_iface.bus.raw_socket import (
     ERR_FLAG,
     ERR_MASK,
+    SFF_MASK,
     count_unsent_bytes,
     gone_error,
     open_socket,
@@ -26,7 +27,7 @@ from vehicle_iface.bus.receive import BATCH, BatchReceiver, Packet
 from vehicle_iface.bus.traffic_monitor import TrafficMonitor, TrafficSample
 from vehicle_iface.bus.transmit import BatchSender
 from vehicle_iface.errors import BusError
-from vehicle_iface.frame import CanFrame, IdFilter
+from vehicle_iface.frame import CanFrame, IdFilter, unchecked_frame
 from vehicle_iface.units import NS_PER_MS
 
 RECEIVE_BUFFER_BYTES = 1 << 20
@@ -197,12 +198,18 @@ class SocketCanBus:
         while packets:
             now_ns = clock.monotonic_ns()
             self._follow_wall_clock(now_ns - clock.wall_ns())
+            offset_ns, inbox = self._offset_ns, self._inbox
             for packet in packets:
-                wall_ns, dropped = packet[3], packet[4]
+                word, data, is_fd, wall_ns, dropped, _ = packet
                 # Never later than now: a wall clock set forwards between the stamp and our reading of it would make
                 # an old frame look fresh.
-                stamp_ns = wall_ns + self._offset_ns if wall_ns else now_ns
-                self._inbox.append(unpack_frame(packet, stamp_ns if stamp_ns < now_ns else now_ns, number))
+                stamp_ns = wall_ns + offset_ns if wall_ns else now_ns
+                if stamp_ns > now_ns:
+                    stamp_ns = now_ns
+                if word <= SFF_MASK:  # the usual case: a standard data frame
+                    inbox.append(unchecked_frame((word, data, stamp_ns, False, False, is_fd, False, number)))
+                else:
+                    inbox.append(unpack_frame(packet, stamp_ns, number))
                 if dropped:
                     self._counters["receive_overflow"] += (dropped - self._kernel_drops) & 0xFFFFFFFF
                     self._kernel_drops = dropped

@@ -20,6 +20,7 @@ class BatchSender:
         self._vectors = bytearray(IOVEC.size * MOST_AT_ONCE)
         self._headers = bytearray(MMSGHDR.size * MOST_AT_ONCE)
         self._place = address_of(self._places)
+        self._lengths = [0] * MOST_AT_ONCE
         vectors = address_of(self._vectors)
         for i in range(MOST_AT_ONCE):
             fields = (0, 0, vectors + i * IOVEC.size, 1, 0, 0, 0, 0)
@@ -33,10 +34,14 @@ class BatchSender:
 
         Sending ends at the first packet that finds the queue full. Raises `OSError` for any other error of the socket.
         """
+        places, lengths, at = self._places, self._lengths, 0
         for i, frame in enumerate(frames):
-            at = i * CANFD_MTU
-            self._places[at : at + len(frame)] = frame
-            IOVEC.pack_into(self._vectors, i * IOVEC.size, self._place + at, len(frame))
+            length = len(frame)
+            places[at : at + length] = frame
+            if length != lengths[i]:
+                IOVEC.pack_into(self._vectors, i * IOVEC.size, self._place + at, length)
+                lengths[i] = length
+            at += CANFD_MTU
         count: int = self._sendmmsg(self._descriptor, self._address, len(frames), MSG_DONTWAIT)
         if count < 0:
             error = ctypes.get_errno()
