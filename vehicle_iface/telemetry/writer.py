@@ -70,15 +70,17 @@ class TelemetryWriter:
         self._view = view
         self._scratch = bytearray(RECORD.size + CRC.size)
         self._body = memoryview(self._scratch)[: RECORD.size]
+        self._frame_id, self._frame = "", b""
         self._sequence = 0
         self._trajectory_version = 0
         self._details_number = 0
 
     def publish(self, snapshot: Snapshot) -> None:
         """Publish `snapshot` as the newest. Its `sequence` is replaced by the next number."""
-        frame = _frame_bytes(snapshot.frame_id)
+        if snapshot.frame_id != self._frame_id:
+            self._frame, self._frame_id = _frame_bytes(snapshot.frame_id), snapshot.frame_id
         sequence = self._sequence = self._sequence + 1
-        RECORD.pack_into(self._scratch, 0, *snapshot[:-2], frame, sequence)
+        RECORD.pack_into(self._scratch, 0, *snapshot[:-2], self._frame, sequence)
         CRC.pack_into(self._scratch, RECORD.size, zlib.crc32(self._body))
         self._slots[sequence % RING_LENGTH][:] = self._scratch
         self._head[0] = sequence
