@@ -10,7 +10,7 @@ from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.database import EXACT_ID, BoundMessage, find_masked
 from vehicle_iface.codec.e2e import CounterCheck, DamageCheck, Sequence
 from vehicle_iface.codec.protection import NO_COUNTER
-from vehicle_iface.decoded import DecodedMessage
+from vehicle_iface.decoded import DecodedMessage, decoded_message
 from vehicle_iface.errors import SignalError
 from vehicle_iface.frame import CanFrame, FrameKey
 
@@ -38,6 +38,7 @@ _EXTENDED = 1 << 31
 """The bit set in the keys of extended identifiers, which may have the same numbers as standard ones."""
 _BUS = 32
 """Keys hold the number of the bus from this bit on, because an identifier has another meaning on another bus."""
+_ACCEPTED = (Sequence.OK, Sequence.INITIAL)
 _SEQUENCE_DROPS = {
     Sequence.REPEATED: DropCause.REPEATED,
     Sequence.WRONG: DropCause.WRONG_SEQUENCE,
@@ -136,7 +137,7 @@ class Decoder:
                 return None
             counter = entry.read_counter(data)
             verdict = counters.step(counter)
-            if verdict is not Sequence.OK and verdict is not Sequence.INITIAL:
+            if verdict not in _ACCEPTED:
                 self._drop(_SEQUENCE_DROPS[verdict], entry.name)
                 return None
         try:
@@ -147,7 +148,7 @@ class Decoder:
         if entry.convert is not None:
             values = entry.convert(values)
         self.accepted += 1
-        return DecodedMessage(entry.name, stamp_ns, counter, values)
+        return decoded_message((entry.name, stamp_ns, counter, values))
 
     def reset(self) -> None:
         """Reset all sequences, for example after the bus was reopened. The counts are kept."""

@@ -153,6 +153,9 @@ class Sequence(Enum):
     """The frame is intact, but most recent frames were not; dropped."""
 
 
+_OK = Sequence.OK  # enumerations are slow to read
+
+
 class DamageCheck:
     """The rule for a message without a counter: while most of its last frames were damaged, none is accepted (AUTOSAR's
     E2E state machine, with a window of `WINDOW` checks). With enough noise, some damaged frames have a valid checksum.
@@ -206,7 +209,7 @@ class CounterCheck(DamageCheck):
         last = self._last
         if self._history == _ALL_GOOD and counter == last + 1 < self._states and last >= 0:  # the usual case
             self._last, self._damaged = counter, 0
-            return Sequence.OK
+            return _OK
         if not 0 <= counter < self._states:
             return Sequence.INVALID
         self._last = counter

@@ -28,9 +28,11 @@ class _Output:
         "fields",
         "is_extended",
         "is_fd",
+        "is_sealed",
         "name",
         "protection",
         "sent",
+        "states",
         "values_of",
     )
 
@@ -41,9 +43,11 @@ class _Output:
         self.is_fd = message.is_fd
         self.encode = message.codec.encode
         self.protection = message.protection
+        self.states = message.protection.counter_states if message.protection is not None else 1
         self.values_of = _collector(message)
         self.echoes, self.complements = message.values.echoes, message.values.complements
         self.fields = message.fields
+        self.is_sealed = self.protection is not None or bool(self.complements)
         self.counter = 0
         self.sent = 0
 
@@ -58,7 +62,7 @@ class _Output:
     def pack(self, values: Sequence[Value]) -> CanFrame:
         """Return the next frame with these values; raises `SignalError` if one cannot be sent."""
         payload = self.encode(values)
-        if self.protection is not None or self.complements:
+        if self.is_sealed:
             data = bytearray(payload)
             for place, of in self.complements:
                 place.write(data, place.mask ^ (self.counter if of is None else of.read(data)))
@@ -134,8 +138,7 @@ class Encoder:
             can_id, _, _, is_extended, _, _, _, bus = frame
             output = outputs[can_id, is_extended, bus]
             output.sent += 1
-            if output.protection is not None:
-                output.counter = output.protection.next_counter(output.counter)
+            output.counter = (output.counter + 1) % output.states
 
     def fields_of(self, frames: Iterable[CanFrame]) -> set[str]:
         """Return the fields whose values these frames carry."""

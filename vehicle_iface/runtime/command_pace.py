@@ -57,6 +57,7 @@ class CommandPace:
             )
             for count, messages in sorted(by_count.items())
         ]
+        self._has_waiting = any(group.wait_ns for group in self._groups)
         self.all_names = frozenset(name for group in self._groups for name in group.names)
 
     def select(self, command: SafeCommand, now_ns: int, *, is_newest: bool = True) -> frozenset[str]:
@@ -68,6 +69,8 @@ class CommandPace:
             for group in self._groups:
                 group.was_enabled = False
             return frozenset()
+        if not self._has_waiting:
+            return self.all_names
         due = [
             group.names
             for group in self._groups

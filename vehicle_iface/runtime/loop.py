@@ -101,13 +101,15 @@ class Loop:
     def _assemble_samples(self, frames: list[CanFrame]) -> list[Sample]:
         """The plausible samples that these frames complete; status and foreign commands change the mode."""
         samples: list[Sample] = []
+        decode, take = self._decoder.decode, self._assembler.take
         for frame in frames:
-            received = self._decoder.decode(frame)
+            received = decode(frame)
             if received is None:
                 self._check_foreign_command(frame)
                 continue
-            sample = self._assembler.take(received)
-            self._update_engagement()
+            sample = take(received)
+            if self._assembler.status is not self._seen_status:
+                self._update_engagement()
             if sample is not None and self._is_usable(sample):
                 samples.append(sample)
         if samples:
@@ -147,11 +149,11 @@ class Loop:
         processed = samples[-1:] if is_backlog else samples
         self._counters.samples_expired += len(samples) - len(processed)
         for sample in processed:
-            self._process_sample(sample, is_newest=sample is processed[-1])
+            now_ns = now_ns if sample is processed[0] else self._now_ns()
+            self._process_sample(sample, now_ns, is_newest=sample is processed[-1])
 
-    def _process_sample(self, sample: Sample, *, is_newest: bool) -> None:
+    def _process_sample(self, sample: Sample, now_ns: int, *, is_newest: bool) -> None:
         """Compute, send, then publish. Skips a sample that expired while earlier ones were processed."""
-        now_ns = self._now_ns()
         if now_ns - sample.state.stamp_ns > self._max_command_age_ns:
             self._counters.samples_expired += 1
             return
@@ -176,12 +178,12 @@ class Loop:
         outcome = self._transmitter.send_command(decision, now_ns, is_newest=is_newest)
         if outcome is not Outcome.NOT_SENT:
             self._send_others(now_ns)
-        latency_ns = self._now_ns() - sample.completed_ns
+        latency_ns = (sent_ns := self._now_ns()) - sample.completed_ns
         if outcome is Outcome.SENT:
             self._counters.latency.add(latency_ns)
             self._counters.commands_late += latency_ns > self._period_ns
         self._publish(now_ns, decision, outcome, latency_ns=latency_ns)
-        self._update_trajectory(sample)
+        self._update_trajectory(sample, now_ns=sent_ns)
 
     def _send_stop(self, last: VehicleState, reason: Reason, now_ns: int) -> None:
         """Send a stop computed from the last known state, because no usable sample arrived."""
@@ -213,20 +215,21 @@ class Loop:
 
     def _update_engagement(self) -> None:
         """Apply a new status to the mode before the next command."""
-        status = self._assembler.status
-        if status is None or status is self._seen_status:
+        status = self._seen_status = self._assembler.status
+        if status is None:
             return
-        self._seen_status = status
         has_engaged = self._engagement.on_status(status, self._now_ns())
         if self._shadow is not None:
             has_engaged = self._shadow.on_status(status)
         if has_engaged:
             self._update_trajectory(self._newest, restart=True)  # its time 0 is the instant of engagement
 
-    def _update_trajectory(self, sample: Sample | None, *, restart: bool = False) -> None:
+    def _update_trajectory(self, sample: Sample | None, *, restart: bool = False, now_ns: int | None = None) -> None:
         if restart:
             self._cycle.begin_drive()
-        if sample is not None and self._trajectories.poll(self._now_ns(), sample.state, restart=restart):
+        if sample is None:
+            return
+        if self._trajectories.poll(self._now_ns() if now_ns is None else now_ns, sample.state, restart=restart):
             self._publisher.publish_trajectory()
 
     def _on_tick(self, now_ns: int) -> None:

@@ -86,10 +86,10 @@ class Transmitter:
         names = self._pace.select(permitted, now_ns, is_newest=is_newest)
         if not names or not self._prepare(names, now_ns):
             return Outcome.NOT_DUE
-        former = self._former
+        former, is_all = self._former, names == self._pace.all_names
         command = permitted if former is None else _form(former, decision, now_ns)
         try:
-            frames = self._encoder.encode_command(command, names)
+            frames = self._encoder.encode_command(command, None if is_all else names)
         except SignalError as error:
             self._note_unencodable(error)
             return Outcome.NOT_SENT
@@ -97,7 +97,7 @@ class Transmitter:
         if sent == len(frames):
             self._pace.commit(permitted, now_ns, names)
             self._counters.commands += 1
-        if sent == len(frames) and names == self._pace.all_names:
+        if sent == len(frames) and is_all:
             self._gate.commit()
             if former is not None:
                 former.commit()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from vehicle_iface.reason import Reason
-from vehicle_iface.safety.modes import DRIVING, TABLE, Event, Mode
+from vehicle_iface.safety.modes import DRIVING, SETTLING, TABLE, Event, Mode
 from vehicle_iface.status import ControllerState, VehicleMode, VehicleStatus
 from vehicle_iface.units import NS_PER_MS
 
@@ -124,7 +124,7 @@ class Engagement:
             return
         if self._fresh_since_ns is None or last_ns is None or stamp_ns - last_ns > self._timing.stale_ns:
             self._fresh_since_ns = stamp_ns
-        if stamp_ns - self._fresh_since_ns >= self._timing.settle_ns:
+        if self.mode in SETTLING and stamp_ns - self._fresh_since_ns >= self._timing.settle_ns:
             self.apply(Event.FRESH, now_ns)
 
     def on_status(self, status: VehicleStatus, now_ns: int) -> bool:

@@ -175,3 +175,5 @@ TABLE: dict[tuple[Mode, Event], tuple[Mode, Reason | None]] = {
     (Mode.ENDING, Event.STATE_LOST): (Mode.SILENT, Reason.STATE_STALE),
 }
 """A missing pair means: no change. Reason None: the new mode has the reason given with the event, else the old one."""
+SETTLING = tuple(mode for mode, event in TABLE if event is Event.FRESH)
+"""The modes that fresh samples change."""

@@ -67,13 +67,14 @@ class _History:
     def add(self, state: VehicleState, *, pose_valid: bool) -> None:
         self.newest, frame_id = state, state.frame_id
         speed_mps, rate_radps = abs(state.speed_mps), abs(state.yaw_rate_radps)
-        for other, anchor in self.anchors.items():
-            if pose_valid and other == frame_id:
-                anchor.state, anchor.fastest_mps, anchor.fastest_radps = state, speed_mps, rate_radps
-            else:
+        here = self.anchors.get(frame_id) if pose_valid else None
+        for anchor in self.anchors.values():
+            if anchor is not here:
                 anchor.fastest_mps = max(anchor.fastest_mps, speed_mps)
                 anchor.fastest_radps = max(anchor.fastest_radps, rate_radps)
-        if pose_valid and frame_id not in self.anchors:
+        if here is not None:
+            here.state, here.fastest_mps, here.fastest_radps = state, speed_mps, rate_radps
+        elif pose_valid:
             self.anchors[frame_id] = _Anchor(state, speed_mps, rate_radps)
 
 
