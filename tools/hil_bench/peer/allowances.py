@@ -24,6 +24,8 @@ TOW_SHARE_PER_S = 0.25
 """Of the plausible speeds above the limit: what a tow's acceleration takes beyond the brake's in a second."""
 MEASURED_SHARE = 0.8
 """Of what a signal can carry: above it, noise and an accelerating vehicle leave the range."""
+PLAUSIBLE_SHARE = 0.6
+"""Of the plausible acceleration: a slow message shows the speed in steps."""
 TABLE_SHARE, FEEDBACK_SHARE = 0.05, 0.35
 """Of the greatest acceleration: what a pedal's table and its feedback may make of one."""
 
@@ -74,9 +76,11 @@ def tow_mps2(profile: Mapping[str, Any], reader: CommandReader, measured_mps2: f
     `measured_mps2` is the greatest acceleration that the vehicle's signal can carry.
     """
     limits = profile["limits"]
+    plausible_mps2 = profile.get("plausibility", {}).get("accel_mps2", math.inf)
+    most_mps2 = min(MEASURED_SHARE * measured_mps2, PLAUSIBLE_SHARE * plausible_mps2)
     brake_mps2 = max(-limits["accel_min_mps2"], SPEED_BRAKE_MPS2 if reader.longitudinal == "speed" else 0.0)
     room_mps = profile.get("plausibility", {}).get("speed_mps", 2.0 * limits["speed_max_mps"]) - limits["speed_max_mps"]
-    return float(min(brake_mps2 + min(8.0, TOW_SHARE_PER_S * room_mps), MEASURED_SHARE * measured_mps2))
+    return float(min(brake_mps2 + min(8.0, TOW_SHARE_PER_S * room_mps), most_mps2))
 
 
 def length_share(profile: Mapping[str, Any]) -> float:
