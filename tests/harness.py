@@ -124,7 +124,7 @@ class Line:
         if self.full:
             return 0
         frames = frames[: self.takes]
-        self.sent += [taken_apart(frame, self.clock.t_ns, self.step) for frame in frames]
+        self.sent += [decode_sent(frame, self.clock.t_ns, self.step) for frame in frames]
         return self.inner.send(*frames)
 
     def counters(self) -> dict[str, int]:
@@ -280,7 +280,7 @@ def straight(
     )
 
 
-def taken_apart(frame: CanFrame, at_ns: int = 0, step: int = 0) -> Sent:
+def decode_sent(frame: CanFrame, at_ns: int = 0, step: int = 0) -> Sent:
     """A frame of the controller by the contract's page; fails when it is not intact."""
     decoded = intact(frame)
     assert decoded is not None

@@ -103,8 +103,8 @@ class Alternating(ControllerBase):
         return Command(stamp_ns=0, accel_mps2=self._sign * 6.0, front_wheel_angle_rad=self._sign * 0.6, speed_mps=5.0)
 
 
-def says(pair: Pair, *, enable: int, stop: int, reason: Reason) -> bool:
-    """Whether both commands say so."""
+def has(pair: Pair, *, enable: int, stop: int, reason: Reason) -> bool:
+    """Whether both commands have these values."""
     assert pair.steer["ENABLE"] == pair.drive["ENABLE"]
     return (pair["ENABLE"], pair["SAFE_STOP"], pair["REASON"]) == (enable, stop, reason)
 
@@ -194,7 +194,7 @@ def test_it_engages_after_half_a_second_of_fresh_samples_when_the_vehicle_is_rea
     drive = Drive()
     took_s = drive.run_until(lambda: drive.mode() is Mode.ENGAGING, 2.0)
     assert 0.5 <= took_s <= 0.54
-    assert all(says(pair, enable=0, stop=0, reason=Reason.NOT_ENGAGED) for pair in drive.pairs()[:-1])
+    assert all(has(pair, enable=0, stop=0, reason=Reason.NOT_ENGAGED) for pair in drive.pairs()[:-1])
     drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 0.1)
     enabled = [pair for pair in drive.pairs() if pair["ENABLE"]]
     assert 3 <= len(enabled) <= 6
@@ -229,7 +229,7 @@ def test_a_vehicle_that_never_becomes_autonomous_is_given_up_after_three_seconds
         took_s += 0.01
         assert took_s < 4.0
     assert 2.9 <= took_s <= 3.1
-    assert all(says(p, enable=0, stop=0, reason=Reason.VEHICLE_NOT_AUTONOMOUS) for p in after(drive, 1.0)[1:])
+    assert all(has(p, enable=0, stop=0, reason=Reason.VEHICLE_NOT_AUTONOMOUS) for p in after(drive, 1.0)[1:])
 
 
 def test_the_gear_is_asked_for_until_it_is_in_and_never_again() -> None:
@@ -256,7 +256,7 @@ def test_the_trajectorys_time_begins_with_the_engagement() -> None:
     drive.say("ready")
     drive.engage(1.0)
     drive.run_s(1.0)
-    assert says(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
+    assert has(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
 
 
 # Stops
@@ -269,7 +269,7 @@ def stopped(drive: Drive, reason: Reason, within_s: float = 0.15) -> int:
     drive.run_until(lambda: drive.vehicle.state.speed_mps == 0.0, 10.0)
     drive.run_s(1.0)
     pairs = drive.pairs(since)
-    assert all(says(pair, enable=1, stop=1, reason=reason) for pair in pairs)
+    assert all(has(pair, enable=1, stop=1, reason=reason) for pair in pairs)
     assert all(-3.0 - 1e-9 <= pair["ACCEL_REQUEST"] <= 3.0 for pair in pairs)
     assert {pair["GEAR_REQUEST"] for pair in pairs} == {NO_REQUEST}
     assert drive.vehicle.state.speed_mps == 0.0
@@ -355,7 +355,7 @@ def test_a_controller_far_out_of_limits_is_limited_and_counted() -> None:
     controller.mood = 1e300
     pairs = after(drive, 0.5)
     assert max(pair["ACCEL_REQUEST"] for pair in pairs) == pytest.approx(3.0)
-    assert says(pairs[-1], enable=1, stop=0, reason=Reason.NOMINAL)
+    assert has(pairs[-1], enable=1, stop=0, reason=Reason.NOMINAL)
     assert drive.loop.summary().limited["accel_mps2"] > 0
 
 
@@ -365,7 +365,7 @@ def test_50_ms_without_a_sample_stop_from_the_last_state_at_the_command_period()
     drive.say("mute STATE on")
     pairs = after(drive, 0.4)
     assert 0 < pairs[0].at_ns - last_ns - ms(50) <= ms(20)
-    assert all(says(pair, enable=1, stop=1, reason=Reason.STATE_STALE) for pair in pairs)
+    assert all(has(pair, enable=1, stop=1, reason=Reason.STATE_STALE) for pair in pairs)
     assert {b.at_ns - a.at_ns for a, b in pairwise(pairs)} == {ms(10)}
     assert pairs[-1]["ACCEL_REQUEST"] == pytest.approx(-3.0)
     assert counters_step_by_one(drive.sent)
@@ -399,7 +399,7 @@ def test_a_status_that_stays_away_stops() -> None:
     drive = cruising()
     drive.say("mute VEHICLE_STATUS on")
     drive.run_until(lambda: drive.last()["SAFE_STOP"] == 1, 0.25)
-    assert says(drive.last(), enable=1, stop=1, reason=Reason.STATE_STALE)
+    assert has(drive.last(), enable=1, stop=1, reason=Reason.STATE_STALE)
 
 
 def test_lost_and_damaged_samples_are_driven_through_while_the_state_is_young() -> None:
@@ -407,7 +407,7 @@ def test_lost_and_damaged_samples_are_driven_through_while_the_state_is_young() 
     for order in ("corrupt POSE 3", "skip_counter STATE 2", "corrupt STATE 2"):
         drive.say(order)
         pairs = after(drive, 1.0)
-        assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
+        assert all(has(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
 
 
 # Letting go
@@ -418,14 +418,14 @@ def test_after_a_takeover_the_controller_is_released_until_armed_again(order: st
     drive = cruising()
     drive.say(order)
     pairs = after(drive, 0.03)
-    assert says(pairs[-1], enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
+    assert has(pairs[-1], enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
     word, _ = order.split()
     drive.say(f"{word} 0")
     drive.say("ready")
-    assert all(says(p, enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE) for p in after(drive, 3.0))
+    assert all(has(p, enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE) for p in after(drive, 3.0))
     drive.loop.arming.request()
     drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 1.0)
-    assert says(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
+    assert has(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
 
 
 @pytest.mark.parametrize("order", ["brake 1", "throttle 1", "steer 3.0", "steer -3.0"])
@@ -436,7 +436,7 @@ def test_a_vehicle_that_stays_autonomous_while_its_driver_acts_is_released(
     drive = cruising()
     drive.say(order)
     pairs = after(drive, 0.04)
-    assert says(pairs[-1], enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
+    assert has(pairs[-1], enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
     assert drive.mode() is Mode.OVERRIDDEN
 
 
@@ -444,17 +444,17 @@ def test_a_vehicle_that_stays_autonomous_while_its_driver_acts_is_released(
 def test_a_hand_that_rests_on_the_wheel_does_not_take_over(order: str) -> None:
     drive = cruising()
     drive.say(order)
-    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 1.0))
+    assert all(has(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 1.0))
 
 
 @pytest.mark.parametrize("order", ["fault 7", "emergency_stop"])
 def test_a_fault_of_the_vehicle_is_latched(order: str) -> None:
     drive = cruising()
     drive.say(order)
-    assert says(after(drive, 0.05)[-1], enable=0, stop=0, reason=Reason.VEHICLE_FAULT)
+    assert has(after(drive, 0.05)[-1], enable=0, stop=0, reason=Reason.VEHICLE_FAULT)
     drive.say("reset")
     drive.say("ready")
-    assert all(says(p, enable=0, stop=0, reason=Reason.VEHICLE_FAULT) for p in after(drive, 2.0))
+    assert all(has(p, enable=0, stop=0, reason=Reason.VEHICLE_FAULT) for p in after(drive, 2.0))
     drive.loop.shutdown.request()
     drive.run_s(1.0)
     assert drive.loop.shutdown.is_done
@@ -465,7 +465,7 @@ def test_a_vehicle_that_drops_out_to_ready_by_itself_is_released_for_good() -> N
     drive = cruising()
     assert drive.vehicle._apply(VehicleEvent.RELEASED)
     drive.run_until(lambda: drive.last()["ENABLE"] == 0, 0.2)
-    assert all(says(p, enable=0, stop=0, reason=Reason.VEHICLE_NOT_AUTONOMOUS) for p in after(drive, 2.0))
+    assert all(has(p, enable=0, stop=0, reason=Reason.VEHICLE_NOT_AUTONOMOUS) for p in after(drive, 2.0))
     assert drive.mode() is Mode.FAULT
 
 
@@ -577,7 +577,7 @@ def test_a_fault_that_was_armed_away_is_one_until_something_is_sent_again() -> N
 def test_frames_that_only_resemble_another_commanders_change_nothing(frame: CanFrame) -> None:
     drive = cruising()
     drive.line.inject(frame)
-    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 1.0))
+    assert all(has(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 1.0))
 
 
 @pytest.mark.parametrize("seconds", [0.01, 0.3, 5.0])
@@ -658,8 +658,8 @@ def test_a_request_to_end_stops_the_vehicle_then_releases_it_and_ends() -> None:
     drive.loop.shutdown.request()
     drive.run_until(lambda: drive.loop.shutdown.is_done, 10.0)
     pairs = drive.pairs(since)
-    stop = [pair for pair in pairs if says(pair, enable=1, stop=1, reason=Reason.SHUTDOWN)]
-    released = [pair for pair in pairs if says(pair, enable=0, stop=0, reason=Reason.SHUTDOWN)]
+    stop = [pair for pair in pairs if has(pair, enable=1, stop=1, reason=Reason.SHUTDOWN)]
+    released = [pair for pair in pairs if has(pair, enable=0, stop=0, reason=Reason.SHUTDOWN)]
     assert len(stop) + len(released) in (len(pairs), len(pairs) - 1)
     assert pairs[-1] in released
     assert all(pair.at_ns < released[0].at_ns for pair in stop)
@@ -675,7 +675,7 @@ def test_a_vehicle_that_does_not_come_to_rest_is_released_after_ten_seconds() ->
     drive.loop.shutdown.request()
     took_s = drive.run_until(lambda: drive.loop.shutdown.is_done, 12.0)
     assert 10.0 <= took_s <= 10.3
-    assert says(drive.last(), enable=0, stop=0, reason=Reason.SHUTDOWN)
+    assert has(drive.last(), enable=0, stop=0, reason=Reason.SHUTDOWN)
 
 
 def test_two_requests_to_end_send_exactly_one_pair_that_releases() -> None:
@@ -699,11 +699,11 @@ def test_two_requests_to_end_at_once_send_exactly_one_pair_that_releases() -> No
     assert [pair["ENABLE"] for pair in drive.pairs(since)].count(0) == 1
 
 
-def stops_for_good_before_it_lets_go(drive: Drive, since: int) -> bool:
+def stops_for_good_before_it_releases(drive: Drive, since: int) -> bool:
     """Whether the vehicle stood when it was let go."""
     drive.run_until(lambda: drive.loop.shutdown.is_done, 10.0)
     pairs = drive.pairs(since)
-    assert says(pairs[-1], enable=0, stop=0, reason=Reason.SHUTDOWN)
+    assert has(pairs[-1], enable=0, stop=0, reason=Reason.SHUTDOWN)
     return len([pair for pair in pairs if pair["ENABLE"]]) > 150 and abs(drive.vehicle.state.speed_mps) < 0.05
 
 
@@ -713,7 +713,7 @@ def test_a_planned_end_that_falls_into_a_stop_for_good_does_not_cut_it_short(mon
     since = len(drive.sent)
     drive.loop.shutdown.request()
     run_for(drive.loop, 0.3)
-    assert stops_for_good_before_it_lets_go(drive, since)
+    assert stops_for_good_before_it_releases(drive, since)
 
 
 def test_after_a_planned_end_only_the_second_request_cuts_the_stop_short() -> None:
@@ -722,14 +722,14 @@ def test_after_a_planned_end_only_the_second_request_cuts_the_stop_short() -> No
     drive.loop.shutdown.begin_on_schedule()
     drive.run_s(0.1)
     drive.loop.shutdown.request()
-    assert stops_for_good_before_it_lets_go(drive, since)
+    assert stops_for_good_before_it_releases(drive, since)
     again = cruising()
     again.loop.shutdown.begin_on_schedule()
     again.run_s(0.1)
     again.loop.shutdown.request()
     again.loop.shutdown.request()
     again.run_until(lambda: again.loop.shutdown.is_done, 0.05)
-    assert says(again.last(), enable=0, stop=0, reason=Reason.SHUTDOWN)
+    assert has(again.last(), enable=0, stop=0, reason=Reason.SHUTDOWN)
     assert again.vehicle.state.speed_mps > 1.0
 
 
@@ -801,7 +801,7 @@ def test_one_late_pass_is_counted_and_driven_through(seconds: float) -> None:
     drive = cruising()
     drive.stall(seconds)
     pairs = after(drive, 1.0)
-    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
+    assert all(has(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
     assert drive.loop.details().loop["deadline_misses"] > 0
     assert counters_step_by_one(drive.sent)
 
@@ -924,7 +924,7 @@ def test_a_position_that_stays_where_it_jumped_to_stops_the_vehicle_and_ends_in_
     drive = cruising()
     drive.say("jump 4.0 0.0")
     drive.run_s(0.06)
-    assert says(drive.last(), enable=1, stop=1, reason=Reason.STATE_INVALID)
+    assert has(drive.last(), enable=1, stop=1, reason=Reason.STATE_INVALID)
     drive.run_s(0.6)
     assert (drive.mode(), drive.loop.reason) == (Mode.SILENT, Reason.STATE_STALE)
     drive.run_s(1.0)
@@ -936,7 +936,7 @@ def test_frozen_values_with_running_counters_stop_a_moving_vehicle() -> None:
     drive.say("freeze on")
     took_s = drive.run_until(lambda: drive.last()["SAFE_STOP"], 1.0)
     assert took_s < 0.25
-    assert says(drive.last(), enable=1, stop=1, reason=Reason.STATE_INVALID)
+    assert has(drive.last(), enable=1, stop=1, reason=Reason.STATE_INVALID)
     drive.run_s(0.6)
     assert drive.mode() is Mode.SILENT
 
@@ -947,7 +947,7 @@ def test_a_vehicle_that_drops_out_with_implausible_samples_is_released() -> None
     drive.say("brake 1")
     drive.run_s(0.2)
     assert drive.mode() is Mode.OVERRIDDEN
-    assert says(drive.last(), enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
+    assert has(drive.last(), enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
 
 
 def test_samples_that_could_not_be_true_and_then_stop_coming_are_stale_and_then_there_is_silence() -> None:
@@ -956,7 +956,7 @@ def test_samples_that_could_not_be_true_and_then_stop_coming_are_stale_and_then_
     drive.run_s(0.06)
     drive.say("mute STATE on")
     drive.run_s(0.07)
-    assert says(drive.last(), enable=1, stop=1, reason=Reason.STATE_STALE)
+    assert has(drive.last(), enable=1, stop=1, reason=Reason.STATE_STALE)
     drive.run_s(0.5)
     assert drive.mode() is Mode.SILENT
     assert drive.loop.reason is Reason.STATE_STALE
@@ -988,10 +988,10 @@ def test_a_vehicle_that_stands_is_not_frozen() -> None:
 def test_a_vehicle_that_was_set_beside_its_path_is_stopped_until_there_is_a_new_trajectory() -> None:
     drive = Drive(start=BicycleState(y_m=3.2)).engage()
     drive.run_s(0.5)
-    assert says(drive.last(), enable=1, stop=1, reason=Reason.DEVIATION)
+    assert has(drive.last(), enable=1, stop=1, reason=Reason.DEVIATION)
     drive.controller.set_trajectory(straight())
     drive.run_s(0.1)
-    assert says(drive.last(), enable=1, stop=1, reason=Reason.DEVIATION)
+    assert has(drive.last(), enable=1, stop=1, reason=Reason.DEVIATION)
     assert drive.loop.details().deviations["off the path"] > 10
 
 
@@ -1008,9 +1008,9 @@ def test_a_deviation_holds_until_standstill_however_often_the_path_is_replanned(
         sent += [(drive.state.speed_mps, pair) for pair in drive.pairs(since)]
     moving = [pair for speed_mps, pair in sent if speed_mps > 0.2]
     held = next(k for k, pair in enumerate(moving) if pair["REASON"] == Reason.DEVIATION)
-    stopped = [pair for pair in moving[held:] if says(pair, enable=1, stop=1, reason=Reason.DEVIATION)]
+    stopped = [pair for pair in moving[held:] if has(pair, enable=1, stop=1, reason=Reason.DEVIATION)]
     assert len(stopped) > 600
-    assert says(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)  # from standstill it is driven on
+    assert has(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)  # from standstill it is driven on
 
 
 class OnceMore:
@@ -1046,7 +1046,7 @@ def test_a_path_that_begins_300_m_ahead_is_not_driven_to() -> None:
     path = straight(length_m=100.0)
     drive = Drive(FixedTrajectory(replace(path, x_m=path.x_m + 300.0))).engage()
     pairs = after(drive, 8.0)
-    assert all(says(pair, enable=1, stop=1, reason=Reason.DEVIATION) for pair in pairs)
+    assert all(has(pair, enable=1, stop=1, reason=Reason.DEVIATION) for pair in pairs)
     assert len(pairs) > 700
     assert drive.vehicle.state.x_m == 0.0
     assert drive.loop.details().deviations["off the path"] > 700
@@ -1092,7 +1092,7 @@ def test_from_half_round_a_closed_lap_the_other_half_is_driven() -> None:
 def test_a_controller_that_cuts_across_a_closed_lap_is_stopped_when_it_is_3_m_off() -> None:
     """From three quarters round it aims at the first point: the index is still 0, as the contract has it."""
     drive = Drive(FixedTrajectory(closed_lap()), start=part_of_the_way_round(0.75)).engage()
-    drive.run_until(lambda: says(drive.last(), enable=1, stop=1, reason=Reason.DEVIATION), 10.0)
+    drive.run_until(lambda: has(drive.last(), enable=1, stop=1, reason=Reason.DEVIATION), 10.0)
     assert math.hypot(drive.state.x_m, drive.state.y_m - 15.0) == pytest.approx(12.0, abs=0.1)
 
 
@@ -1107,7 +1107,7 @@ def test_a_rejected_trajectory_leaves_the_old_one_in_force() -> None:
     drive.engage(3.0)
     kept, index = controller.trajectory, controller.spatial_index
     mailbox.put(replace_stamp(straight(length_m=1.0), drive))
-    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 0.5))
+    assert all(has(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 0.5))
     assert controller.trajectory is kept
     assert controller.spatial_index >= index
     assert drive.loop.details().loop["trajectories_rejected"] == 1
@@ -1130,7 +1130,7 @@ def test_a_hook_that_raises_leaves_the_old_trajectory_in_force(
 
     monkeypatch.setattr(controller, hook, fail)
     mailbox.put(replace_stamp(straight(time_s=1e4), drive))
-    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 0.5))
+    assert all(has(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 0.5))
     assert controller.trajectory is kept
     assert drive.loop.details().loop["trajectories_rejected"] == 1
 
@@ -1139,7 +1139,7 @@ def test_a_trajectory_put_by_another_thread_is_taken_at_the_next_pass() -> None:
     mailbox = Mailbox()
     drive = Drive(mailbox)
     drive.engage()
-    assert says(drive.last(), enable=1, stop=1, reason=Reason.NO_TRAJECTORY)
+    assert has(drive.last(), enable=1, stop=1, reason=Reason.NO_TRAJECTORY)
     new = replace_stamp(straight(time_s=1e4), drive)
     thread = threading.Thread(target=mailbox.put, args=(new,))
     thread.start()
@@ -1147,7 +1147,7 @@ def test_a_trajectory_put_by_another_thread_is_taken_at_the_next_pass() -> None:
     drive.run_s(0.01)
     assert drive.controller.trajectory is new
     drive.run_s(reference().profile.recovery.trajectory_s + 0.01)
-    assert says(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
+    assert has(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
 
 
 def test_ten_new_trajectories_a_second_make_no_command_late_and_the_index_is_found_again() -> None:
@@ -1164,7 +1164,7 @@ def test_ten_new_trajectories_a_second_make_no_command_late_and_the_index_is_fou
     pairs = drive.pairs(since)
     assert len(pairs) == 300
     assert drive.state.x_m > 15.0
-    assert all(says(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
+    assert all(has(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
 
 
 def lap_that_steps_back() -> Trajectory:

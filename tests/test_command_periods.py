@@ -35,7 +35,7 @@ def _keep_frames_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
     def keep(frame: CanFrame, at_ns: int = 0, step: int = 0) -> Sent:
         return Sent(at_ns, step, NAMES[frame.can_id], 0, {}, frame)
 
-    monkeypatch.setattr(harness, "taken_apart", keep)
+    monkeypatch.setattr(harness, "decode_sent", keep)
 
 
 def gaps_ms(frames: list[Sent]) -> list[float]:

@@ -23,7 +23,7 @@ def _keep_frames_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
     def keep(frame: CanFrame, at_ns: int = 0, step: int = 0) -> Sent:
         return Sent(at_ns, step, "CMD", frame.data[0] >> 1 & 63, {}, frame)
 
-    monkeypatch.setattr(harness, "taken_apart", keep)
+    monkeypatch.setattr(harness, "decode_sent", keep)
 
 
 @pytest.mark.parametrize(

@@ -72,15 +72,15 @@ class Line(EmbeddedBus):
 
     def drain(self) -> list[CanFrame]:
         frames = super().drain()
-        decoded = [self._taken_apart(frame) for frame in frames]
+        decoded = [self._decode(frame) for frame in frames]
         self.received += decoded
         return [frame for frame, content in zip(frames, decoded, strict=True) if content.name not in self.cut]
 
     def send(self, *frames: CanFrame) -> int:
-        self.sent += [self._taken_apart(frame) for frame in frames]
+        self.sent += [self._decode(frame) for frame in frames]
         return super().send(*frames)
 
-    def _taken_apart(self, frame: CanFrame) -> DecodedFrame:
+    def _decode(self, frame: CanFrame) -> DecodedFrame:
         assert frame.is_fd
         assert not any((frame.is_extended, frame.is_remote, frame.is_error))
         decoded = intact(Frame(self.clock.t_ns, frame.can_id, frame.data, is_fd=True))

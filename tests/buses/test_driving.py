@@ -16,7 +16,7 @@ COMMAND = 128
 @pytest.fixture
 def drive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Drive:
     """Engaged, and at 1 m/s."""
-    monkeypatch.setattr(harness, "taken_apart", lambda frame, at_ns, step: Sent(at_ns, step, "", 0, {}, frame))
+    monkeypatch.setattr(harness, "decode_sent", lambda frame, at_ns, step: Sent(at_ns, step, "", 0, {}, frame))
     return Drive(database=load_vehicle(tmp_path)).engage(1.0)
 
 

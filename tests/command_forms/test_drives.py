@@ -44,7 +44,7 @@ class Commands:
         self.all: list[dict[str, float]] = []
         self._decoder = Decoder(database.commands)
         self._fields = {message.name: message.fields for message in database.commands}
-        monkeypatch.setattr(harness, "taken_apart", self._take)
+        monkeypatch.setattr(harness, "decode_sent", self._take)
 
     def _take(self, frame: CanFrame, at_ns: int = 0, step: int = 0) -> Sent:
         received = self._decoder.decode(frame)

@@ -111,7 +111,7 @@ def test_a_vehicle_stops_and_drives_on_when_half_of_each_command_was_lost_for_a_
     def keep(frame: CanFrame, at_ns: int = 0, step: int = 0) -> Sent:
         return Sent(at_ns, step, "", 0, {}, frame)
 
-    monkeypatch.setattr(harness, "taken_apart", keep)
+    monkeypatch.setattr(harness, "decode_sent", keep)
     drive = Drive(FixedTrajectory(straight(speed_mps=4.0)), database=load_vehicle(tmp_path, ROVER)).engage(2.0)
     drive.line.takes = 1
     drive.run_s(0.06)

@@ -35,7 +35,7 @@ class Counting:
         return got
 
 
-def by_the_word(
+def find_point_by_point(
     xs: Sequence[float], ys: Sequence[float], start: int, x: float, y: float, ahead: tuple[float, float], reach: float
 ) -> int:
     """The law, point by point."""
@@ -63,7 +63,7 @@ def test_the_search_finds_the_first_that_is_far_enough_or_the_farthest(
     xs, ys = [p[0] for p in points], [p[1] for p in points]
     ahead, start = (math.cos(heading), math.sin(heading)), min(start, len(points) - 1)
     found = search_target(ArcLength(xs, ys), start, len(xs), 0.0, 0.0, *ahead, lookahead)
-    assert found == by_the_word(xs, ys, start, 0.0, 0.0, ahead, lookahead)
+    assert found == find_point_by_point(xs, ys, start, 0.0, 0.0, ahead, lookahead)
     assert type(found) is int
 
 
@@ -86,7 +86,7 @@ def test_along_a_winding_path_it_finds_what_a_walk_would(
         ahead = math.cos(heading[start]), math.sin(heading[start])
         x, y = xs[start] - left_m * ahead[1], ys[start] + left_m * ahead[0]
         found = search_target(way, start, 700, x, y, *ahead, lookahead)
-        expected = by_the_word(xs, ys, start, x, y, ahead, lookahead)
+        expected = find_point_by_point(xs, ys, start, x, y, ahead, lookahead)
         if found != expected:  # two points equally far, but for the last bit
             assert math.hypot(xs[found] - x, ys[found] - y) == pytest.approx(
                 math.hypot(xs[expected] - x, ys[expected] - y), abs=1e-6
@@ -97,7 +97,7 @@ def test_along_a_winding_path_it_finds_what_a_walk_would(
 def test_a_search_among_dense_points_finds_the_first_that_is_far_enough(spacing_m: float) -> None:
     xs = (np.arange(100_000) * spacing_m).tolist()
     found = search_target(ArcLength(xs, [0.0] * 100_000), 3, 100_000, 0.05, 0.0, 1.0, 0.0, 5.0)
-    assert found == by_the_word(xs, [0.0] * 100_000, 3, 0.05, 0.0, (1.0, 0.0), 5.0)
+    assert found == find_point_by_point(xs, [0.0] * 100_000, 3, 0.05, 0.0, (1.0, 0.0), 5.0)
 
 
 def test_points_beyond_all_numbers_are_found_too() -> None:
@@ -122,7 +122,7 @@ def test_a_search_does_not_go_round_and_round_for_the_whole_trajectory() -> None
 def test_each_point_is_measured_once_and_few_are_read_again(x_m: Any) -> None:
     xs, ys = Counting(x_m), Counting(np.zeros(len(x_m)))
     way = ArcLength(xs, ys)  # type: ignore[arg-type]
-    expected = by_the_word(x_m.tolist(), [0.0] * len(x_m), 0, 0.5, 0.0, (1.0, 0.0), 2.0)
+    expected = find_point_by_point(x_m.tolist(), [0.0] * len(x_m), 0, 0.5, 0.0, (1.0, 0.0), 2.0)
     for _ in range(12):
         before = xs.reads
         assert search_target(way, 0, len(xs), 0.5, 0.0, 1.0, 0.0, 2.0) == expected

@@ -453,11 +453,11 @@ def _with_a_late_end(trajectory: Trajectory) -> np.ndarray:
 
 
 def _receding_horizon(controller: ControllerBase, vehicle: plant.Bicycle, whole: Trajectory) -> Callable[[int], None]:
-    """Tells every 0.1 s the next 30 m, from 1 m behind the vehicle on, timed as if it were where it is by
+    """Plans the next 30 m every 0.1 s, from 1 m behind the vehicle on, timed as if it were where it is by
     plan."""
     nearest = 0
 
-    def tell(stamp_ns: int) -> None:
+    def plan(stamp_ns: int) -> None:
         nonlocal nearest
         if stamp_ns % 100_000_000:
             return
@@ -476,4 +476,4 @@ def _receding_horizon(controller: ControllerBase, vehicle: plant.Bicycle, whole:
             )
         )
 
-    return tell
+    return plan

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.harness import reference, taken_apart
+from tests.harness import decode_sent, reference
 from vehicle_iface import BehaviorConfig, Command, Reason, VehicleState
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.command import SafeCommand
@@ -140,7 +140,7 @@ def test_an_encoded_command_round_trips(steps: list[tuple[Command, int, bool]]) 
     for command, step_ns, reversing in steps:
         now_ns += step_ns
         safe = gate.permit(command, state(), now_ns=now_ns, reversing=reversing)
-        drive, steer = (taken_apart(frame) for frame in encoder.encode_command(safe))
+        drive, steer = (decode_sent(frame) for frame in encoder.encode_command(safe))
         assert drive["ACCEL_REQUEST"] == pytest.approx(safe.accel_mps2, abs=1e-9)
         assert drive["SPEED_REQUEST"] == pytest.approx(safe.speed_mps, abs=1e-9)
         assert steer["FRONT_WHEEL_ANGLE_REQUEST"] == pytest.approx(safe.front_wheel_angle_rad, abs=1e-9)

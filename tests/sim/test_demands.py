@@ -53,7 +53,7 @@ once = true
 @pytest.fixture(autouse=True)
 def _keep_frames_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """The harness takes the reference vehicle's commands apart, and these are none."""
-    monkeypatch.setattr(harness, "taken_apart", lambda frame, at_ns, step: Sent(at_ns, step, "", 0, {}, frame))
+    monkeypatch.setattr(harness, "decode_sent", lambda frame, at_ns, step: Sent(at_ns, step, "", 0, {}, frame))
 
 
 class Receiver:

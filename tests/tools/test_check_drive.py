@@ -58,7 +58,7 @@ def replaced(name: str, change: Callable[[Frame], Frame], number: int = 300) -> 
     return apply
 
 
-def says(name: str, number: int = 300, /, **signals: float) -> Callable[[Frames], None]:
+def with_signals(name: str, number: int = 300, /, **signals: float) -> Callable[[Frames], None]:
     """One frame of a message has another content, under its counter."""
     return replaced(name, lambda old: frame(old.stamp_ns, name, old.data[2], **signals), number)
 
@@ -113,15 +113,21 @@ FAULTS: list[tuple[Callable[[Frames], None], str]] = [
     (answer_not_at_all, "unanswered: sample at 3.000 s"),
     (answer_twice, "doubled: pair at 3.001 s"),
     (fall_silent, "silence: 2.991 s to 3.501 s"),
-    (says("COMMAND", **COMMAND | {"ACCEL_REQUEST": 3.001}), "command: 3.001 s: ACCEL_REQUEST 3.001 m/s²"),
-    (says("COMMAND", **COMMAND | {"ACCEL_REQUEST": -6.001}), "command: 3.001 s: ACCEL_REQUEST -6.001 m/s²"),
-    (says("COMMAND", 0, **COMMAND | {"FRONT_WHEEL_ANGLE_REQUEST": 0.6001}), "0.001 s: FRONT_WHEEL_ANGLE_REQUEST"),
-    (says("COMMAND", **COMMAND | {"FRONT_WHEEL_ANGLE_REQUEST": 0.03}), "wheels faster than 0.8 rad/s, to 0.0300 rad"),
-    (says("COMMAND", **COMMAND | {"REASON": 18}), "REASON 18 is none"),
-    (says("COMMAND", **COMMAND | {"REASON": 9}), "SAFE_STOP 0 with DEVIATION"),
-    (says("COMMAND", **COMMAND | {"GEAR_REQUEST": DRIVE}), "GEAR_REQUEST 3 at 2.00 m/s"),
-    (says("BODY_COMMAND", 30, HAZARD_LIGHTS=1), "BODY_COMMAND HAZARD_LIGHTS 1"),
-    (says("CONTROLLER_STATUS", 30, STATE=4), "CONTROLLER_STATUS STATE 4"),
+    (with_signals("COMMAND", **COMMAND | {"ACCEL_REQUEST": 3.001}), "command: 3.001 s: ACCEL_REQUEST 3.001 m/s²"),
+    (with_signals("COMMAND", **COMMAND | {"ACCEL_REQUEST": -6.001}), "command: 3.001 s: ACCEL_REQUEST -6.001 m/s²"),
+    (
+        with_signals("COMMAND", 0, **COMMAND | {"FRONT_WHEEL_ANGLE_REQUEST": 0.6001}),
+        "0.001 s: FRONT_WHEEL_ANGLE_REQUEST",
+    ),
+    (
+        with_signals("COMMAND", **COMMAND | {"FRONT_WHEEL_ANGLE_REQUEST": 0.03}),
+        "wheels faster than 0.8 rad/s, to 0.0300 rad",
+    ),
+    (with_signals("COMMAND", **COMMAND | {"REASON": 18}), "REASON 18 is none"),
+    (with_signals("COMMAND", **COMMAND | {"REASON": 9}), "SAFE_STOP 0 with DEVIATION"),
+    (with_signals("COMMAND", **COMMAND | {"GEAR_REQUEST": DRIVE}), "GEAR_REQUEST 3 at 2.00 m/s"),
+    (with_signals("BODY_COMMAND", 30, HAZARD_LIGHTS=1), "BODY_COMMAND HAZARD_LIGHTS 1"),
+    (with_signals("CONTROLLER_STATUS", 30, STATE=4), "CONTROLLER_STATUS STATE 4"),
 ]
 
 

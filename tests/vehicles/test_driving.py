@@ -26,7 +26,7 @@ FIGURE = make_route("figure8", RouteConfig(half_width_m=18.0))
 @pytest.fixture(autouse=True)
 def _keep_frames_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """The harness takes the reference vehicle's commands apart, and these are none."""
-    monkeypatch.setattr(harness, "taken_apart", _keep)
+    monkeypatch.setattr(harness, "decode_sent", _keep)
 
 
 def _keep(frame: CanFrame, at_ns: int, step: int) -> Sent:

@@ -43,7 +43,7 @@ AKIT_ACCEL, AKIT_STEERING = 0x2F02, 0x2F03
 @pytest.fixture(autouse=True)
 def _keep_frames_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """The harness takes the reference vehicle's commands apart, and these are none."""
-    monkeypatch.setattr(harness, "taken_apart", _keep)
+    monkeypatch.setattr(harness, "decode_sent", _keep)
 
 
 def _keep(frame: CanFrame, at_ns: int, step: int) -> Sent:

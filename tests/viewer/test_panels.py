@@ -26,7 +26,7 @@ from vehicle_iface_viewer.panels.plots import PLOTS
 from vehicle_iface_viewer.panels.text import plain
 
 
-class _Words(HTMLParser):
+class _PageText(HTMLParser):
     """The tags of a piece of HTML with their attributes' names, and its words."""
 
     def __init__(self, content: str) -> None:
@@ -91,9 +91,9 @@ def test_the_banner_names_the_messages_that_have_no_protection_once_and_briefly(
     assert of.info is not None
     assert "unprotected" not in banner_html(replace(of, info=replace(of.info, unprotected=())))
     few = replace(of, info=replace(of.info, unprotected=("MOTION_STATE", "<b>")))
-    assert "unprotected: MOTION_STATE, <b> " in _Words(banner_html(few)).text
+    assert "unprotected: MOTION_STATE, <b> " in _PageText(banner_html(few)).text
     many = replace(of, info=replace(of.info, unprotected=tuple(f"M{number}" for number in range(9))))
-    assert "unprotected: M0, M1, M2, M3, M4, M5 and 3 more " in _Words(banner_html(many)).text
+    assert "unprotected: M0, M1, M2, M3, M4, M5 and 3 more " in _PageText(banner_html(many)).text
 
 
 @given(
@@ -102,12 +102,12 @@ def test_the_banner_names_the_messages_that_have_no_protection_once_and_briefly(
 @pytest.mark.parametrize("writer_state", list(WriterState))
 def test_no_text_becomes_markup(text: str, writer_state: WriterState) -> None:
     for snapshot in (None, driving(frame_id="?" + text)):
-        expected = _Words(whole_page(view(snapshot, writer_state=writer_state)))
-        assert _Words(whole_page(view(snapshot, text=text, writer_state=writer_state))).tags == expected.tags
+        expected = _PageText(whole_page(view(snapshot, writer_state=writer_state)))
+        assert _PageText(whole_page(view(snapshot, text=text, writer_state=writer_state))).tags == expected.tags
 
 
 def test_markup_is_shown_as_it_was_written() -> None:
-    words = _Words(banner_html(view(driving(), text="<b onclick=x>&amp;")))
+    words = _PageText(banner_html(view(driving(), text="<b onclick=x>&amp;")))
     assert words.text.count("<b onclick=x>&amp;") >= 4
 
 
@@ -129,7 +129,7 @@ def test_a_shadow_shows_its_differences_from_another_commander() -> None:
     of = view(driving(controller_state=ControllerState.SHADOW))
     link = LinkDetails(state="UP")
     banner = banner_html(replace(of, details=LiveDetails(link=link, shadow=found)))
-    assert "other commander: 812 commands, 95 % differ by at most 0.020 m/s², 0.0003 rad" in _Words(banner).text
+    assert "other commander: 812 commands, 95 % differ by at most 0.020 m/s², 0.0003 rad" in _PageText(banner).text
     for other in (
         None,
         LiveDetails(link=link),
@@ -142,11 +142,11 @@ def test_the_banner_shows_the_distance_of_odometry_and_the_oldest_part_of_a_samp
     details = LiveDetails(
         link=LinkDetails(state="UP"), odometry_m=51.66, part_ages_s={"ABS": 0.002, "GNSS<": 0.0491, "ESP": 0.01}
     )
-    words = _Words(banner_html(replace(view(driving()), details=details))).text
+    words = _PageText(banner_html(replace(view(driving()), details=details))).text
     assert "position by odometry: 51.7 m driven; its error grows with the distance" in words
     assert "oldest part of a sample: GNSS<, 49 ms" in words
     for other in (None, LiveDetails(link=LinkDetails(state="UP"), part_ages_s={})):
-        words = _Words(banner_html(replace(view(driving()), details=other))).text
+        words = _PageText(banner_html(replace(view(driving()), details=other))).text
         assert "odometry" not in words
         assert "oldest" not in words
 
@@ -154,7 +154,7 @@ def test_the_banner_shows_the_distance_of_odometry_and_the_oldest_part_of_a_samp
 @pytest.mark.parametrize("state", list(ControllerState))
 def test_the_banner_names_state_and_reason(state: ControllerState) -> None:
     content = banner_html(view(driving(controller_state=state, reason=Reason.DEVIATION)))
-    words = _Words(content).text
+    words = _PageText(content).text
     assert state.name in words
     assert "DEVIATION" in words
     assert f'data-state="{state.name}" data-reason="DEVIATION" data-stale="false"' in content
@@ -169,13 +169,13 @@ def test_engaged_stopping_fault_shadow_and_old_differ_in_colour() -> None:
 @pytest.mark.parametrize(("left_ns", "when"), [(2_140_000_000, "in 2.1 s at the earliest"), (0, "at standstill")])
 def test_the_banner_shows_the_driver_when_to_take_over(left_ns: int, when: str) -> None:
     shown = driving(handover_pending=True, handover_in_ns=left_ns)
-    assert f"TAKE OVER: control is returned {when}" in _Words(banner_html(view(shown))).text
-    assert "TAKE OVER" not in _Words(banner_html(view(shown, age_s=1.0))).text
-    assert "TAKE OVER" not in _Words(banner_html(view(driving(handover_in_ns=left_ns)))).text
+    assert f"TAKE OVER: control is returned {when}" in _PageText(banner_html(view(shown))).text
+    assert "TAKE OVER" not in _PageText(banner_html(view(shown, age_s=1.0))).text
+    assert "TAKE OVER" not in _PageText(banner_html(view(driving(handover_in_ns=left_ns)))).text
 
 
 def test_old_data_is_called_old() -> None:
-    words = _Words(banner_html(view(driving(), age_s=1.2))).text
+    words = _PageText(banner_html(view(driving(), age_s=1.2))).text
     assert "no data for 1.2 s" in words
     assert "ENGAGED" in words
 
@@ -185,24 +185,24 @@ def test_old_data_is_called_old() -> None:
     [(WriterState.ENDED, "LOOP ENDED"), (WriterState.DEAD, "LOOP GONE"), (WriterState.ABSENT, "NO LOOP")],
 )
 def test_a_loop_that_is_gone_is_called_gone(writer_state: WriterState, words: str) -> None:
-    assert f"{words}: no data for 0.0 s" in _Words(banner_html(view(driving(), writer_state=writer_state))).text
-    assert words in _Words(banner_html(view(None, writer_state=writer_state))).text
+    assert f"{words}: no data for 0.0 s" in _PageText(banner_html(view(driving(), writer_state=writer_state))).text
+    assert words in _PageText(banner_html(view(None, writer_state=writer_state))).text
 
 
 def test_codes_that_this_version_does_not_know_are_shown_as_numbers() -> None:
-    words = _Words(banner_html(view(driving(controller_state=77, reason=-3)))).text
+    words = _PageText(banner_html(view(driving(controller_state=77, reason=-3)))).text
     assert "ControllerState 77" in words
     assert "Reason -3" in words
 
 
 def test_what_was_never_received_has_no_figure() -> None:
     nothing = Snapshot(NS_PER_S, ControllerState.STARTING, Reason.NOT_ENGAGED)
-    assert "0.00 m" not in _Words(numbers_html(view(nothing))).text
+    assert "0.00 m" not in _PageText(numbers_html(view(nothing))).text
 
 
 @pytest.mark.parametrize(("gear", "shown"), [(Gear.REVERSE, "gear REVERSE"), (Gear.NO_REQUEST, "gear –")])
 def test_an_unreported_gear_is_shown_as_a_dash(gear: Gear, shown: str) -> None:
-    words = _Words(numbers_html(view(driving(has_status=True, gear=gear)))).text
+    words = _PageText(numbers_html(view(driving(has_status=True, gear=gear)))).text
     assert shown in " ".join(words.split())
 
 
@@ -219,7 +219,7 @@ def test_any_stamps_and_counters_can_be_shown(stamp_ns: int, numbers: int) -> No
 
 
 def test_trajectory_and_vehicle_in_different_frames_are_not_drawn_together_but_named() -> None:
-    words = _Words(banner_html(view(driving(frame_id="odom"), text="map"))).text
+    words = _PageText(banner_html(view(driving(frame_id="odom"), text="map"))).text
     assert "trajectory in frame map, vehicle in odom" in words
 
 
