@@ -16,7 +16,7 @@ from vehicle_iface.command_forms import CommandFormer, CommandReader, MeasuredMo
 from vehicle_iface.command_forms.speed_target import HORIZON_S
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import Gear
-from vehicle_iface.units import NS_PER_MS
+from vehicle_iface.units import NS_PER_MS, NS_PER_S
 
 from .vehicles import CURVATURE, DRIVE_AND_BRAKE, PEDALS, ROVER, TWIST, load_vehicle
 
@@ -145,8 +145,23 @@ def test_nothing_drives_before_the_requested_gear_is_in(databases: dict[str, Veh
     former = former_of(databases["curvature"])
     waiting = former.form(permitted(-1.0, gear=Gear.REVERSE), moving(0.0, reversing=True), 0)
     assert (waiting.drive_mps2, waiting.brake_mps2) == (0.0, 1.0)
-    shifted = former.form(permitted(-1.0), moving(0.0, reversing=True), 0)
+    shifted = former.form(permitted(-1.0), moving(0.0, reversing=True), NS_PER_S)
     assert (shifted.drive_mps2, shifted.brake_mps2) == (1.0, 0.0)
+
+
+def test_what_drives_after_a_change_of_gear_rises_from_zero_at_the_profiles_rate(
+    databases: dict[str, VehicleDatabase],
+) -> None:
+    former = former_of(databases["curvature"])
+    rate_mps3 = databases["curvature"].profile.limits.accel_rate_mps3
+    former.form(permitted(1.0, gear=Gear.DRIVE), moving(0.0), 0)
+    former.commit()
+    sent = [
+        former.form(permitted(1.0), moving(0.0), now_ns).drive_mps2 for now_ns in (STEP_NS, 2 * STEP_NS, 50 * STEP_NS)
+    ]
+    step_mps2 = rate_mps3 * STEP_NS / NS_PER_S
+    assert sent == pytest.approx([min(1.0, step_mps2), min(1.0, 2 * step_mps2), 1.0])
+    assert sent[0] < 1.0
 
 
 def test_a_vehicle_that_rolls_back_is_braked_before_it_is_driven(databases: dict[str, VehicleDatabase]) -> None:

@@ -38,8 +38,9 @@ class PedalFormer:
     """Chooses the pedal by the direction of travel: an acceleration along it drives, one against it brakes.
 
     Nothing drives while the vehicle waits for the requested gear, nor backwards a vehicle that has no gear on its bus:
-    it brakes instead. The feedback neither changes the pedal nor goes beyond the limits; it starts again at 0 with the
-    other pedal, at standstill, in a stop, and while the vehicle does not obey.
+    it brakes instead, and what drives afterwards rises from 0 at the profile's rate. The feedback neither changes the
+    pedal nor goes beyond the limits; it starts again at 0 with the other pedal, at standstill, in a stop, and while the
+    vehicle does not obey.
     """
 
     def __init__(
@@ -61,6 +62,9 @@ class PedalFormer:
         }
         self._changes_gear = changes_gear
         self._feedback = feedback
+        self._rate_mps3 = limits.accel_rate_mps3
+        self._waited_ns: int | None = None
+        """When a vehicle that was to drive was braked instead for the last time."""
         self._last: _Sent | None = None
         self._proposed: _Sent | None = None
 
@@ -70,8 +74,13 @@ class PedalFormer:
         if not permitted.enable or along_mps2 == 0.0:
             self._proposed = None
             return RELEASED
-        is_drive = along_mps2 > 0.0 and not permitted.safe_stop and self._may_drive(permitted, motion)
+        is_to_drive = along_mps2 > 0.0 and not permitted.safe_stop
+        is_drive = is_to_drive and self._may_drive(permitted, motion)
         size_mps2 = abs(along_mps2)
+        if is_to_drive and not is_drive:
+            self._waited_ns = now_ns
+        elif is_drive and self._waited_ns is not None:
+            size_mps2 = min(size_mps2, self._rate_mps3 * (now_ns - self._waited_ns) / NS_PER_S)
         if self._feedback is not None:
             size_mps2 = self._correct(self._feedback, size_mps2, permitted, motion, now_ns, is_drive=is_drive)
         command = min(interpolate(self._drive if is_drive else self._brake, size_mps2), self._highest[is_drive])
