@@ -12,8 +12,9 @@ from vehicle_iface.runtime.cycle import Decision
 from vehicle_iface.runtime.timer import PeriodicTimer
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import ControllerState, Gear, VehicleMode, VehicleStatus
-from vehicle_iface.telemetry import Snapshot, TelemetryWriter
+from vehicle_iface.telemetry import TelemetryWriter
 from vehicle_iface.telemetry.details import LiveDetails
+from vehicle_iface.telemetry.snapshot import snapshot_of
 from vehicle_iface.trajectory import Trajectory
 from vehicle_iface.units import NS_PER_MS, wrapped_rad
 
@@ -80,52 +81,55 @@ class TelemetryPublisher:
             requested_accel_mps2, requested_rad = requested.accel_mps2, requested.front_wheel_angle_rad
             sent_accel_mps2, sent_rad = permitted.accel_mps2, permitted.front_wheel_angle_rad
         self._writer.publish(
-            Snapshot(  # in the order of its fields: by name it would take five times as long
-                now_ns,
-                controller_state,
-                reason,
-                state is not None,
-                shown.stamp_ns,
-                shown.x_m,
-                shown.y_m,
-                shown.heading_rad,
-                shown.speed_mps,
-                shown.accel_mps2,
-                shown.yaw_rate_radps,
-                shown.lateral_speed_mps,
-                shown.front_wheel_angle_rad,
-                shown.rear_wheel_angle_rad,
-                status is not None,
-                report.mode,
-                Gear.NO_REQUEST if report.gear is None else report.gear,
-                self._trajectory_version if path is not None else 0,
-                path is not None,
-                spatial,
-                temporal,
-                spatial_x_m,
-                spatial_y_m,
-                temporal_x_m,
-                temporal_y_m,
-                reference_mps,
-                lateral_m,
-                heading_error_rad,
-                lookahead is not None,
-                lookahead[0] if lookahead is not None else 0.0,
-                lookahead[1] if lookahead is not None else 0.0,
-                decision is not None,
-                requested_accel_mps2,
-                requested_rad,
-                sent,
-                sent_accel_mps2,
-                sent_rad,
-                latency_ns,
-                counters.samples,
-                counters.commands,
-                drops,
-                counters.deadline_misses,
-                handover_pending,
-                handover_in_ns,
-                shown.frame_id,
+            snapshot_of(
+                (
+                    now_ns,
+                    controller_state,
+                    reason,
+                    state is not None,
+                    shown.stamp_ns,
+                    shown.x_m,
+                    shown.y_m,
+                    shown.heading_rad,
+                    shown.speed_mps,
+                    shown.accel_mps2,
+                    shown.yaw_rate_radps,
+                    shown.lateral_speed_mps,
+                    shown.front_wheel_angle_rad,
+                    shown.rear_wheel_angle_rad,
+                    status is not None,
+                    report.mode,
+                    Gear.NO_REQUEST if report.gear is None else report.gear,
+                    self._trajectory_version if path is not None else 0,
+                    path is not None,
+                    spatial,
+                    temporal,
+                    spatial_x_m,
+                    spatial_y_m,
+                    temporal_x_m,
+                    temporal_y_m,
+                    reference_mps,
+                    lateral_m,
+                    heading_error_rad,
+                    lookahead is not None,
+                    lookahead[0] if lookahead is not None else 0.0,
+                    lookahead[1] if lookahead is not None else 0.0,
+                    decision is not None,
+                    requested_accel_mps2,
+                    requested_rad,
+                    sent,
+                    sent_accel_mps2,
+                    sent_rad,
+                    latency_ns,
+                    counters.samples,
+                    counters.commands,
+                    drops,
+                    counters.deadline_misses,
+                    handover_pending,
+                    handover_in_ns,
+                    shown.frame_id,
+                    0,
+                )
             )
         )
 
