@@ -13,6 +13,7 @@ from vehicle_iface.value import Value, as_dataclass
 
 _NUMBERS = ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps")
 _ALL_FLOAT = [float] * len(_NUMBERS)
+_NOMINAL = Reason.NOMINAL  # enumerations are slow to read
 
 
 @as_dataclass
@@ -48,7 +49,7 @@ class Command(Value, frozen=True, kw_only=True, gc=False):
     @property
     def is_stop(self) -> bool:
         """Whether this command stops the vehicle."""
-        return self.reason is not Reason.NOMINAL
+        return self.reason is not _NOMINAL
 
 
 @as_dataclass

@@ -17,6 +17,7 @@ CAN_RAW_ERR_FILTER = 2
 CANFD_BRS = 0x01
 SIOCGIFFLAGS, IFF_UP = 0x8913, 0x1
 SO_MEMINFO = 55
+"""Numbers of 32 bits: received, its limit, sent, its limit, …, drops."""
 
 SEND_BUFFER_BYTES = 1
 """The kernel's minimum (about 7 frames): on a dead bus further frames are rejected, so that none is sent late."""
@@ -24,6 +25,7 @@ SEND_BUFFER_BYTES = 1
 _FRAME, _FD_FRAME = struct.Struct("=IBB2x8s"), struct.Struct("=IBB2x64s")
 _UINT32 = struct.Struct("=I")
 _MEMORY = struct.Struct("@9I")
+_UNSENT = struct.Struct("@8xI")
 _GONE = (errno.ENODEV, errno.ENXIO)
 
 
@@ -122,14 +124,11 @@ def gone_error(channel: str, error: OSError) -> BusError:
 
 def count_unsent_bytes(raw: socket.socket) -> int:
     """Return the kernel memory, in bytes, of frames handed to the socket and not sent yet; 0: all are sent."""
-    return int(_read_memory_info(raw)[2])
+    unsent: int
+    (unsent,) = _UNSENT.unpack(raw.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, _UNSENT.size))
+    return unsent
 
 
 def count_dropped_frames(raw: socket.socket) -> int:
     """Return the number of received frames dropped for want of buffer space since the socket was opened."""
-    return int(_read_memory_info(raw)[8])
-
-
-def _read_memory_info(raw: socket.socket) -> tuple[int, ...]:
-    """Read SO_MEMINFO: received, its limit, sent, its limit, …, drops (<linux/sock_diag.h>)."""
-    return _MEMORY.unpack(raw.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, _MEMORY.size))
+    return int(_MEMORY.unpack(raw.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, _MEMORY.size))[8])

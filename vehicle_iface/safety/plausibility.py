@@ -165,7 +165,7 @@ class PlausibilityCheck:
             )
         if before is None:
             return None
-        dt_s = s_from_ns(state.stamp_ns - before.stamp_ns)
+        dt_s = (state.stamp_ns - before.stamp_ns) / NS_PER_S
         if dt_s < 0.0:
             return LimitViolation(PlausibilityFault.ORDER, "older_s", -dt_s, 0.0)
         changed_mps = abs(speed_mps - before.speed_mps)
@@ -179,7 +179,7 @@ class PlausibilityCheck:
 
     def _find_pose_fault(self, state: VehicleState, anchor: _Anchor) -> LimitViolation | None:
         limits, before = self._limits, anchor.state
-        dt_s = s_from_ns(state.stamp_ns - before.stamp_ns)
+        dt_s = (state.stamp_ns - before.stamp_ns) / NS_PER_S
         moved_m = math.hypot(state.x_m - before.x_m, state.y_m - before.y_m)
         distance_m = max(abs(state.speed_mps), anchor.fastest_mps) * dt_s
         if moved_m > distance_m + limits.position_tolerance_m:
