@@ -22,6 +22,8 @@ BEFORE_S = 0.3
 """What is missing from the start has been missing for so long when the device is armed."""
 CAN_BEGIN = ": can begin"
 ATTEMPTS = 3
+REST_S = 10.0
+"""Time in which the driver brings the vehicle to rest."""
 STOPPED_S = 0.3
 STEADY_S = 0.25
 """The vehicle is driven for this long before a step begins."""
@@ -139,8 +141,11 @@ def _run_until_stopped(rig: Rig, longest_s: float) -> None:
 
 
 def _release(rig: Rig) -> str:
-    """The device is not armed; why not, if so."""
+    """The device is not armed, and the vehicle at rest; why not, if so."""
     release(rig)
+    rig.vehicle.driver_brake = True
+    rig.wait_for(lambda: rig.vehicle.is_standing, REST_S, "the driver to stop the vehicle")
+    rig.vehicle.make_ready()
     return "the device engaged unasked" if rig.is_engaged else ""
 
 
