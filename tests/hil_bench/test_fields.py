@@ -78,6 +78,7 @@ def test_a_vehicle_beyond_the_distance_is_not_near_its_path() -> None:
         ("reference", "fields-swapped"),
         ("vbox_kart", "fields-scaled"),
         ("pacmod3", "fields-swapped"),
+        ("new_eagle_raptor", "fields-frozen"),
     ],
 )
 def test_the_program_stops_for_fields_that_contradict_one_another(profile: str, name: str, tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def _wrong(numbers: Numbers, how: str, faults: Sequence[WrongFields], left_out: 
         inject = signals.tell_wrong(wrong)
         if "LATERAL_SPEED" in wrong.fields:
             inject = base.combine(inject, base.a_tick_later(vehicle.change_vehicle(plant_drift_mps=DRIFT_MPS)))
-        inject = growing.take_back(inject)
+        inject = growing.begin_again(inject) if numbers.wire.loses_its_place else growing.take_back(inject)
         steps += [
             Step(
                 name=wrong.name,

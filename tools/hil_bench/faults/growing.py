@@ -7,12 +7,15 @@ from contextlib import AbstractContextManager, contextmanager
 from vehicle_bus_contract.reference import S
 
 from hil_bench.faults.base import Injection, call_each_tick, release, with_fault
+from hil_bench.faults.frames import change_frames, drop
 from hil_bench.faults.vehicle import change_vehicle
 from hil_bench.rig import Rig
 from hil_bench.vehicle import Fault, SignalValues
+from hil_bench.vocabulary import Wait
 
 ACCEPTED_S = 1.4
 """A position that has jumped is accepted again after 100 samples that agree, and their sources have to."""
+LOST_S = 0.3
 
 
 def take_back(injection: Injection) -> Injection:
@@ -28,6 +31,24 @@ def take_back(injection: Injection) -> Injection:
         plant.speed_mps = plant.accel_mps2 = plant.force_mps2 = plant.wheel_rad = 0.0
         plant.x_m, plant.y_m, plant.heading_rad = place
         rig.run_for(ACCEPTED_S * max(1.0, rig.wire.period_s / 0.01))
+
+    return inject
+
+
+def begin_again(injection: Injection) -> Injection:
+    """Afterwards the vehicle stands, released, at the origin, and dead reckoning begins there: its state was lost."""
+
+    @contextmanager
+    def inject(rig: Rig) -> Iterator[None]:
+        plant = rig.vehicle.plant
+        with injection(rig):
+            yield
+        release(rig)
+        plant.speed_mps = plant.accel_mps2 = plant.force_mps2 = plant.wheel_rad = 0.0
+        plant.x_m = plant.y_m = plant.heading_rad = 0.0
+        with change_frames(drop)(rig):
+            rig.run_for(LOST_S + rig.wire.later_s[Wait.STATE])
+        rig.run_for(LOST_S)
 
     return inject
 
