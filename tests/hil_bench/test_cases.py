@@ -1,7 +1,6 @@
 """The catalogue: complete, unique, and made of valid trajectories."""
 
 import math
-import re
 from pathlib import Path
 
 import pytest
@@ -9,6 +8,7 @@ from hil_bench import bench, judges, routes
 from hil_bench.case import Case, Need, Then
 from hil_bench.cases import CATALOGUE, catalogue_for, catalogue_of
 from hil_bench.cases.files import FILES
+from hil_bench.fault_rows import list_fault_rows
 from scenes import WIRE
 
 from vehicle_iface.profile import load_profile
@@ -21,22 +21,13 @@ TOOLS = ROOT / "tools"
 
 PROFILE = load_profile("reference")
 EVERY_CASE = (*catalogue_of(2), *catalogue_for(WIRE)[len(CATALOGUE) :])
-NOT_FROM_OUTSIDE = {"T3", "T4", "C1", "C3", "C4", "C5", "F9", "S11", *(f"W{n}" for n in range(2, 9))}
-"""Rows that are inside a controller or not on a bus; F9 and S11 need a vehicle without
-counters or a position."""
 
 
-def rows() -> set[str]:
-    """Every row of the failures' page."""
-    page = (ROOT / "vehicle_iface" / "FAILURES.md").read_text()
-    return set(re.findall(r"^\| ([BFSTCVPW]\d+) \|", page, re.MULTILINE))
-
-
-def test_every_failure_that_can_be_injected_from_outside_has_a_case() -> None:
-    covered = {row for case in EVERY_CASE for row in case.fault.split()}
-    assert covered <= rows()
-    assert not rows() - covered - NOT_FROM_OUTSIDE
-    assert not covered & NOT_FROM_OUTSIDE
+def test_every_failure_of_the_page_has_a_case_or_a_reason_why_it_has_none() -> None:
+    rows = list_fault_rows(EVERY_CASE)
+    assert len(rows) > 70
+    assert {fault for case in EVERY_CASE for fault in case.fault.split()} <= {row.row for row in rows}
+    assert [row.row for row in rows if bool(row.cases) == bool(row.why_none)] == []
 
 
 def test_every_case_has_a_unique_name_and_an_expectation() -> None:

@@ -38,6 +38,7 @@ SOUND = (
     "threshold-driver-torque",
     "threshold-gear-change",
     "driver-signals-alone",
+    "modes-in-every-order",
     "override-lasts",
     "wrong-from-the-start",
     "message-vehicle-status",
@@ -83,6 +84,7 @@ def test_the_program_acts_where_its_profile_says(name: str, tmp_path: Path) -> N
         ("max_counter_step = 3", "max_counter_step = 5", "threshold-counter-step"),
         ("driver_steer_torque_nm = 3.0", "driver_steer_torque_nm = 4.0", "threshold-driver-torque"),
         ("position_tolerance_m = 0.5", "position_tolerance_m = 1.0", "threshold-jumps"),
+        ("yaw_rate_tolerance_radps = 0.8 ", "yaw_rate_tolerance_radps = 1.6 ", "threshold-jumps"),
         ("gear_change_speed_mps = 0.5", "gear_change_speed_mps = 5.0", "threshold-gear-change"),
         ("frozen_time_s = 0.09", "frozen_time_s = 0.3", "threshold-frozen"),
     ],
@@ -112,18 +114,21 @@ def test_a_device_that_does_not_read_a_signal_of_the_driver_fails(action: str, t
     assert found.verdict is Verdict.FAIL
 
 
-def test_a_device_that_arms_itself_again_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("name", "after_s"), [("override-lasts", 4), ("modes-in-every-order", 1)])
+def test_a_device_that_arms_itself_again_fails(
+    name: str, after_s: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tick, since_ns = Engagement.on_tick, list[int]()
 
     def arm_again(engagement: Engagement, now_ns: int) -> None:
         tick(engagement, now_ns)
         if engagement.mode.name == "OVERRIDDEN":
             since_ns.append(now_ns)
-            if now_ns - since_ns[0] > 4 * S:
+            if now_ns - since_ns[0] > after_s * S:
                 engagement.apply(Event.ARMED, now_ns)
 
     monkeypatch.setattr(Engagement, "on_tick", arm_again)
-    assert run("override-lasts", tmp_path).verdict is Verdict.FAIL
+    assert run(name, tmp_path).verdict is Verdict.FAIL
 
 
 def test_the_catalogue_is_each_vehicles_own() -> None:

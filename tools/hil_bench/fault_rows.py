@@ -8,7 +8,8 @@ from hil_bench.result import FaultRow
 
 FAILURES = (CHECKOUT or PACKAGE.parent) / "vehicle_iface" / "FAILURES.md"
 HEADER = ["#", "failure"]
-OFF_THE_BUS = ["#", "why"]
+NO_CASE = (["#", "why"], ["#", "why the bench has no case"])
+"""Of rows that are injected on no bus, and of rows that only a device's own code, its page or a real bus can show."""
 
 
 def list_fault_rows(catalogue: Sequence[Case], text: str | None = None) -> list[FaultRow]:
@@ -18,7 +19,7 @@ def list_fault_rows(catalogue: Sequence[Case], text: str | None = None) -> list[
             text = FAILURES.read_text(encoding="utf-8")
         except OSError:
             return []
-    why = {cells[0]: _plain(cells[1]) for cells in _tables(text, OFF_THE_BUS)}
+    why = {cells[0]: _plain(cells[1]) for header in NO_CASE for cells in _tables(text, header)}
     return [
         FaultRow(
             row=row,
@@ -37,7 +38,7 @@ def _tables(text: str, header: list[str]) -> Iterator[list[str]]:
         cells = [cell.strip() for cell in line.strip().strip("|").split("|")] if line.startswith("|") else []
         if cells[: len(header)] == header:
             is_inside = True
-        elif len(cells) < len(header):
+        elif cells[:1] == header[:1] or len(cells) < len(header):
             is_inside = False
         elif is_inside and not set(line) <= set("|- "):
             yield cells

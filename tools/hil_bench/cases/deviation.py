@@ -22,7 +22,7 @@ DEVIATION = (
     ),
     Case(
         name="steering-stuck",
-        fault="C2",
+        fault="C2 X3",
         tags=("state", "deviation", "limits"),
         proves="With stuck wheels the steering command does not run away; off its path the vehicle is stopped.",
         injected="the wheels are stuck before a curve of 7 m radius",

@@ -51,7 +51,7 @@ def _message(numbers: Numbers, name: str) -> Case:
         steps.append(Step(name="each frame twice", inject=once_more, for_s=0.3, see=(DrivesOn(0.0),)))
     return sequence_case(
         name=f"message-{name.lower().replace('_', '-')}",
-        fault="F1 F2 F3 F4 S1",
+        fault=f"F1 F2 F3 F4 S1{'' if name in wire.sample else ' X2'}",
         tags=("messages", "frames", "state"),
         proves=f"Without intact frames of {name} the vehicle is stopped, and not driven in the first place.",
         injected=f"{name}: {', '.join(step.name for step in steps)}",

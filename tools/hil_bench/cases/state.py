@@ -80,7 +80,7 @@ STATE = (
     ),
     Case(
         name="status-lost",
-        fault="S1",
+        fault="S1 X2",
         tags=("state", "driver"),
         proves="Without the vehicle's status the driver's actions are unknown: the vehicle is stopped.",
         injected="no status for 0.6 s",

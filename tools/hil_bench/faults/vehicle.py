@@ -1,10 +1,14 @@
 """Faults of the vehicle itself: its driver, its mode, its pose and its mechanics."""
 
+import itertools
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 
-from hil_bench.faults.base import Injection
+from vehicle_bus_contract.reference import S
+
+from hil_bench.faults.base import Injection, call_each_tick
 from hil_bench.rig import Rig
+from hil_bench.vehicle import MODES
 
 
 def change_vehicle(**changed: object) -> Injection:
@@ -51,6 +55,27 @@ def change_and_make_ready(**changed: object) -> Injection:
     @contextmanager
     def inject(rig: Rig) -> Iterator[None]:
         with change_until_ready(**changed)(rig):
+            yield
+        rig.vehicle.make_ready()
+
+    return inject
+
+
+def change_modes() -> Injection:
+    """The mode changes every three statuses, from each one to each other one, MANUAL first; at the end it is READY."""
+
+    @contextmanager
+    def inject(rig: Rig) -> Iterator[None]:
+        numbers = [number for number, name in enumerate(MODES) if rig.wire.can_report(name)]
+        order = [number for pair in itertools.permutations(numbers, 2) for number in pair]
+        ticks = itertools.count()
+        every = max(1, round(3.0 * float(rig.wire.profile["timing"]["status_period_s"]) * S / rig.vehicle.period_ns))
+
+        def change() -> None:
+            rig.vehicle.mode = order[next(ticks) // every % len(order)]
+
+        change()
+        with call_each_tick(rig, change):
             yield
         rig.vehicle.make_ready()
 

@@ -31,11 +31,17 @@ def _jumps(numbers: Numbers) -> Case:
         ("plausibility.position_tolerance_m", "jump of the position", "m", moved_m, ("POS_Y",)),
         ("plausibility.speed_tolerance_mps", "jump of the speed", "m/s", grows_mps, ("SPEED",)),
         ("plausibility.heading_tolerance_rad", "jump of the heading", "rad", turned_rad, ("HEADING",)),
-    )
+        ("plausibility.accel_mps2", "acceleration that no vehicle has", "m/s²", 1.0, ("ACCEL",)),
+        (
+            "plausibility.yaw_rate_tolerance_radps", "yaw rate beside that of speed and wheels", "rad/s", 0.05,
+            ("YAW_RATE", "FRONT_WHEEL_ANGLE"),
+        ),
+    )  # fmt: skip
     steps = []
     for key, name, unit, more, names in found:
         stated = numbers.find(key)
-        if stated is None or not all(map(wire.has, names)) or (wire.loses_its_place and "SPEED" not in names):
+        placed = wire.loses_its_place and names[0] in ("POS_Y", "HEADING")
+        if stated is None or not all(map(wire.has, names)) or placed or not _can_carry(wire, names[0], stated + more):
             continue
         for side, way in (("upwards", 1.0), ("downwards", -1.0)):
             step = way * 1.6 * (stated + more) / COUNT
@@ -46,7 +52,7 @@ def _jumps(numbers: Numbers) -> Case:
             steps.append(
                 Step(
                     name=f"{name}, {side}",
-                    inject=growing.offset_each(EVERY, step, *names),
+                    inject=growing.offset_each(EVERY, step, names[0]),
                     for_s=(COUNT + 1) * EVERY * wire.period_s,
                     measure=(FirstDropped(limit=limit, every=EVERY, step=abs(step)),),
                     is_left_alone=True,
@@ -54,14 +60,21 @@ def _jumps(numbers: Numbers) -> Case:
             )
     return sequence_case(
         name="threshold-jumps",
-        fault="S3",
+        fault="S3 X1",
         tags=("thresholds", "plausibility"),
-        proves="A sample whose values have changed by more than the profile allows is dropped.",
+        proves="A sample whose values have changed by more than the profile allows, or cannot be true, is dropped.",
         injected=f"one sample of {EVERY} is changed, each time by more",
         route=straight(speed_mps=USUAL_MPS + 0.3),
         steps=steps,
         lacks="" if steps else "the profile has no [plausibility] for a value on its bus",
     )
+
+
+def _can_carry(wire: Wire, signal: str, value: float) -> bool:
+    """Whether the signal's range is wide enough for a value beyond this one."""
+    if signal not in ("ACCEL", "YAW_RATE"):
+        return True
+    return wire.greatest(signal)[0] > 1.2 * value
 
 
 def _frozen(numbers: Numbers) -> Case:

@@ -95,6 +95,7 @@ def _brakes(numbers: Numbers) -> Case:
         )  # fmt: skip
     return _case(
         "threshold-stop",
+        "S5 X11",
         "A stop brakes as the profile says, builds up as fast as it says, and holds the vehicle as it says.",
         "what stops the vehicle stays until it has stood for a while",
         route=straight(900.0, FAST_MPS + 1.0),
@@ -126,6 +127,7 @@ def _steers(numbers: Numbers) -> Case:
     )
     return _case(
         "threshold-stop-steering",
+        "S5 X12",
         "A stop in a bend steers as the profile says.",
         "what stops the vehicle, in a bend",
         route=bend(CURVATURE_PER_M, BEND_MPS + 0.7),
@@ -206,6 +208,7 @@ def _wheel_rad(pair: Pair) -> float:
 
 def _case(
     name: str,
+    fault: str,
     proves: str,
     injected: str,
     *,
@@ -215,7 +218,7 @@ def _case(
 ) -> Case:
     return sequence_case(
         name=name,
-        fault="S5",
+        fault=fault,
         tags=("thresholds", "state", "limits"),
         proves=proves,
         injected=injected,

@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+from vehicle_bus_contract.reference import S
+
 from hil_bench.case import Case, Need
 from hil_bench.cases.thresholds.common import JITTER_S, USUAL_MPS, Numbers, sequence_case, straight
-from hil_bench.expect import StaysOut
+from hil_bench.expect import NeverDrives, StaysOut
 from hil_bench.expect.limit import Limit
 from hil_bench.expect.stop_thresholds import SilentAfter, StopAfter, StopsUntilHeld
 from hil_bench.expect.thresholds import AsksFor, DrivesAfter, OldestAnswered
@@ -20,6 +22,9 @@ BLIP_S, PAUSE_S = 0.06, 1.0
 AGES = (0.5, 1.3, 2.5)
 """Times the greatest age of a sample that is answered."""
 AGED_S = 0.08
+NO_STOP = "no signal says that a command is a stop: which ones drive is inferred too late"
+GAP_SHARE = 0.8
+"""Of the time for which state must be fresh: from one gap to the next."""
 
 
 def time_cases(wire: Wire) -> tuple[Case, ...]:
@@ -106,7 +111,7 @@ def _command_age(numbers: Numbers) -> Case:
                         name="age of a sample that a driving command answers",
                         unit="s",
                         profile=stated_s,
-                        highest=stated_s + JITTER_S + numbers.inferred_s,
+                        highest=stated_s + JITTER_S,
                         place=f"after {share * stated_s:.3g} s",
                     )
                 ),
@@ -124,7 +129,7 @@ def _command_age(numbers: Numbers) -> Case:
             injected="the device is paused, then samples are left out, and the device goes on before the next sample",
             route=straight(),
             steps=steps,
-            lacks=numbers.lacks(key),
+            lacks=numbers.lacks(key) or ("" if numbers.wire.has_stop_signal else NO_STOP),
         ),
         needs=(Need.REARM, Need.OWN_PROCESS),
     )
@@ -137,7 +142,7 @@ def _engaging(numbers: Numbers) -> Case:
     wide_s = 2.0 * numbers.late_s + slow_s
     return sequence_case(
         name="threshold-engaging",
-        fault="V2",
+        fault="V2 X7",
         tags=("thresholds", "engagement", "timing"),
         proves="Engagement is requested after the profile's time of fresh state, and for its time.",
         injected="state that begins while the device is armed; a vehicle that does not engage",
@@ -181,6 +186,13 @@ def _engaging(numbers: Numbers) -> Case:
                         )
                     ),
                 ),
+            ),
+            Step(
+                name="samples with gaps",
+                inject=_gaps(GAP_SHARE * settle_s, 2.0 * numbers.or_else("timing.state_stale_s", 0.05)),
+                for_s=4.0 * settle_s + wide_s,
+                is_from_start=True,
+                see=(NeverDrives(),),
             ),
         ),
         lacks=numbers.lacks(settle, timeout),
@@ -256,6 +268,11 @@ def _latch(numbers: Numbers) -> Case:
         ),
         lacks=lacks or ("" if every_s * stops < (window or 0.0) else "its stops last too long to recur so often"),
     )
+
+
+def _gaps(every_s: float, lasts_s: float) -> Injection:
+    """No sample at the beginning of each `every_s`."""
+    return frames.change_frames(lambda rig, tx: [] if rig.now_ns / S % every_s < lasts_s else [tx.frame])
 
 
 def _blips(every_s: float) -> Injection:
