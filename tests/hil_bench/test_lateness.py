@@ -130,6 +130,11 @@ def test_jitter_is_excused_by_as_much_lateness_of_the_host_and_not_by_one_delay(
     assert decided(Lateness(usual_s=0.0015), shaken, answers=jitter) is Verdict.NOT_EXECUTED
 
 
+def test_a_host_that_was_never_late_excuses_no_wrong_period_of_a_device_that_is_always_as_quick() -> None:
+    uneven = expect.check(judges.KINDS["periods"], ["0.381 s: BODY_COMMAND every 146.5 ms"])
+    assert decided(QUIET, answered([0.001] * 100), protocol=[uneven]) is Verdict.FAIL
+
+
 def test_waits_and_wake_ups_that_took_too_long_are_delays() -> None:
     waits = [Wait(2 * S, 45 * MS, 0.1), Wait(3 * S, 12 * MS, 0.1)]
     records = [(4 * S, 26 * MS, 30 * MS), (5 * S, 2 * MS, 1 * MS)]

@@ -133,4 +133,4 @@ def _is_slow(lateness: Lateness, record: Record) -> bool:
     quick_s = late_s[int(QUICK * len(late_s))]
     excess_s = sum(max(0.0, value - quick_s) for value in late_s)
     caused_s = lateness.usual_s * len(late_s) + sum(one.by_s for one in lateness.delays)
-    return caused_s >= SHARE * excess_s
+    return caused_s > 0.0 and caused_s >= SHARE * excess_s

@@ -36,7 +36,7 @@ def time_cases(wire: Wire) -> tuple[Case, ...]:
 def _after(numbers: Numbers, key: str, name: str, place: str = "", more_s: float = 0.0) -> Limit:
     """A time of the profile at which the device acts by its next command."""
     at_s = numbers.or_else(key, 0.0)
-    early_s = min(0.1 * at_s, numbers.period_s)
+    early_s = min(0.1 * at_s, 1.1 * numbers.period_s)
     late_s = numbers.late_s + more_s
     return Limit(key=key, name=name, unit="s", profile=at_s, lowest=at_s - early_s, highest=at_s + late_s, place=place)
 
@@ -143,7 +143,7 @@ def _engaging(numbers: Numbers) -> Case:
     return sequence_case(
         name="threshold-engaging",
         fault="V2 X7",
-        tags=("thresholds", "engagement", "timing"),
+        tags=("thresholds", "engagement", "timing", "quick"),
         proves="Engagement is requested after the profile's time of fresh state, and for its time.",
         injected="state that begins while the device is armed; a vehicle that does not engage",
         route=straight(),
