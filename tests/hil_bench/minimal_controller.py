@@ -55,9 +55,11 @@ SPEED_MPS, GEAR_CHANGE_MPS, STOP_MPS2, DRIVER_NM = 20.0, 0.5, 3.0, 3.0
 OFF_PATH_M, OFF_HEADING_RAD, OVERSPEED_MPS, ROLLBACK_MPS = 3.0, 0.8, 1.0, 0.5
 CLEAN_PAIRS = 50  # in a row, after three that found no room
 STANDING_MPS, CREEP_MPS = 0.01, 0.3
+APART_MPS, APART_NS, CONTRADICTIONS = 0.4, 1000 * MS, 15
+HOLD_NS = {Reason.STATE_STALE: 200 * MS, Reason.STATE_INVALID: 500 * MS, Reason.FRAME_MISMATCH: 500 * MS}
 
 PERIOD_NS, SLOW_PERIOD_NS = 10 * MS, 100 * MS
-STALE_NS, SILENT_NS, ANSWER_AGE_NS, STATUS_STALE_NS = 50 * MS, 500 * MS, 100 * MS, 200 * MS
+STALE_NS, SILENT_NS, ANSWER_AGE_NS, STATUS_STALE_NS = 50 * MS, 500 * MS, 100 * MS, 100 * MS
 FRESH_NS, GIVE_UP_NS, SHUTDOWN_NS, REOPEN_NS, QUEUE_FULL_NS = 500 * MS, 3000 * MS, 10_000 * MS, 100 * MS, 100 * MS
 
 
@@ -174,6 +176,7 @@ class Receiver:
         self._parts: dict[int, tuple[int, dict[int, bytes]]] = {}
         self._last: State | None = None
         self._still_m = 0.0
+        self._places: deque[State] = deque()
         self.doubts = 0
         """Samples in a row that cannot be true."""
 
@@ -232,6 +235,7 @@ class Receiver:
             dt_s = max((state.stamp_ns - last.stamp_ns) / 1e9, (state.counter - last.counter) % 15 * 0.01)
         if abs(state.speed_mps) > 40.0 or abs(state.yaw_rate_radps) > 3.0 or self._contradicts(state, last, dt_s):
             self.doubts += 1
+            self._places.clear()
             return False
         self._last, self.doubts = state, 0
         return True
@@ -239,6 +243,23 @@ class Receiver:
     def forget(self) -> None:
         """Forget the last sample: the next one is not compared with it."""
         self._last, self._still_m = None, 0.0
+        self._places.clear()
+
+    def is_speed_wrong(self, state: State) -> bool:
+        """Whether the way along its heading in the last second, in one frame, is not that of its speeds."""
+        if not state.is_valid or (self._places and self._places[-1].frame != state.frame):
+            self._places.clear()
+        self._places.append(state)
+        while state.stamp_ns - self._places[0].stamp_ns > APART_NS:
+            self._places.popleft()
+        passed_s = (state.stamp_ns - self._places[0].stamp_ns) / 1e9
+        if passed_s < 0.9 * APART_NS / 1e9:
+            return False
+        way_m = told_m = 0.0
+        for a, b in pairwise(self._places):
+            way_m += (b.x_m - a.x_m) * math.cos(b.heading_rad) + (b.y_m - a.y_m) * math.sin(b.heading_rad)
+            told_m += b.speed_mps * (b.stamp_ns - a.stamp_ns) / 1e9
+        return abs(way_m - told_m) > APART_MPS * passed_s
 
     def _contradicts(self, state: State, last: State | None, dt_s: float) -> bool:
         bicycle_radps = state.speed_mps * math.tan(state.wheel_rad) / WHEELBASE_M
@@ -296,6 +317,8 @@ class Controller:
         self.read_ns = now_ns
         self.heard_ns = self.status_ns = self.fresh_ns = self.pair_ns = self.slow_ns = self.phase_ns = 0
         self.refused = self.refused_ns = self.clean = 0
+        self.held, self.held_ns = Reason.NOMINAL, 0
+        self.contradictions, self.is_doubtful = 0, False
         self.wheel_rad = self.accel_mps2 = 0.0
         self.strayed: Reason = Reason.NOMINAL
         self.ended: Reason = Reason.NOMINAL
@@ -312,7 +335,8 @@ class Controller:
             self.refused = self.refused_ns = 0
         elif phase == "engaging":
             self.route.begin_again()
-            self.strayed = self.ended = Reason.NOMINAL
+            self.strayed = self.ended = self.held = Reason.NOMINAL
+            self.contradictions, self.is_doubtful = 0, False
         print(f"{phase.upper()} ({Reason(reason).name})", flush=True)
 
     def run(self) -> int:
@@ -330,7 +354,8 @@ class Controller:
     @property
     def exit_status(self) -> int:
         """What it would end with now."""
-        is_fault = self.phase == "silent" or (self.phase == "out" and self.latched != Reason.DRIVER_OVERRIDE)
+        is_out = self.phase == "out" and self.latched != Reason.DRIVER_OVERRIDE
+        is_fault = self.phase == "silent" or is_out or self.is_doubtful
         return 4 if is_fault else 0
 
     def step(self) -> None:
@@ -492,7 +517,8 @@ class Controller:
             return Reason.LINK_DOWN
         if now_ns - self.status_ns > STATUS_STALE_NS:
             return Reason.STATE_STALE
-        if not state.is_valid:
+        self.is_doubtful = self.receiver.is_speed_wrong(state) or self.has_wrong_gear(state) or self.is_doubtful
+        if not state.is_valid or self.is_doubtful:
             return Reason.STATE_INVALID
         if state.frame != self.route.frame and self.defect != "frame_ignored":
             return Reason.FRAME_MISMATCH
@@ -507,12 +533,28 @@ class Controller:
             self.strayed = Reason.DEVIATION
         return self.strayed or self.ended or (Reason.SHUTDOWN if self.ending_ns else Reason.NOMINAL)
 
+    def has_wrong_gear(self, state: State) -> bool:
+        """Whether the gear has contradicted the direction of travel in many samples."""
+        against = DRIVE if state.speed_mps < 0.0 else REVERSE
+        is_against = abs(state.speed_mps) > GEAR_CHANGE_MPS and self.status is not None and self.status.gear == against
+        self.contradictions = self.contradictions + 1 if is_against else 0
+        return self.contradictions >= CONTRADICTIONS
+
+    def hold(self, reason: Reason, now_ns: int) -> Reason:
+        """A stop lasts until its cause has been gone for a while."""
+        if reason in HOLD_NS:
+            self.held, self.held_ns = reason, now_ns
+        elif reason == Reason.NOMINAL and self.held and now_ns - self.held_ns < HOLD_NS[self.held]:
+            return self.held
+        return reason
+
     def driven_s(self, now_ns: int) -> float:
         """Time since the engagement, which is the route's time."""
         return (now_ns - self.phase_ns) / 1e9 if self.phase == "engaged" else 0.0
 
     def command(self, state: State, reason: Reason, now_ns: int) -> None:
         """Drive on, or stop for a reason; within the limits either way."""
+        reason = self.hold(reason, now_ns)
         wheel_rad, speed_mps, gear, jerk_mps3 = self.wheel_rad, 0.0, NO_REQUEST, LATERAL_MPS3
         if reason == Reason.NOMINAL:
             wheel_rad = self.wanted_wheel_rad(state, now_ns)

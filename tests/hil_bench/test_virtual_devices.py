@@ -20,7 +20,11 @@ def failed(result: CaseResult) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "name", ["link-down", "second-commander", "paused-2-s", "wall-clock-back-an-hour", "not-armed", "killed"]
+    "name",
+    [
+        *("link-down", "second-commander", "paused-2-s", "wall-clock-back-an-hour", "not-armed", "killed"),
+        *("messages-in-turn", "state-in-turn", "releases-in-turn", "drifting-off-and-back"),
+    ],
 )
 @pytest.mark.parametrize("is_minimal", [False, True], ids=["program", "minimal"])
 def test_a_sound_device_passes(name: str, is_minimal: bool, tmp_path: Path) -> None:

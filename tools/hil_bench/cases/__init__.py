@@ -13,6 +13,7 @@ from hil_bench.cases.driver import DRIVER
 from hil_bench.cases.fields import field_cases
 from hil_bench.cases.files import FILES
 from hil_bench.cases.frames import FRAMES
+from hil_bench.cases.in_turn import in_turn_cases
 from hil_bench.cases.limits import limit_cases
 from hil_bench.cases.manoeuvres import MANOEUVRES
 from hil_bench.cases.messages import message_cases
@@ -48,5 +49,5 @@ def catalogue_of(buses: int) -> tuple[Case, ...]:
 
 def catalogue_for(wire: Wire) -> tuple[Case, ...]:
     """The cases of one vehicle: those of every vehicle, and those that are generated from its profile."""
-    kinds = (threshold_cases, message_cases, field_cases, limit_cases)
+    kinds = (threshold_cases, message_cases, field_cases, limit_cases, in_turn_cases)
     return (*catalogue_of(len(wire.buses)), *(case for cases_of in kinds for case in cases_of(wire)))

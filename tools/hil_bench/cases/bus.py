@@ -95,7 +95,7 @@ BUS = (
     Case(
         name="flood-of-unknown-frames",
         fault="B11",
-        tags=("bus", "load", "quick"),
+        tags=("bus", "load"),
         proves="Unknown frames cost the device no sample.",
         injected="unknown frames at 90 % bus load for 2 s",
         inject=traffic.add_load(0.9),
@@ -187,7 +187,7 @@ BUS = (
     Case(
         name="second-commander",
         fault="B15",
-        tags=("bus", "quick"),
+        tags=("bus",),
         proves="The device falls silent when another node commands the vehicle.",
         injected="another node's commands with the device's identifiers for 0.3 s",
         inject=traffic.flood(traffic.rival_command, 2),

@@ -3,7 +3,7 @@
 from hil_bench import routes
 from hil_bench.case import Case, Then
 from hil_bench.expect import Standstill, Stops
-from hil_bench.faults import vehicle
+from hil_bench.faults import growing, vehicle
 from hil_bench.parts import Part
 
 DEVIATION = (
@@ -17,6 +17,21 @@ DEVIATION = (
         for_s=3.0,
         about=(Part.POSITION,),
         see=(Stops(("DEVIATION",), within_s=2.5), Standstill(5.5)),
+        then=Then.HOLDS,
+        after_s=1.0,
+    ),
+    Case(
+        name="drifting-off-and-back",
+        fault="C2",
+        tags=("state", "deviation"),
+        proves="A vehicle that was stopped off its path stays stopped when it is near its path again.",
+        injected="the vehicle drifts 3.8 m to the left, then as far to the right, whatever the steering",
+        at_mps=6.0,
+        route=lambda: routes.straight(300.0, 7.0),
+        inject=growing.drift_and_return(4.0, 0.95),
+        for_s=3.2,
+        about=(Part.POSITION,),
+        see=(Stops(("DEVIATION",), within_s=1.5), Standstill(4.5)),
         then=Then.HOLDS,
         after_s=1.0,
     ),

@@ -118,6 +118,7 @@ FILES = (
     _rejected_trajectory("too-fast", "faster than the vehicle's limit", _replace_cell(20, 4, "35.0"), "T2"),
     replace(
         _rejected_trajectory("too-sharp", "with a curve sharper than the steering limit", lambda text: text, "T2"),
+        tags=("trajectory", "refusal", "quick"),
         route=lambda: routes.route("sharp", [(20.0, 0.0), (5.0, 0.6), (20.0, 0.0)], 3.0),
     ),
     _rejected_profile(

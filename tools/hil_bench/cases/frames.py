@@ -71,7 +71,7 @@ FRAMES = (
     Case(
         name="crc-always-wrong",
         fault="F2",
-        tags=("frames", "e2e", "quick"),
+        tags=("frames", "e2e"),
         proves="Samples with wrong checksums are no state: stop, then silence.",
         injected="every frame of the sample with a wrong checksum for 0.8 s",
         inject=frames.change_frames(frames.break_crc),

@@ -31,7 +31,7 @@ def message_cases(wire: Wire) -> tuple[Case, ...]:
 
 def _message(numbers: Numbers, name: str) -> Case:
     wire = numbers.wire
-    lost_s = _lost_s(numbers, name)
+    lost_s = find_loss_s(numbers, name)
     late = Stops(REASONS, within_s=lost_s, until_end=False, waits_for=Wait.NOTHING)
     steps = []
     for what, change in _frame_faults(wire, name):
@@ -45,7 +45,7 @@ def _message(numbers: Numbers, name: str) -> Case:
             )
         )
         if change in (frames.drop, frames.break_crc, frames.seal_as_another, frames.hold_counter):
-            steps.append(_from_start(numbers, f"{what}, from the start", frames.change_message(name, change)))
+            steps.append(from_start(numbers, f"{what}, from the start", frames.change_message(name, change)))
     if wire.protection_of(name).counters:
         once_more = frames.change_message(name, frames.repeat)
         steps.append(Step(name="each frame twice", inject=once_more, for_s=0.3, see=(DrivesOn(0.0),)))
@@ -61,7 +61,7 @@ def _message(numbers: Numbers, name: str) -> Case:
     )
 
 
-def _lost_s(numbers: Numbers, name: str) -> float:
+def find_loss_s(numbers: Numbers, name: str) -> float:
     """From the first wrong frame of a message until the stop is on the bus."""
     wire = numbers.wire
     if name in wire.sample:
@@ -92,7 +92,7 @@ def _frame_faults(wire: Wire, name: str) -> list[tuple[str, Change]]:
     return found
 
 
-def _from_start(numbers: Numbers, name: str, inject: Injection) -> Step:
+def from_start(numbers: Numbers, name: str, inject: Injection) -> Step:
     for_s = FROM_START_S + numbers.or_else("timing.engage_settle_s", 0.5) + 4.0 * numbers.period_s
     never: tuple[Expectation, ...] = (NeverDrives(),)
     return Step(name=name, inject=inject, for_s=for_s, is_from_start=True, see=never, is_left_alone=True)
@@ -103,16 +103,16 @@ def _fields(numbers: Numbers) -> Case:
     wire = numbers.wire
     steps = []
     for signal in (*SIGNAL_NAMES["state"].values(), *SIGNAL_NAMES["status"].values()):
-        inject = _impossible(wire, signal)
+        inject = make_impossible(wire, signal)
         if inject is None:
             continue
         name = wire.part_of(signal)
-        lost_s = _lost_s(numbers, name)
+        lost_s = find_loss_s(numbers, name)
         late = Stops(REASONS, within_s=lost_s + numbers.late_s, until_end=False, waits_for=Wait.NOTHING)
         steps.append(
             Step(name=f"{signal} impossible", inject=inject, for_s=lost_s + 0.1, see=(late,), is_left_alone=True)
         )
-        steps.append(_from_start(numbers, f"{signal} impossible from the start", inject))
+        steps.append(from_start(numbers, f"{signal} impossible from the start", inject))
     return sequence_case(
         name="fields-impossible",
         fault="F5",
@@ -126,7 +126,7 @@ def _fields(numbers: Numbers) -> Case:
     )
 
 
-def _impossible(wire: Wire, signal: str) -> Injection | None:
+def make_impossible(wire: Wire, signal: str) -> Injection | None:
     """A value that the signal's bits can carry, and the DBC does not allow."""
     if not wire.has(signal) or (signal in ("POS_X", "POS_Y") and wire.loses_its_place):
         return None
@@ -161,7 +161,7 @@ def _starts(numbers: Numbers) -> Case:
         ("the driver steers to the right", "DRIVER_STEER_TORQUE", vehicle.change_until_ready(driver_torque_nm=-5.0)),
         ("a fault of the vehicle", "FAULT_CODE", vehicle.change_until_ready(fault_code=5)),
     ]
-    steps = tuple(_from_start(numbers, name, inject) for name, signal, inject in found if wire.has(signal))
+    steps = tuple(from_start(numbers, name, inject) for name, signal, inject in found if wire.has(signal))
     return sequence_case(
         name="wrong-from-the-start",
         fault="S5 V1 V2",

@@ -71,7 +71,7 @@ PLAUSIBILITY = (
         Case(
             name=f"sensor-{name}",
             fault="S7",
-            tags=("state", "plausibility", *(("quick",) if name == "speed-low" else ())),
+            tags=("state", "plausibility"),
             proves="A sensor that contradicts the others stops the vehicle before it is too fast or off its path.",
             injected=injected,
             route=routes.straight,

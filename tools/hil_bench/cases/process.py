@@ -107,7 +107,7 @@ PROCESS = (
     Case(
         name="killed",
         fault="P3",
-        tags=("process", "quick"),
+        tags=("process",),
         proves="No process of a killed device sends on: the vehicle's watchdog stops it.",
         injected="SIGKILL",
         inject=process.send_signals(signal.SIGKILL),

@@ -23,7 +23,7 @@ STATE = (
     Case(
         name="state-lost",
         fault="S1",
-        tags=("state", "quick"),
+        tags=("state",),
         proves="Without state the vehicle is stopped; the drive continues when state is back in time.",
         injected="no sample for 0.3 s",
         inject=frames.change_frames(frames.drop),

@@ -53,6 +53,24 @@ def begin_again(injection: Injection) -> Injection:
     return inject
 
 
+def drift_and_return(to_left_mps: float, for_s: float) -> Injection:
+    """The vehicle drifts to the left, then as far to the right, whatever the steering, and then no longer."""
+
+    @contextmanager
+    def inject(rig: Rig) -> Iterator[None]:
+        plant, ticks = rig.vehicle.plant, itertools.count()
+
+        def drift() -> None:
+            passed_s = next(ticks) * rig.vehicle.period_ns / S
+            plant.drift_mps = to_left_mps if passed_s < for_s else -to_left_mps if passed_s < 2.0 * for_s else 0.0
+
+        with call_each_tick(rig, drift):
+            yield
+        plant.drift_mps = 0.0
+
+    return inject
+
+
 def push_against_travel(accel_mps2: float) -> Injection:
     """A slope accelerates the vehicle against its direction of travel."""
 

@@ -29,6 +29,7 @@ DRIFT_MPS = 4.0
 TURN_SHARE = 0.9
 """Of the greatest wheel angle."""
 TURN_MPS = 2.0
+LATERAL = "deviation.lateral_stop_m"
 NOISE = 0.02
 NO_STOP = "no signal says that a command is a stop, and the vehicle is braked for its speed anyway"
 
@@ -36,7 +37,6 @@ NO_STOP = "no signal says that a command is a stop, and the vehicle is braked fo
 def deviation_cases(wire: Wire) -> tuple[Case, ...]:
     """For one vehicle."""
     numbers = Numbers(wire)
-    lateral = "deviation.lateral_stop_m"
     lost = "" if not wire.loses_its_place else "the vehicle has no position on its bus: where it drifts cannot be seen"
     no_way_back = "" if wire.can_reverse else "the vehicle has no command to drive backwards"
     fast_mps = numbers.true_mps(FAST_MPS, FAST_MPS + 1.0)
@@ -61,14 +61,10 @@ def deviation_cases(wire: Wire) -> tuple[Case, ...]:
             route,
             at_mps,
             [
-                _step(
-                    numbers, lateral, "distance from the path", "m", distance_m, drift_mps,
-                    f"to the {side}, {where}", _drift(way * drift_mps),
-                    limit_s=2.0,
-                )
+                make_drift(numbers, way * drift_mps, f"to the {side}, {where}", limit_s=2.0)
                 for side, way in (("left", 1.0), ("right", -1.0))
             ],
-            numbers.lacks(lateral) or lacks,
+            numbers.lacks(LATERAL) or lacks,
         )
         for name, where, route, at_mps, drift_mps, lacks in beside
     ]  # fmt: skip
@@ -76,8 +72,11 @@ def deviation_cases(wire: Wire) -> tuple[Case, ...]:
     return (*cases, *_along(numbers, no_way_back))
 
 
-def _drift(to_left_mps: float) -> Injection:
-    return growing.take_back(vehicle.change_vehicle(plant_drift_mps=to_left_mps))
+def make_drift(numbers: Numbers, to_left_mps: float, place: str, *, limit_s: float) -> Step:
+    """The vehicle drifts aside until it is stopped for its distance from the path, and is taken back."""
+    inject = growing.take_back(vehicle.change_vehicle(plant_drift_mps=to_left_mps))
+    name, grows_mps = "distance from the path", abs(to_left_mps)
+    return _step(numbers, LATERAL, name, "m", distance_m, grows_mps, place, inject, limit_s=limit_s)
 
 
 def _heading(numbers: Numbers, lost: str) -> Case:

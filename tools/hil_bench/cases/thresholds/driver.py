@@ -15,6 +15,8 @@ RELEASES_S = 0.03
 GROWS = 0.6
 """The torque grows by this share of the threshold in a second."""
 OVERRIDE = ("DRIVER_OVERRIDE",)
+JUST_OVERRIDES_NM = 3.2
+"""Of the reference vehicle's 3.0."""
 
 
 def driver_cases(wire: Wire) -> tuple[Case, ...]:
@@ -29,8 +31,8 @@ def _alone(numbers: Numbers) -> Case:
     actions = (
         ("the driver brakes", "DRIVER_BRAKE", {"driver_brake": True}),
         ("the driver accelerates", "DRIVER_THROTTLE", {"driver_throttle": True}),
-        ("the driver steers to the left", "DRIVER_STEER_TORQUE", {"driver_torque_nm": 5.0}),
-        ("the driver steers to the right", "DRIVER_STEER_TORQUE", {"driver_torque_nm": -5.0}),
+        ("the driver steers to the left", "DRIVER_STEER_TORQUE", {"driver_torque_nm": JUST_OVERRIDES_NM}),
+        ("the driver steers to the right", "DRIVER_STEER_TORQUE", {"driver_torque_nm": -JUST_OVERRIDES_NM}),
     )
     steps = tuple(
         Step(
@@ -124,5 +126,5 @@ def _latched(numbers: Numbers) -> tuple[Case, ...]:
             needs=(Need.REARM,),
             answers_in_time=False,
         )
-        for name, tag, watched_s in (("override-lasts", "quick", 7.0), ("override-lasts-a-minute", "slow", 62.0))
+        for name, tag, watched_s in (("override-lasts", "quick", 5.0), ("override-lasts-a-minute", "slow", 62.0))
     )

@@ -18,6 +18,8 @@ from hil_bench.routes import Route
 from hil_bench.steps import Step
 from hil_bench.wire import Wire
 
+END_MPS = 8.0
+"""From there a stop takes longer than a device might wait before it lets go."""
 BEND_MPS, CURVATURE_PER_M = 6.0, 1.0 / 25.0
 LAG_S = 0.08
 """Of the simulated brake."""
@@ -137,7 +139,7 @@ def _steers(numbers: Numbers) -> Case:
 
 
 def _ends(numbers: Numbers) -> Case:
-    place = f"from {numbers.true_mps(FAST_MPS, FAST_MPS + 1.0):.3g} m/s"
+    place = f"from {numbers.true_mps(END_MPS, END_MPS + 1.0):.3g} m/s"
     safe_mps2 = numbers["behavior.safe_deceleration_mps2"]
     limit = Limit(
         key="timing.shutdown_s", name="speed at the release at the end of a run", unit="m/s", profile=0.0,
@@ -154,8 +156,8 @@ def _ends(numbers: Numbers) -> Case:
         tags=("thresholds", "process", "quick"),
         proves="At the end of a run the vehicle is braked to standstill, and only then released.",
         injected=f"the run is ended, {place}",
-        route=straight(900.0, FAST_MPS + 1.0),
-        at_mps=FAST_MPS,
+        route=straight(900.0, END_MPS + 1.0),
+        at_mps=END_MPS,
         inject=process.send_signals(signal.SIGINT),
         for_s=0.05,
         see=(Ends((0,), 12.0), EndsOrderly()),

@@ -1,0 +1,188 @@
+"""Much of the catalogue in three short drives: one fault after the other, each only until it must show.
+
+They are what the quick run has instead of a case for each fault.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from hil_bench import routes
+from hil_bench.case import Case
+from hil_bench.cases.common import ANY, DROPPED, INVALID, STALE
+from hil_bench.cases.messages import REASONS, find_loss_s, from_start, make_impossible
+from hil_bench.cases.thresholds.common import Numbers, sequence_case, straight
+from hil_bench.cases.thresholds.deviation import DRIFT_MPS, LATERAL, make_drift
+from hil_bench.expect import Expectation, FallsSilent, HazardLights, LetsGo, StaysOut, Stops
+from hil_bench.faults import frames, signals, traffic, vehicle
+from hil_bench.faults.base import Injection
+from hil_bench.parts import Part, parts_of
+from hil_bench.steps import Step
+from hil_bench.vocabulary import SIGNAL_NAMES, Wait
+from hil_bench.wire import Wire
+
+SLOW_MPS, USUAL_MPS, BEND_MPS = 1.0, 2.5, 6.5
+MISMATCH = ("FRAME_MISMATCH",)
+ENGAGES_S = 0.9
+"""A device that is still armed engages a vehicle that has been READY for this long."""
+
+
+def in_turn_cases(wire: Wire) -> tuple[Case, ...]:
+    """For one vehicle."""
+    numbers = Numbers(wire)
+    return (_messages(numbers), _state(numbers), _vehicle(numbers))
+
+
+def _messages(numbers: Numbers) -> Case:
+    wire, parts = numbers.wire, parts_of(numbers.wire)
+    found: list[tuple[str, Injection, float]] = []
+    for name in dict.fromkeys((*wire.sample, *wire.status)):
+        if wire.protection_of(name).has_checksum:
+            found.append(
+                (f"{name}, checksum wrong", frames.change_message(name, frames.break_crc), find_loss_s(numbers, name))
+            )
+    last = (*wire.sample, *wire.status)[-1]
+    if wire.protection_of(last).counters:
+        frozen = frames.change_message(last, frames.hold_counter)
+        found.append((f"{last}, counter frozen", frozen, find_loss_s(numbers, last)))
+    first = wire.sample[0]
+    first_s = find_loss_s(numbers, first)
+    if Part.SHORT_ID in parts:
+        found.append((f"{first}, identifier extended", frames.change_message(first, frames.make_extended), first_s))
+    if Part.SHARED_COUNTER in parts:
+        found.append(("messages of different cycles", frames.mix_cycles(), first_s))
+    impossible = next(_find_impossible(wire), None)
+    if impossible is not None:
+        found.append((f"{impossible[0]} impossible", impossible[1], find_loss_s(numbers, wire.part_of(impossible[0]))))
+    if Part.CHECKSUM in parts:
+        flood = traffic.flood(traffic.damaged_sample, 10)
+        found.append(("damaged frames beside the sound ones", flood, first_s + 0.1))
+    steps = [
+        Step(
+            name=name,
+            inject=inject,
+            for_s=lost_s + 0.1,
+            see=(Stops(REASONS, within_s=lost_s + numbers.late_s, until_end=False, waits_for=Wait.NOTHING),),
+            is_left_alone=wire.loses_its_place,
+        )
+        for name, inject, lost_s in found
+    ]
+    return sequence_case(
+        name="messages-in-turn",
+        fault="F1 F2 F3 F5 B12",
+        tags=("messages", "frames", "quick"),
+        proves="A damaged message is no state, whichever it is and however it is damaged.",
+        injected=", ".join(step.name for step in steps),
+        route=straight(),
+        at_mps=SLOW_MPS,
+        steps=steps,
+        lacks="" if steps else "no message of the vehicle is protected",
+    )
+
+
+def _find_impossible(wire: Wire) -> Iterator[tuple[str, Injection]]:
+    for signal in SIGNAL_NAMES["state"].values():
+        inject = make_impossible(wire, signal)
+        if inject is not None:
+            yield signal, inject
+
+
+def _state(numbers: Numbers) -> Case:
+    """The first step is in a bend and fast: the wheels must return slowly."""
+    wire, parts = numbers.wire, parts_of(numbers.wire)
+    either = (*INVALID, *STALE)
+    found: list[tuple[str, bool, float, Injection, float, tuple[Expectation, ...]]] = [
+        (
+            "POSE_VALID = 0 in a bend", Part.POSE_VALID in parts, BEND_MPS,
+            vehicle.change_vehicle(pose_valid=False), 0.5, (Stops(INVALID), HazardLights()),
+        ),
+        (
+            "pose in another frame", Part.POSE_FRAME in parts, USUAL_MPS,
+            vehicle.change_vehicle(pose_frame="ODOM"), 0.2, (Stops(MISMATCH),),
+        ),
+        (
+            "POSE_VALID = 0 in every second sample", Part.POSE_VALID in parts, USUAL_MPS,
+            signals.alternate_signals(2, POSE_VALID=0.0), 0.5, (Stops(INVALID),),
+        ),
+        (
+            "GEAR = REVERSE", Part.GEAR in parts and Part.REVERSE in parts, USUAL_MPS,
+            signals.name_value("GEAR", "REVERSE"), 0.5, (Stops(INVALID, within_s=0.35, until_end=False),),
+        ),
+        (
+            "positions to the left and to the right", Part.POSITION in parts, USUAL_MPS,
+            signals.swing_signals(POS_Y=30.0), 0.3, (Stops(either, until_end=False),),
+        ),
+        (
+            "frozen values", Part.POSITION in parts, USUAL_MPS,
+            signals.freeze_sample(), 0.4, (Stops(either, within_s=0.3, until_end=False),),
+        ),
+        (
+            "samples held up, then sent at once", not wire.loses_its_place, USUAL_MPS,
+            frames.delay_in_gateway(0.3), 0.5, (Stops(STALE, until_end=False),),
+        ),
+        (
+            "SPEED 0.7 m/s too low", Part.POSITION in parts, USUAL_MPS,
+            signals.offset_signals(SPEED=-0.68), 2.5, (Stops(INVALID, within_s=2.5, until_end=False),),
+        ),
+    ]  # fmt: skip
+    steps = [
+        Step(name=name, at_mps=at_mps, inject=inject, for_s=for_s, see=see)
+        for name, applies, at_mps, inject, for_s, see in found
+        if applies
+    ]
+    if Part.POSITION in parts and not numbers.lacks(LATERAL) and not wire.loses_its_place:
+        drifts = make_drift(numbers, DRIFT_MPS, "to the left, in turn", limit_s=1.4)
+        steps.append(replace(drifts, at_mps=SLOW_MPS, see=(Stops(("DEVIATION",), within_s=1.4, until_end=False),)))
+    if Part.POSE_FRAME in parts:
+        elsewhere = vehicle.change_vehicle(pose_frame="ODOM")
+        steps.append(from_start(numbers, "pose in another frame from the start", elsewhere))
+    return sequence_case(
+        name="state-in-turn",
+        fault="S3 S4 S5 S7 S8 S9 S10",
+        tags=("state", "plausibility", "limits", "quick"),
+        proves="State that is invalid, implausible or old stops the vehicle, and a stop is one of the profile.",
+        injected=", ".join(step.name for step in steps),
+        route=lambda: routes.route("long-bend", [(600.0, 1.0 / 25.0)], BEND_MPS + 0.5, slack=6.0),
+        steps=steps,
+        lacks="" if steps else "no field of the vehicle can be wrong so that it shows",
+        allow=ANY | DROPPED | {"burst"},
+    )
+
+
+def _vehicle(numbers: Numbers) -> Case:
+    parts = parts_of(numbers.wire)
+    found: tuple[tuple[str, Part, Injection, LetsGo], ...] = (
+        (
+            "a fault of the vehicle", Part.FAULT,
+            vehicle.change_and_make_ready(fault_code=5), LetsGo(("VEHICLE_FAULT",)),
+        ),
+        (
+            "its emergency stop", Part.EMERGENCY_STOP,
+            vehicle.change_and_make_ready(mode=4), LetsGo(("VEHICLE_FAULT", "VEHICLE_NOT_AUTONOMOUS")),
+        ),
+    )  # fmt: skip
+    steps = [
+        Step(name=name, inject=inject, for_s=0.25, after_s=ENGAGES_S, see=(one, StaysOut()), is_left_alone=True)
+        for name, part, inject, one in found
+        if part in parts
+    ]
+    rival = traffic.flood(traffic.rival_command, 2)
+    steps.append(
+        Step(
+            name="another commander",
+            inject=rival,
+            for_s=0.3,
+            after_s=ENGAGES_S,
+            see=(FallsSilent(0.05), StaysOut()),
+            is_left_alone=True,
+        )
+    )
+    return sequence_case(
+        name="releases-in-turn",
+        fault="V4 B15",
+        tags=("driver", "engagement", "quick"),
+        proves="After a fault or another node's commands nothing but the operator's action makes the device drive.",
+        injected=", ".join(step.name for step in steps),
+        route=straight(),
+        at_mps=SLOW_MPS,
+        steps=steps,
+    )
