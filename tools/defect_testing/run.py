@@ -32,6 +32,7 @@ from promise_testing.project_copy import PlanError, ProjectCopy
 from defect_testing import findings as kept
 from defect_testing import page
 from defect_testing.findings import Findings, Outcome, Scope, sound_key
+from defect_testing.forked import run_virtual_cases
 from defect_testing.plan import MINIMAL, ROOT, Defect, draw_sample, find_faults, load_plan
 
 CHANNEL = "vcan0"
@@ -132,13 +133,14 @@ class VirtualBench(Bench):
     has_all_cases = False
 
     def _run(self, cases: Sequence[str], *, minimal: bool, flag: str, until_failure: bool = True) -> list[CaseResult]:
-        results = self._new_path("virtual")
-        command = ["tests/hil_bench/virtual_cases.py", str(results), *cases, *flag.split()]
-        command += ["--minimal"] if minimal else []
-        command += ["--until-failure"] if until_failure else []
-        said = self._call(command, LONGEST_CASE_S * len(cases))
+        results, log = self._new_path("virtual"), self._new_path("log")
+        words = [str(results), *cases, *flag.split()]
+        words += ["--minimal"] if minimal else []
+        words += ["--until-failure"] if until_failure else []
+        if not run_virtual_cases(self._copy.root, log, words, LONGEST_CASE_S * len(cases)):
+            raise NotExecutedError("the cases take too long")
         if not results.exists():
-            raise NotExecutedError(f"no results: {said[-500:]}")
+            raise NotExecutedError(f"no results: {log.read_text(errors='replace')[-500:]}")
         return msgspec.json.decode(results.read_bytes(), type=list[CaseResult])
 
 
