@@ -326,7 +326,7 @@ def test_a_stop_may_end_in_silence_at_rest_in_the_case_for_it_only(
     case: str, commands: Sequence[Pair], speed_mps: float, verdict: Verdict
 ) -> None:
     seen = observed(*commands, history=[at(tick / 100, speed_mps) for tick in range(1000)], status=4)
-    checks = judges.check_health(find_case(case), seen, SimpleNamespace(), [])  # type: ignore[arg-type]
+    checks = judges.check_health(find_case(case), seen, SimpleNamespace(wire=WIRE), [])  # type: ignore[arg-type]
     assert next(c.verdict for c in checks if c.text == "the stop is held") is verdict
 
 

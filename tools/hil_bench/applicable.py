@@ -47,8 +47,9 @@ def adapt(case: Case, wire: Wire) -> Case:
 
     A vehicle with odometry has lost its place when its state was stale: it stays stopped until it is armed again.
     """
-    if any(isinstance(one, GivesUp) for one in case.see):
-        case = replace(case, for_s=float(wire.profile["timing"]["engage_timeout_s"]) + WATCHED_AFTER_S)
+    watched_s = float(wire.profile["timing"]["engage_timeout_s"]) + WATCHED_AFTER_S
+    if case.for_s != watched_s and any(isinstance(one, GivesUp) for one in case.see):
+        case = replace(case, for_s=watched_s)
     if wire.speed_share == wire.length_share == 1.0 and not any(wire.later_s.values()):
         return case
     length, share = _shares(case.route(), wire)
