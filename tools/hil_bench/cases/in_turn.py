@@ -80,7 +80,7 @@ def _messages(numbers: Numbers) -> Case:
 
 
 def _find_impossible(wire: Wire) -> Iterator[tuple[str, Injection]]:
-    for signal in SIGNAL_NAMES["state"].values():
+    for signal in (*SIGNAL_NAMES["status"].values(), *SIGNAL_NAMES["state"].values()):  # of state it also contradicts
         inject = make_impossible(wire, signal)
         if inject is not None:
             yield signal, inject

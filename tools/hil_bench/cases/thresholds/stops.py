@@ -18,9 +18,7 @@ from hil_bench.routes import Route
 from hil_bench.steps import Step
 from hil_bench.wire import Wire
 
-END_MPS = 8.0
-"""From there a stop takes longer than a device might wait before it lets go."""
-BEND_MPS, CURVATURE_PER_M = 6.0, 1.0 / 25.0
+BFAST_MPS, CURVATURE_PER_M = 6.0, 1.0 / 25.0
 LAG_S = 0.08
 """Of the simulated brake."""
 FULL = 0.95
@@ -122,8 +120,8 @@ def _steers(numbers: Numbers) -> Case:
     step = Step(
         name="in a bend",
         inject=_invalid(numbers),
-        for_s=numbers.true_mps(BEND_MPS, BEND_MPS + 0.7) / numbers["behavior.safe_deceleration_mps2"] + 1.5,
-        at_mps=BEND_MPS,
+        for_s=numbers.true_mps(BFAST_MPS, BFAST_MPS + 0.7) / numbers["behavior.safe_deceleration_mps2"] + 1.5,
+        at_mps=BFAST_MPS,
         measure=(AtRest(limit=limit, of=_wheel_rad),),
         is_left_alone=True,
     )
@@ -132,14 +130,14 @@ def _steers(numbers: Numbers) -> Case:
         "S5 X12",
         "A stop in a bend steers as the profile says.",
         "what stops the vehicle, in a bend",
-        route=bend(CURVATURE_PER_M, BEND_MPS + 0.7),
+        route=bend(CURVATURE_PER_M, BFAST_MPS + 0.7),
         steps=(step,),
         lacks="" if numbers.wire.commands_angle else "its commands are no wheel angles",
     )
 
 
 def _ends(numbers: Numbers) -> Case:
-    place = f"from {numbers.true_mps(END_MPS, END_MPS + 1.0):.3g} m/s"
+    place = f"from {numbers.true_mps(FAST_MPS, FAST_MPS + 1.0):.3g} m/s"
     safe_mps2 = numbers["behavior.safe_deceleration_mps2"]
     limit = Limit(
         key="timing.shutdown_s", name="speed at the release at the end of a run", unit="m/s", profile=0.0,
@@ -156,8 +154,8 @@ def _ends(numbers: Numbers) -> Case:
         tags=("thresholds", "process", "quick"),
         proves="At the end of a run the vehicle is braked to standstill, and only then released.",
         injected=f"the run is ended, {place}",
-        route=straight(900.0, END_MPS + 1.0),
-        at_mps=END_MPS,
+        route=straight(900.0, FAST_MPS + 1.0),
+        at_mps=FAST_MPS,
         inject=process.send_signals(signal.SIGINT),
         for_s=0.05,
         see=(Ends((0,), 12.0), EndsOrderly()),
