@@ -1,5 +1,6 @@
 """Judges a record of frames by a profile, with the same result as the bus contract's judge of the reference vehicle."""
 
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
@@ -233,12 +234,13 @@ class _Examination:
 def _judge_slow_answers(wire: PeerWire, record: Record) -> None:
     """Where commands are slower than samples: one in each of their periods, and no more."""
     period_ns = wire.command_period_s * S
+    sampled_ns = [one.stamp_ns for one in record.samples]
     for before, after in pairwise(record.pairs):
         apart_ns = after.stamp_ns - before.stamp_ns
         if apart_ns > 0.2 * S:
             record.silences.append((before.stamp_ns, after.stamp_ns))
             continue
-        samples = [one.stamp_ns for one in record.samples if before.stamp_ns < one.stamp_ns <= after.stamp_ns]
+        samples = sampled_ns[bisect_right(sampled_ns, before.stamp_ns) : bisect_right(sampled_ns, after.stamp_ns)]
         at = f"{(after.stamp_ns - record.begin_ns) / S:.3f} s"
         if apart_ns > MISSED_PERIODS * period_ns and len(samples) > MISSED_PERIODS * period_ns / (wire.period_s * S):
             record.unanswered.append(f"no command for {len(samples)} samples until {at}")
