@@ -65,7 +65,7 @@ def build_parser() -> argparse.ArgumentParser:
     add("--schema", action="store_true", help="print the JSON schema of results.json, and exit")
     add("--case", action="append", default=[], metavar="NAME", help="execute only this case; may be repeated")
     add("--tag", action="append", default=[], metavar="TAG", help="execute only cases with this tag; may be repeated")
-    add("--quick", action="store_true", help="execute only the ten quick cases, in two minutes")
+    add("--quick", action="store_true", help="execute only the quick cases, in some three minutes")
     add("--list", action="store_true", help="list all cases and what each proves, and exit")
     add("--repeat", type=_positive_int, default=1, metavar="N", help="execute each case N times")
     add("--seed", type=int, default=0, help="seed of everything random; repetition n uses seed + n − 1")
