@@ -48,17 +48,19 @@ def _brakes(numbers: Numbers) -> Case:
     build_s = safe_mps2 / numbers.or_else("behavior.stop_jerk_mps3", math.inf)
     exact = numbers.wire.accel_slack_mps2
     begins_s = numbers.late_s + numbers.inferred_s
+    # Without a signal for the pose, a missing status stops the vehicle, which drives on until the status is stale.
+    drives_s = 0.0 if numbers.wire.has("POSE_VALID") else numbers.or_else("timing.status_stale_s", 0.0)
     steps = []
     for at_mps in (FAST_MPS, USUAL_MPS * 2.0):
         true_mps = numbers.true_mps(at_mps, FAST_MPS + 1.0)
         place = f"from {true_mps:.3g} m/s"
-        way_m = true_mps**2 / (2.0 * safe_mps2) + true_mps * (begins_s / 2.0 + build_s / 2.0 + LAG_S)
+        way_m = true_mps**2 / (2.0 * safe_mps2) + true_mps * (drives_s + begins_s / 2.0 + build_s / 2.0 + LAG_S)
         slack = DECEL_SHARE * safe_mps2 + exact
         steps.append(
             Step(
                 name=place,
                 inject=_invalid(numbers),
-                for_s=true_mps / safe_mps2 + 2.5,
+                for_s=drives_s + true_mps / safe_mps2 + 2.5,
                 at_mps=at_mps,
                 measure=(
                     Brakes(
