@@ -63,6 +63,41 @@ def test_the_program_acts_where_its_profile_says(name: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
+    ("profile", "name"),
+    [
+        ("j1939_truck", "threshold-command-age"),
+        ("j1939_truck", "threshold-jumps"),
+        ("j1939_truck", "threshold-stop"),
+        ("agilex_hunter", "threshold-command-age"),
+    ],
+)
+def test_the_program_acts_where_the_profile_of_another_vehicle_says(profile: str, name: str, tmp_path: Path) -> None:
+    found = run(name, tmp_path, profile)
+    assert found.verdict is Verdict.PASS, (found.why, found.measured)
+    assert found.measured
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong", "name"),
+    [
+        ("max_command_age_s = 0.1", "max_command_age_s = 0.3", "threshold-command-age"),
+        ("status_stale_s = 0.35", "status_stale_s = 0.8", "threshold-stop"),
+        ("speed_tolerance_mps = 0.8 ", "speed_tolerance_mps = 1.2 ", "threshold-jumps"),
+    ],
+)
+def test_a_truck_with_another_threshold_fails(key: str, wrong: str, name: str, tmp_path: Path) -> None:
+    files = open_wire("j1939_truck")
+    text = files.path.read_text()
+    assert text.count(key) == 1
+    for file in files.path.parent.glob("j1939_*"):
+        (tmp_path / file.name).write_text(file.read_text())
+    (tmp_path / "wrong.toml").write_text(text.replace(key, wrong))
+    found = run_virtual(case_named(name, "j1939_truck"), "j1939_truck", tmp_path, str(tmp_path / "wrong.toml"))
+    assert found.verdict is Verdict.FAIL
+    assert any(one.verdict is Verdict.FAIL for one in found.measured)
+
+
+@pytest.mark.parametrize(
     ("key", "wrong", "name"),
     [
         ("state_stale_s = 0.05 ", "state_stale_s = 0.1 ", "threshold-missing-state"),

@@ -1,6 +1,9 @@
 """Measurements of where a device engages, releases, drives on, changes gear and drops a sample."""
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from vehicle_bus_contract.judge import Pair
 from vehicle_bus_contract.reference import NO_REQUEST, S
@@ -40,14 +43,36 @@ class DrivesAfter:
 
 @dataclass(frozen=True, kw_only=True)
 class OldestAnswered:
-    """The greatest age of the newest sample when a command that drives was sent; 0 without such a command."""
+    """The greatest age of the newest sample when a command that drives was sent; 0 without such a command.
+
+    Where no signal says so, a command is taken as a stop `begins_s` after the stop has begun. The commands in between
+    belong to the stop: the first asks for at least `falls` (m/s or m/s²) less than the one before, none for more.
+    """
 
     limit: Limit
+    begins_s: float = 0.0
+    falls: float = 0.0
 
     def measure(self, observed: Observation) -> list[Measured]:
-        driving = [pair.stamp_ns for pair in observed.between(observed.inject_ns, observed.end_ns) if _drives(pair)]
+        pairs = observed.between(observed.inject_ns, observed.end_ns + round(self.begins_s * S))
+        stops = [number for number, pair in enumerate(pairs) if pair.is_stop and number and _drives(pairs[number - 1])]
+        of_stops = {stamp_ns for number in stops for stamp_ns in self._begin_of_stop_ns(pairs[: number + 1])}
+        driving = {pair.stamp_ns for pair in pairs if _drives(pair) and pair.stamp_ns < observed.end_ns} - of_stops
         ages_s = [(at_ns - newest_ns) / S for at_ns in driving if (newest_ns := _newest_ns(observed, at_ns))]
         return self.limit.at(max(ages_s, default=0.0))
+
+    def _begin_of_stop_ns(self, pairs: Sequence[Pair]) -> list[int]:
+        """When the commands were sent that begin the stop, of which the last one is the first that is taken as one."""
+        earlier: list[int] = []
+        begun: list[int] = []
+        for before, pair in reversed(list(pairwise(pairs[:-1]))):
+            fell = _asked(before) - _asked(pair)
+            if fell < 0.0 or pair.stamp_ns < pairs[-1].stamp_ns - self.begins_s * S:
+                break
+            earlier.append(pair.stamp_ns)
+            if fell >= self.falls:
+                begun = list(earlier)
+        return begun
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,26 +126,37 @@ class ReleasedAfter:
 
 @dataclass(frozen=True, kw_only=True)
 class FirstDropped:
-    """The size of the first change that costs its sample: the n-th sample of each `every` is changed by n times `step`.
+    """The size of the first change that costs its sample: the n-th frame of each `every` is changed by n times `step`.
 
-    The sample after a changed one may be dropped in its place: a device compares both ways.
+    The sample after a changed one may be dropped in its place: a device compares both ways. Where commands are slower
+    than samples, one is sent for every few of them, all of which are changed.
     """
 
     limit: Limit
     every: int
     step: float
+    message: str = ""
+    """That is changed; empty: the one that completes the sample."""
 
     def measure(self, observed: Observation) -> list[Measured]:
-        name = observed.wire.trigger
-        stamps = (told.stamp_ns for told in observed.told if told.name == name)
-        samples = [stamp_ns for stamp_ns in stamps if observed.inject_ns < stamp_ns < observed.end_ns]
-        for number, stamp_ns in enumerate(samples[:-2], 1):
-            if number % self.every:
+        wire = observed.wire
+        changed, samples = (
+            [told.stamp_ns for told in observed.told if told.name == name and self._is_during(observed, told.stamp_ns)]
+            for name in (self.message or wire.trigger, wire.trigger)
+        )
+        per_command = max(1, round(wire.command_period_s / wire.period_s))
+        answers = 2 if per_command == 1 else 3
+        for number, stamp_ns in enumerate(changed, 1):
+            first = bisect_left(samples, stamp_ns)
+            if number % self.every or first + answers * per_command >= len(samples):
                 continue
-            after_ns = samples[number + 1]
-            if len(observed.between(stamp_ns, after_ns)) < 2:
+            after_ns = samples[first + answers * per_command]
+            if len(observed.between(samples[first], after_ns)) < answers:
                 return self.limit.at(self.step * (number // self.every))
         return self.limit.at(None)
+
+    def _is_during(self, observed: Observation, stamp_ns: int) -> bool:
+        return observed.inject_ns < stamp_ns < observed.end_ns
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +176,11 @@ class GearRequestedAt:
 
 def _drives(pair: Pair) -> bool:
     return pair.is_enabled and not pair.is_stop
+
+
+def _asked(pair: Pair) -> float:
+    """The commanded speed, or else the acceleration, on a drive forwards."""
+    return pair.drive.signals.get("SPEED_REQUEST", pair.drive["ACCEL_REQUEST"])
 
 
 def _newest_ns(observed: Observation, at_ns: int) -> int:

@@ -142,29 +142,31 @@ def act_without_the_vehicle(**changed: object) -> Injection:
 
 
 class _GrowingSteps(Fault):
-    """Every n-th frame of a message is changed, each time by more."""
+    """Every n-th frame of a message is changed, and the next ones with it, each time by more."""
 
-    def __init__(self, rig: Rig, message: str, every: int, change: Callable[[SignalValues, int], None]) -> None:
+    def __init__(
+        self, rig: Rig, message: str, every: int, change: Callable[[SignalValues, int], None], in_a_row: int
+    ) -> None:
         self._vehicle, self._message = rig.vehicle, message
-        self._every, self._change, self._count = every, change, 0
+        self._every, self._change, self._in_a_row, self._count = every, change, in_a_row, 0
 
     def values(self, values: SignalValues) -> None:
         if not self._vehicle.is_due(self._message):
             return
         self._count += 1
-        if self._count % self._every == 0:
+        if self._count >= self._every and self._count % self._every < self._in_a_row:
             self._change(values, self._count // self._every)
 
 
-def offset_each(every: int, step: float, *names: str) -> Injection:
-    """Every n-th sample has `step` more in these signals than the time before."""
+def offset_each(every: int, step: float, *names: str, in_a_row: int = 1) -> Injection:
+    """Every n-th frame, and the next ones of its row, have `step` more in these signals than the time before."""
 
     def inject(rig: Rig) -> AbstractContextManager[None]:
         def change(values: SignalValues, number: int) -> None:
             for name in names:
                 values[rig.wire.part_of(name)][name] += step * number
 
-        return with_fault(rig, _GrowingSteps(rig, rig.wire.part_of(names[0]), every, change))
+        return with_fault(rig, _GrowingSteps(rig, rig.wire.part_of(names[0]), every, change, in_a_row))
 
     return inject
 

@@ -4,9 +4,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from vehicle_bus_contract.reference import S
+
 from hil_bench import routes
 from hil_bench.case import Case, Need, Then
 from hil_bench.cases.common import ANY
+from hil_bench.peer.infer import WINDOW_NS
 from hil_bench.routes import Route
 from hil_bench.steps import Step
 from hil_bench.wire import Wire
@@ -74,6 +77,23 @@ class Numbers:
         if self.wire.has_stop_signal:
             return 0.0
         return STOP_SHARE * self["behavior.safe_deceleration_mps2"] / self.or_else("behavior.stop_jerk_mps3", 20.0)
+
+    @property
+    def begins_s(self) -> float:
+        """The longest time from the first command of a stop, after a pause, to the one that is taken as a stop."""
+        if self.wire.has_stop_signal:
+            return 0.0
+        # A speed is taken as a stop by its slope, in which the pause counts until it is older than the window.
+        slow_s = self.wire.hold_s(*self.wire.opposed) if self.wire.commands_acceleration else WINDOW_NS / S
+        return self.inferred_s + slow_s + self.wire.command_period_s + JITTER_S
+
+    @property
+    def least_fall(self) -> float:
+        """How much less the first command of a stop asks for, m/s² or m/s: half of the profile's step."""
+        safe_mps2, period_s = self["behavior.safe_deceleration_mps2"], self.wire.command_period_s
+        if not self.wire.commands_acceleration:
+            return 0.5 * safe_mps2 * period_s
+        return 0.5 * min(STOP_SHARE * safe_mps2, self.or_else("behavior.stop_jerk_mps3", 20.0) * period_s)
 
 
 def sequence_case(

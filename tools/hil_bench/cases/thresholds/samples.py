@@ -1,5 +1,7 @@
 """Between two samples: how far values may change, how long they may be frozen, how many may be lost."""
 
+import math
+
 from hil_bench.case import Case
 from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
 from hil_bench.expect.limit import Limit
@@ -11,6 +13,8 @@ from hil_bench.wire import Wire
 
 EVERY = 25
 """Samples between two changed ones: so many sound ones that single glitches do not persist."""
+LEAST_EVERY = 3
+"""Frames of a slow message."""
 COUNT = 12
 """Sizes that are tried; the threshold lies in their middle."""
 NO_PLACE = "the vehicle has no position on its bus"
@@ -45,6 +49,11 @@ def _jumps(numbers: Numbers) -> Case:
             continue
         for side, way in (("upwards", 1.0), ("downwards", -1.0)):
             step = way * 1.6 * (stated + more) / COUNT
+            message = wire.part_of(names[0])
+            period_s = getattr(wire, "periods_s", {}).get(message, wire.period_s)
+            every = max(LEAST_EVERY, math.ceil(EVERY * wire.period_s / period_s))
+            # All samples are changed that one command may answer; a slow message's value stays for several anyway.
+            in_a_row = max(1, round(wire.command_period_s / period_s))
             limit = Limit(
                 key=key, name=name, unit=unit, profile=stated, lowest=stated - abs(step) * 1.1,
                 highest=stated + more + abs(step) * 1.1, place=side,
@@ -52,9 +61,9 @@ def _jumps(numbers: Numbers) -> Case:
             steps.append(
                 Step(
                     name=f"{name}, {side}",
-                    inject=growing.offset_each(EVERY, step, names[0]),
-                    for_s=(COUNT + 1) * EVERY * wire.period_s,
-                    measure=(FirstDropped(limit=limit, every=EVERY, step=abs(step)),),
+                    inject=growing.offset_each(every, step, names[0], in_a_row=in_a_row),
+                    for_s=(COUNT + 1) * every * period_s,
+                    measure=(FirstDropped(limit=limit, every=every, step=abs(step), message=message),),
                     is_left_alone=True,
                 )
             )

@@ -113,7 +113,9 @@ def _command_age(numbers: Numbers) -> Case:
                         profile=stated_s,
                         highest=stated_s + JITTER_S,
                         place=f"after {share * stated_s:.3g} s",
-                    )
+                    ),
+                    begins_s=numbers.begins_s,
+                    falls=numbers.least_fall,
                 ),
             ),
             is_left_alone=True,
