@@ -10,6 +10,7 @@ from hil_bench import routes
 from hil_bench.case import Case, Need, Then
 from hil_bench.cases.common import ANY
 from hil_bench.peer.infer import WINDOW_NS
+from hil_bench.peer.wire import PeerWire
 from hil_bench.routes import Route
 from hil_bench.steps import Step
 from hil_bench.wire import Wire
@@ -81,11 +82,12 @@ class Numbers:
     @property
     def begins_s(self) -> float:
         """The longest time from the first command of a stop, after a pause, to the one that is taken as a stop."""
-        if self.wire.has_stop_signal:
+        wire = self.wire
+        if wire.has_stop_signal or not isinstance(wire, PeerWire):
             return 0.0
         # A speed is taken as a stop by its slope, in which the pause counts until it is older than the window.
-        slow_s = self.wire.hold_s(*self.wire.opposed) if self.wire.commands_acceleration else WINDOW_NS / S
-        return self.inferred_s + slow_s + self.wire.command_period_s + JITTER_S
+        slow_s = wire.hold_s(*wire.opposed) if wire.commands_acceleration else WINDOW_NS / S
+        return self.inferred_s + slow_s + wire.command_period_s + JITTER_S
 
     @property
     def least_fall(self) -> float:

@@ -22,7 +22,6 @@ BLIP_S, PAUSE_S = 0.06, 1.0
 AGES = (0.5, 1.3, 2.5)
 """Times the greatest age of a sample that is answered."""
 AGED_S = 0.08
-NO_STOP = "no signal says that a command is a stop: which ones drive is inferred too late"
 GAP_SHARE = 0.8
 """Of the time for which state must be fresh: from one gap to the next."""
 
@@ -131,7 +130,7 @@ def _command_age(numbers: Numbers) -> Case:
             injected="the device is paused, then samples are left out, and the device goes on before the next sample",
             route=straight(),
             steps=steps,
-            lacks=numbers.lacks(key) or ("" if numbers.wire.has_stop_signal else NO_STOP),
+            lacks=numbers.lacks(key),
         ),
         needs=(Need.REARM, Need.OWN_PROCESS),
     )
