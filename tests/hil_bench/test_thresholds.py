@@ -69,6 +69,7 @@ def test_the_program_acts_where_its_profile_says(name: str, tmp_path: Path) -> N
         ("j1939_truck", "threshold-jumps"),
         ("j1939_truck", "threshold-stop"),
         ("agilex_hunter", "threshold-command-age"),
+        ("agilex_hunter_ins", "threshold-command-age"),
     ],
 )
 def test_the_program_acts_where_the_profile_of_another_vehicle_says(profile: str, name: str, tmp_path: Path) -> None:

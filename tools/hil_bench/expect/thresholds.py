@@ -54,10 +54,13 @@ class OldestAnswered:
     falls: float = 0.0
 
     def measure(self, observed: Observation) -> list[Measured]:
-        pairs = observed.between(observed.inject_ns, observed.end_ns + round(self.begins_s * S))
+        # The stop may begin with the first command: what that asks is compared with the last one before the injection.
+        begins_ns = round(self.begins_s * S)
+        pairs = observed.between(observed.inject_ns - begins_ns, observed.end_ns + begins_ns)
         stops = [number for number, pair in enumerate(pairs) if pair.is_stop and number and _drives(pairs[number - 1])]
         of_stops = {stamp_ns for number in stops for stamp_ns in self._begin_of_stop_ns(pairs[: number + 1])}
-        driving = {pair.stamp_ns for pair in pairs if _drives(pair) and pair.stamp_ns < observed.end_ns} - of_stops
+        during = observed.between(observed.inject_ns, observed.end_ns)
+        driving = {pair.stamp_ns for pair in during if _drives(pair)} - of_stops
         ages_s = [(at_ns - newest_ns) / S for at_ns in driving if (newest_ns := _newest_ns(observed, at_ns))]
         return self.limit.at(max(ages_s, default=0.0))
 

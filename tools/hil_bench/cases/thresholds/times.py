@@ -103,6 +103,7 @@ def _command_age(numbers: Numbers) -> Case:
             name=f"the newest sample is {share:g} times as old",
             inject=base.combine(vehicle.change_vehicle(has_watchdog=False), process.pause_and_mute(share * stated_s)),
             for_s=AGED_S,
+            after_s=numbers.begins_s,
             measure=(
                 OldestAnswered(
                     limit=Limit(
