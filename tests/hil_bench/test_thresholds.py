@@ -68,6 +68,7 @@ def test_the_program_acts_where_its_profile_says(name: str, tmp_path: Path) -> N
         ("j1939_truck", "threshold-command-age"),
         ("j1939_truck", "threshold-jumps"),
         ("j1939_truck", "threshold-stop"),
+        ("mqb_by_wire", "threshold-jumps"),
         ("agilex_hunter", "threshold-command-age"),
         ("agilex_hunter_ins", "threshold-command-age"),
     ],

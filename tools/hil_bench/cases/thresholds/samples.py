@@ -29,7 +29,8 @@ def sample_cases(wire: Wire) -> tuple[Case, ...]:
 def _jumps(numbers: Numbers) -> Case:
     wire = numbers.wire
     moved_m = numbers.true_mps(USUAL_MPS, USUAL_MPS) * wire.period_s
-    grows_mps = numbers.or_else("plausibility.accel_mps2", 0.0) * wire.period_s
+    # Of the samples that one command may answer, the last is compared with the one before the first.
+    grows_mps = numbers.or_else("plausibility.accel_mps2", 0.0) * numbers.period_s
     turned_rad = 0.1 * wire.period_s
     found = (
         ("plausibility.position_tolerance_m", "jump of the position", "m", moved_m, ("POS_Y",)),
