@@ -219,12 +219,16 @@ def test_limited_values_are_counted_by_name_and_rounded_ones_are_not() -> None:
     gate.permit(request(speed_mps=19.9987, front_wheel_angle_rad=0.00004), state(), now_ns=10_000_000, reversing=False)
     assert not any(gate.limited.values())
     gate.permit(
-        request(speed_mps=25.0, accel_mps2=9.0, front_wheel_angle_rad=0.5), state(), now_ns=20_000_000, reversing=False
+        request(speed_mps=25.0, accel_mps2=9.0, front_wheel_angle_rad=0.5, rear_wheel_angle_rad=0.3),
+        state(),
+        now_ns=20_000_000,
+        reversing=False,
     )
     assert {name: count for name, count in gate.limited.items() if count} == {
         "speed_mps": 1,
         "accel_mps2": 1,
         "front_wheel_angle_rad": 1,
+        "rear_wheel_angle_rad": 1,
     }
 
 
