@@ -1,6 +1,5 @@
 """A decoded message: complete, intact and in range."""
 
-from functools import partial
 from typing import NamedTuple
 
 
@@ -15,7 +14,3 @@ class DecodedMessage(NamedTuple):
     """Its end-to-end counter; −1 where the message has none."""
     values: tuple[float | int | None, ...]
     """In the order of the message's `MessageCodec.names`, SI units as in the DBC."""
-
-
-decoded_message = partial(tuple.__new__, DecodedMessage)
-"""A message from the tuple of all its fields, in order: the decoder makes several for each sample."""

@@ -5,7 +5,6 @@ The codec compiles a profile's fields, forms and conditions to the two functions
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 from vehicle_iface.pose import Located, PoseInputs
@@ -25,10 +24,6 @@ class MeasuredState(NamedTuple):
 
     state: VehicleState
     pose_valid: bool
-
-
-measured_state = partial(tuple.__new__, MeasuredState)
-"""From the tuple of all fields, in order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 from vehicle_iface.decoded import DecodedMessage
@@ -32,10 +31,6 @@ class Sample(NamedTuple):
     """Kernel receive time of the message that completed it; `state.stamp_ns` is that of the first one."""
     is_lost: bool
     """Whether dead reckoning was interrupted: where the vehicle is will not be known again by itself."""
-
-
-_sample = partial(tuple.__new__, Sample)
-"""From the tuple of all fields, in order."""
 
 
 @dataclass(slots=True)
@@ -212,7 +207,7 @@ class StateAssembler:
         counter = last.counter if self._freshness is None else -1
         fresh = self._are_others_fresh(stamp_ns)
         is_lost = self.locator.is_interrupted
-        self.newest = _sample((measured.state, measured.pose_valid, fresh, counter, last.stamp_ns, is_lost))
+        self.newest = Sample(measured.state, measured.pose_valid, fresh, counter, last.stamp_ns, is_lost)
         self.completed += 1
         return self.newest
 

@@ -1,6 +1,7 @@
 """Devices without a process, for a rig in virtual time: the program's loop, and the minimal controller."""
 
 import signal
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +21,7 @@ from vehicle_iface.profile import load_profile
 from vehicle_iface.trajectories.source import FixedTrajectory
 
 
-class VirtualDevice:
+class VirtualDevice(ABC):
     """What a rig asks of a device."""
 
     is_started = True
@@ -36,21 +37,21 @@ class VirtualDevice:
         assert not open_files
         self.status = self.build(is_armed=armed)
 
+    @abstractmethod
     def build(self, *, is_armed: bool) -> int | None:
         """Make it; an exit status where it refuses to start."""
-        raise NotImplementedError
 
+    @abstractmethod
     def step(self) -> None:
         """Wait for frames, and process them."""
-        raise NotImplementedError
 
+    @abstractmethod
     def rearm(self) -> None:
         """As SIGUSR1."""
-        raise NotImplementedError
 
+    @abstractmethod
     def stop(self) -> None:
         """As SIGINT."""
-        raise NotImplementedError
 
     def poll(self) -> int | None:
         """Its exit status."""

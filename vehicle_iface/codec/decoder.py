@@ -10,7 +10,7 @@ from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.database import EXACT_ID, BoundMessage, find_masked
 from vehicle_iface.codec.e2e import CounterCheck, DamageCheck, Sequence
 from vehicle_iface.codec.protection import NO_COUNTER
-from vehicle_iface.decoded import DecodedMessage, decoded_message
+from vehicle_iface.decoded import DecodedMessage
 from vehicle_iface.errors import SignalError
 from vehicle_iface.frame import CanFrame, FrameKey
 
@@ -148,7 +148,7 @@ class Decoder:
         if entry.convert is not None:
             values = entry.convert(values)
         self.accepted += 1
-        return decoded_message((entry.name, stamp_ns, counter, values))
+        return DecodedMessage(entry.name, stamp_ns, counter, values)
 
     def reset(self) -> None:
         """Reset all sequences, for example after the bus was reopened. The counts are kept."""

@@ -32,7 +32,6 @@ class _Output:
         "name",
         "protection",
         "sent",
-        "states",
         "values_of",
     )
 
@@ -43,7 +42,6 @@ class _Output:
         self.is_fd = message.is_fd
         self.encode = message.codec.encode
         self.protection = message.protection
-        self.states = message.protection.counter_states if message.protection is not None else 1
         self.values_of = _collector(message)
         self.echoes, self.complements = message.values.echoes, message.values.complements
         self.fields = message.fields
@@ -138,7 +136,8 @@ class Encoder:
             can_id, _, _, is_extended, _, _, _, bus = frame
             output = outputs[can_id, is_extended, bus]
             output.sent += 1
-            output.counter = (output.counter + 1) % output.states
+            if output.protection is not None:
+                output.counter = output.protection.next_counter(output.counter)
 
     def fields_of(self, frames: Iterable[CanFrame]) -> set[str]:
         """Return the fields whose values these frames carry."""

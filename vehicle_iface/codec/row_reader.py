@@ -14,7 +14,7 @@ from vehicle_iface.pose import PoseInputs
 from vehicle_iface.profile.forms import Condition
 from vehicle_iface.profile.signals import DriverConditions
 from vehicle_iface.profile.state_pose import POSE_SIGNALS, Mount
-from vehicle_iface.row import RowReader, measured_state
+from vehicle_iface.row import MeasuredState, RowReader
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear, VehicleMode, VehicleStatus
 
@@ -53,7 +53,7 @@ def build_row_reader(binding: Binding, signals: Mapping[str, tuple[str, ...]], f
     functions: dict[str, object] = {
         "VehicleState": VehicleState,
         "VehicleStatus": VehicleStatus,
-        "measured_state": measured_state,
+        "MeasuredState": MeasuredState,
         "PoseInputs": PoseInputs,
         "FRAMES": dict(frames),
         "MODES": {int(mode): mode for mode in VehicleMode},
@@ -98,7 +98,7 @@ def _state_lines(binding: Binding, find: Find) -> Iterator[str]:
     if is_located:
         yield f"        pose, is_valid = locate(stamp_ns, is_valid, PoseInputs({_as_arguments(inputs)}))"
     yield f"        state = VehicleState(stamp_ns=stamp_ns, frame_id={frame}, {_as_arguments(pose | others)})"
-    yield "        return measured_state((state, is_valid))"
+    yield "        return MeasuredState(state, is_valid)"
     yield "    except MISSING:"
     yield "        return None"
 

@@ -5,8 +5,8 @@ unless the constant happens to be the lag of its speed controller. An integrator
 the vehicle follows, it accelerates as permitted. It is bounded, so that a vehicle that does not follow (uphill or
 blocked) does not find a distant target when it does.
 
-- The target is within `HORIZON_S` of the greatest drive or braking from the measured speed. A vehicle that becomes
-  faster than it is told to (downhill or pushed) never raises its target.
+- The target is within `HORIZON_S` of the greatest drive or braking from the measured speed. A vehicle that
+  becomes faster than commanded (downhill or pushed) never raises its target.
 - It has the sign of the direction of travel, or is 0; it turns over only where the vehicle stands.
 - It is never above the speed limit, and never above the measured speed while the vehicle waits for a gear or is
   stopped. While the vehicle does not obey yet it is the measured speed.

@@ -178,12 +178,12 @@ class Loop:
         outcome = self._transmitter.send_command(decision, now_ns, is_newest=is_newest)
         if outcome is not Outcome.NOT_SENT:
             self._send_others(now_ns)
-        latency_ns = (sent_ns := self._now_ns()) - sample.completed_ns
+        latency_ns = self._now_ns() - sample.completed_ns
         if outcome is Outcome.SENT:
             self._counters.latency.add(latency_ns)
             self._counters.commands_late += latency_ns > self._period_ns
         self._publish(now_ns, decision, outcome, latency_ns=latency_ns)
-        self._update_trajectory(sample, now_ns=sent_ns)
+        self._update_trajectory(sample, now_ns=sample.completed_ns + latency_ns)
 
     def _send_stop(self, last: VehicleState, reason: Reason, now_ns: int) -> None:
         """Send a stop computed from the last known state, because no usable sample arrived."""

@@ -19,11 +19,11 @@ class _Entry:
     when: str
     period_ns: int | None
     """The period; None for a message that is sent once."""
-    watched: frozenset[str]
+    watched: tuple[str, ...]
     """The phases that its values depend on."""
     holds: bool = False
-    sent_in: frozenset[str] | None = None
-    """The watched phases that held when it was sent last."""
+    sent_in: Phases | None = None
+    """The phases in which it was sent last."""
     next_ns: int | None = None
     """Time at which the message is due; None while it is not scheduled."""
 
@@ -58,8 +58,7 @@ class ScheduledSends:
                 entry.next_ns = None
             elif not held:
                 entry.next_ns = now_ns
-            holding = frozenset(name for name in entry.watched if getattr(phases, name))
-            has_changed = entry.sent_in is not None and holding != entry.sent_in
+            has_changed = entry.sent_in is not None and _differ(entry.sent_in, phases, entry.watched)
             if entry.next_ns is not None and has_changed:
                 entry.next_ns = now_ns
             if entry.next_ns is None or now_ns < entry.next_ns - self._slack_ns:
@@ -67,7 +66,7 @@ class ScheduledSends:
             if only_once and entry.period_ns is not None and not has_changed:
                 continue
             if self._transmitter.has_room() and self._transmitter.send(entry.message, None):
-                entry.next_ns, entry.sent_in = self._next_ns(entry, entry.next_ns, now_ns), holding
+                entry.next_ns, entry.sent_in = self._next_ns(entry, entry.next_ns, now_ns), phases
 
     def _next_ns(self, entry: _Entry, due_ns: int, now_ns: int) -> int | None:
         """Return the next time on the grid that starts with the phase; missed times are left out."""
@@ -77,9 +76,14 @@ class ScheduledSends:
         return due_ns + (missed + 1) * entry.period_ns
 
 
-def _find_watched(sent: SentMessage) -> frozenset[str]:
+def _differ(before: Phases, after: Phases, watched: Iterable[str]) -> bool:
+    """Whether one of the watched phases began or ended."""
+    return before != after and any(getattr(before, name) is not getattr(after, name) for name in watched)
+
+
+def _find_watched(sent: SentMessage) -> tuple[str, ...]:
     """Return the phases that the values of a periodic message depend on."""
     if sent.once:
-        return frozenset()
+        return ()
     tables = (value for value in sent.values.values() if isinstance(value, ValueTable))
-    return frozenset(table.when for table in tables if table.when is not None)
+    return tuple(table.when for table in tables if table.when is not None)

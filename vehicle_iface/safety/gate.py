@@ -241,7 +241,7 @@ class Gate:
         per_s = limits.lateral_jerk_mps3 / (speed_mps * speed_mps)
         by_step = per_s * _step_s(now_ns, max(last.front_ns, last.rear_ns))
         by_hold = per_s * ((now_ns - last.turned_ns) / NS_PER_S)
-        # The curvature of the angles sent last, and with the front wheels one count further right or left.
+        # The curvature (1/m) of the angles sent last, and with the front wheels one count further right or left.
         was_rad, rear_tan = last.front_raw * front_lsb, tan(last.rear_raw * rear_lsb)
         now = (tan(was_rad) - rear_tan) / wheelbase_m
         one_right = now - (tan(was_rad - front_lsb) - rear_tan) / wheelbase_m

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from functools import partial
 from typing import NamedTuple
 
 from vehicle_iface import checks
@@ -100,10 +99,6 @@ class Snapshot(NamedTuple):
     """Frame of reference of all positions here."""
     sequence: int = 0
     """Number of the snapshot in its session, from 1. Set by the writer; a value given here is ignored."""
-
-
-snapshot_of = partial(tuple.__new__, Snapshot)
-"""A snapshot from the tuple of all its values, in order: by name the loop's one would take ten times as long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
