@@ -1,6 +1,6 @@
 """One complete sample: messages of one counter value within the window, and nothing else."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from types import MappingProxyType
 
@@ -29,7 +29,9 @@ FIELDS = {
 STATUS = ("gear", "driver_brake", "mode", "driver_throttle", "driver_steer_torque_nm", "rear_wheel_angle_rad", "")
 
 
-def row_reader(messages: Mapping[str, Sequence[str]], frames: Mapping[int, str]) -> RowReader:
+def row_reader(
+    messages: Mapping[str, Sequence[str]], frames: Mapping[int, str], omissible: Collection[str] = ()
+) -> RowReader:
     """Of messages whose values are the fields named; "" is a value that nobody needs."""
     columns = [(message, field) for message, fields in messages.items() for field in fields]
     first = {name: next(i for i, (message, _) in enumerate(columns) if message == name) for name in messages}
@@ -64,7 +66,7 @@ def row_reader(messages: Mapping[str, Sequence[str]], frames: Mapping[int, str])
         empty=tuple(0 if field in state_fields else None for _, field in columns),
         places={name: slice(first[name], first[name] + len(messages[name])) for name in messages},
         status_messages=frozenset(name for name, words in messages.items() if "mode" in words),
-        driver_messages=frozenset(name for name in messages if name not in NAMES),
+        driver_messages=frozenset(name for name in messages if name not in {*NAMES, "EXTRA"}),
         needed={
             name: frozenset(needed.intersection(range(first[name], first[name] + len(messages[name]))))
             for name in messages
@@ -72,6 +74,7 @@ def row_reader(messages: Mapping[str, Sequence[str]], frames: Mapping[int, str])
         multiplexed=frozenset({"EXTRA"}),
         read_state=read_state,
         read_status=read_status,
+        omissible=tuple(column for column, (_, field) in enumerate(columns) if field in omissible),
     )
 
 
@@ -82,9 +85,10 @@ def assembler_of(
     frames: Mapping[int, str] = MappingProxyType({0: "odom", 1: "map"}),
     counter_states: int = 1,
     freshness: Freshness | None = None,
+    omissible: Collection[str] = (),
 ) -> StateAssembler:
     return StateAssembler(
-        row_reader({**sample, **others}, frames),
+        row_reader({**sample, **others}, frames, omissible),
         Locator(reference().profile),
         sample=list(sample),
         window_ns=WINDOW_NS,
@@ -251,6 +255,21 @@ def test_a_sample_may_follow_at_once_after_forgetting_one_of_its_counter() -> No
     assert len(taken(t, [part(name, 4) for name in NAMES])) == 1
 
 
+def test_after_a_reset_every_branch_of_a_multiplexed_message_is_needed_again() -> None:
+    others = {"STATUS": STATUS, "EXTRA": ("accel_mps2", "lateral_speed_mps")}
+    t = assembler_of({name: FIELDS[name] for name in NAMES}, others)
+    branches = [DecodedMessage("EXTRA", 0, 0, (1.0, None)), DecodedMessage("EXTRA", 0, 1, (None, 2.0))]
+    before = taken(t, [status(), *branches, *(part(name, 1) for name in NAMES)])
+    t.reset()
+    after = taken(t, [status(), branches[0], *(part(name, 2) for name in NAMES)])
+    assert [sample.others_fresh for sample in (*before, *after)] == [True, False]
+
+
+def test_a_sample_does_not_need_a_value_of_another_message_that_its_sender_may_leave_out() -> None:
+    t = assembler_of({name: FIELDS[name] for name in NAMES}, {"STATUS": STATUS}, omissible=("gear",))
+    assert len(taken(t, [part(name, 1) for name in NAMES])) == 1
+
+
 def test_the_newest_values_of_other_messages_go_into_the_samples_after_them() -> None:
     t = assembler()
     samples = taken(
@@ -333,6 +352,24 @@ def test_a_sample_message_in_another_multiplexer_branch_is_no_sample() -> None:
     t = assembler()
     assert taken(t, [part("POSE", 1), part("MOTION", 1), DecodedMessage("CHASSIS", 0, 1, (1.0, None, 1.0))]) == []
     assert (t.completed, t.incomplete, t.newest) == (0, 1, None)
+
+
+def test_a_message_of_the_sample_may_have_the_status_too() -> None:
+    poses = {name: FIELDS[name] for name in ("POSE", "MOTION")}
+    t = assembler_of({**poses, "MODE": ("mode", "gear")}, {}, counter_states=15)
+    samples = taken(t, [DecodedMessage("MODE", ms(9), 1, (2, 1)), part("POSE", 1), part("MOTION", 1)])
+    assert [sample.counter for sample in samples] == [1]
+    assert t.status is not None
+    assert (t.status.stamp_ns, t.status.mode, t.status.gear) == (ms(9), VehicleMode.AUTONOMOUS, Gear.REVERSE)
+
+
+def test_a_multiplexed_message_of_the_sample_keeps_the_values_of_its_other_branch() -> None:
+    sample = {"POSE": FIELDS["POSE"], "MOTION": FIELDS["MOTION"], "EXTRA": ("accel_mps2", "lateral_speed_mps")}
+    t = assembler_of(sample, {"MODE": ("mode",)}, counter_states=15)
+    first, second = DecodedMessage("EXTRA", ms(9), 1, (2.5, None)), DecodedMessage("EXTRA", ms(19), 2, (None, 0.25))
+    samples = taken(t, [first, part("POSE", 1), part("MOTION", 1), second, part("POSE", 2), part("MOTION", 2)])
+    values = [(sample.state.accel_mps2, sample.state.lateral_speed_mps) for sample in samples]
+    assert values == [(2.5, 0.0), (2.5, 0.25)]
 
 
 @pytest.mark.parametrize("mode", list(VehicleMode))

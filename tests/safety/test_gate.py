@@ -500,6 +500,21 @@ def test_where_the_rear_wheels_turn_as_well_the_lateral_limits_hold_for_the_curv
     assert all(abs(after - before) <= 5.0 * 0.01 + 1e-6 for before, after in pairwise(felt))
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("rear_rad", [-0.05, 0.05])
+def test_the_first_turn_after_a_long_hold_keeps_the_jerk_limit_where_the_rear_wheels_are_turned(
+    rear_rad: float, sign: int
+) -> None:
+    gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=1.0, front_wheel_angle_by_speed=((0.0, 0.6),))
+    both = request(front_wheel_angle_rad=rear_rad, rear_wheel_angle_rad=rear_rad)
+    held = driven(gate, both, 10.0, 300)[-1]
+    assert held.front_wheel_angle_rad == pytest.approx(held.rear_wheel_angle_rad)
+    turn = request(front_wheel_angle_rad=sign * 0.6, rear_wheel_angle_rad=rear_rad)
+    turned = gate.permit(turn, state(rear_rad, 10.0), now_ns=301 * 10_000_000, reversing=False)
+    curvature_per_m = (math.tan(turned.front_wheel_angle_rad) - math.tan(turned.rear_wheel_angle_rad)) / WHEELBASE_M
+    assert 0.0 < 100.0 * sign * curvature_per_m <= 5.0 * 0.01 + 1e-6
+
+
 def test_a_request_that_is_not_finite_turns_no_rear_wheel() -> None:
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.5)
     safe = gate.permit(request(accel_mps2=math.nan, rear_wheel_angle_rad=0.1), state(), now_ns=10**7, reversing=False)

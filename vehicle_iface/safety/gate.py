@@ -217,11 +217,7 @@ class Gate:
             if engaging:  # a vehicle that begins to obey must not find a step in the commanded angle
                 apart = min(apart, limits.while_engaging.front_wheel_rate_radps * LONGEST_STEP_S)
             nearest, farthest = raw_range(channel, measured - apart, measured + apart)
-            if last_raw < nearest:
-                nearest = last_raw
-            elif last_raw > farthest:
-                farthest = last_raw
-            within = clamp_interval((nearest, farthest), within)
+            within = clamp_interval((min(nearest, last_raw), max(farthest, last_raw)), within)
         if abs(speed_mps) >= CREEPING_MPS:
             within = clamp_interval(within, self._lateral_raw(rear_raw, speed_mps, now_ns))
         rate_per_s = limits.while_engaging.front_wheel_rate_radps if engaging else math.inf
@@ -291,9 +287,8 @@ def gate_channels(limits: Limits, lsb: Callable[[str], float]) -> GateChannels:
 
 
 def _step_s(now_ns: int, since_ns: int) -> float:
-    """The time step of a rate limit, at most `LONGEST_STEP_S`."""
-    dt_s = (now_ns - since_ns) / NS_PER_S
-    return LONGEST_STEP_S if dt_s > LONGEST_STEP_S else dt_s if dt_s > 0.0 else 0.0
+    """The time step of a rate limit, at most `LONGEST_STEP_S`. Nothing changes in one that is not positive."""
+    return min((now_ns - since_ns) / NS_PER_S, LONGEST_STEP_S)
 
 
 def _mirrored(channel: Channel) -> Channel:
