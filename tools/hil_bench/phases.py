@@ -6,12 +6,14 @@ from vehicle_bus_contract.reference import S
 
 from hil_bench.case import Case, Then
 from hil_bench.faults.base import inject_nothing
+from hil_bench.judges.protocol import MOVING_MPS
 from hil_bench.result import EventKind
 from hil_bench.rig import Rig
 from hil_bench.steps import Stretch, rearm, run_steps
 
 ENGAGE_S = 25.0
 HEALTHY_S = 0.8
+SLOWEST_START_S = 3.0
 UNARMED_S = 0.7
 """Time in READY before the operator arms again; a device that is still armed would engage."""
 SETTLE_S = 1.5
@@ -86,7 +88,7 @@ def _after_injection(rig: Rig, case: Case) -> None:
     elif case.then in (Then.GOES_ON, Then.GOES_ON_IF_MOVING, Then.MAY_GO_ON):
         rig.run_for(case.after_s)
         rig.wait_for(lambda: rig.is_engaged, 3.0, "the device to continue")
-        rig.run_for(HEALTHY_S)
+        _drive_on(rig)
     elif case.then is Then.ENDED:
         rig.wait_for(lambda: rig.device.poll() is not None, END_S, "the device to end")
         rig.run_for(case.after_s)
@@ -101,8 +103,15 @@ def _after_injection(rig: Rig, case: Case) -> None:
     may_stay = case.then in (Then.GOES_ON_IF_MOVING, Then.MAY_GO_ON)
     if case.then is Then.REARM or (may_stay and not rig.is_engaged):
         rearm(rig)
-        rig.run_for(HEALTHY_S)
+        _drive_on(rig)
     rig.healthy_ns = rig.now_ns
+
+
+def _drive_on(rig: Rig) -> None:
+    """For as long as is judged, and until a vehicle that accelerates slowly is moving."""
+    rig.run_for(HEALTHY_S)
+    if rig.is_engaged:
+        rig.wait_for(lambda: abs(rig.vehicle.plant.speed_mps) >= MOVING_MPS, SLOWEST_START_S, "the vehicle to move")
 
 
 def clean_up(rig: Rig, case: Case) -> list[str]:

@@ -11,7 +11,7 @@ from hil_bench.case import Case
 from hil_bench.cases.common import ANY, DROPPED, INVALID, STALE
 from hil_bench.cases.messages import REASONS, find_loss_s, from_start, make_impossible
 from hil_bench.cases.thresholds.common import Numbers, sequence_case, straight
-from hil_bench.cases.thresholds.deviation import DRIFT_MPS, LATERAL, make_drift
+from hil_bench.cases.thresholds.deviation import LATERAL, leave_path
 from hil_bench.expect import Expectation, FallsSilent, HazardLights, LetsGo, StaysOut, Stops
 from hil_bench.faults import frames, signals, traffic, vehicle
 from hil_bench.faults.base import Injection
@@ -129,8 +129,8 @@ def _state(numbers: Numbers) -> Case:
         for name, applies, at_mps, inject, for_s, see in found
         if applies
     ]
-    if Part.POSITION in parts and not numbers.lacks(LATERAL) and not wire.loses_its_place:
-        drifts = make_drift(numbers, DRIFT_MPS, "to the left, in turn", limit_s=1.4)
+    if wire.has("LATERAL_SPEED") and Part.POSITION in parts and not numbers.lacks(LATERAL):
+        drifts = leave_path(numbers, 1.0, "to the left, in turn", true_mps=SLOW_MPS, limit_s=1.4)
         steps.append(replace(drifts, at_mps=SLOW_MPS, see=(Stops(("DEVIATION",), within_s=1.4, until_end=False),)))
     if Part.POSE_FRAME in parts:
         elsewhere = vehicle.change_vehicle(pose_frame="ODOM")

@@ -14,6 +14,8 @@ from hil_bench.expect.true_state import Quantity, instant_before
 from hil_bench.result import Measured
 
 RESTS_MPS = 0.02
+BRAKES_FROM, BRAKES_UNTIL = 0.9, 0.3
+"""Between these shares of the speed at its beginning a stop's deceleration is measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +64,7 @@ class SilentAfter:
 
 @dataclass(frozen=True, kw_only=True)
 class Brakes:
-    """Mean deceleration between 90 % and 30 % of the speed at the beginning of a stop."""
+    """Mean deceleration between two shares of the speed at the beginning of a stop."""
 
     limit: Limit
 
@@ -72,8 +74,8 @@ class Brakes:
             return self.limit.at(None)
         after = [i for i in observed.history if first.stamp_ns <= i.at_ns < observed.then_ns]
         begin_mps = abs(after[0].speed_mps) if after else 0.0
-        begin = next((i for i in after if abs(i.speed_mps) <= 0.9 * begin_mps), None)
-        end = next((i for i in after if abs(i.speed_mps) <= 0.3 * begin_mps), None)
+        begin = next((i for i in after if abs(i.speed_mps) <= BRAKES_FROM * begin_mps), None)
+        end = next((i for i in after if abs(i.speed_mps) <= BRAKES_UNTIL * begin_mps), None)
         if begin is None or end is None or end.at_ns == begin.at_ns:
             return self.limit.at(None)
         return self.limit.at((abs(begin.speed_mps) - abs(end.speed_mps)) * S / (end.at_ns - begin.at_ns))

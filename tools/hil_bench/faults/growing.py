@@ -1,6 +1,7 @@
 """Faults that grow until the device acts, and take the vehicle back to its route afterwards."""
 
 import itertools
+import math
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
@@ -93,20 +94,33 @@ def tow_along() -> Injection:
 
 def turn_away(wheel_rad: float, rate_radps: float) -> Injection:
     """The wheels turn to this angle and stay there, whatever is commanded."""
+    return take_back(_turn_wheels(lambda _: wheel_rad, rate_radps))
 
+
+def turn_off(curvature_per_m: float, rate_radps: float) -> Injection:
+    """The wheels turn until the vehicle's curvature differs by this from the one that it drives, and stay there."""
+
+    def find_target_rad(rig: Rig) -> float:
+        plant = rig.vehicle.plant
+        return math.atan(math.tan(plant.wheel_rad) + curvature_per_m * plant.wheelbase_m)
+
+    return take_back(_turn_wheels(find_target_rad, rate_radps))
+
+
+def _turn_wheels(find_target_rad: Callable[[Rig], float], rate_radps: float) -> Injection:
     @contextmanager
     def inject(rig: Rig) -> Iterator[None]:
-        plant = rig.vehicle.plant
+        plant, target_rad = rig.vehicle.plant, find_target_rad(rig)
         most_rad = rate_radps * rig.vehicle.period_ns / S
 
         def turn() -> None:
-            left_rad = wheel_rad - plant.wheel_rad
+            left_rad = target_rad - plant.wheel_rad
             plant.wheel_rad += max(-most_rad, min(most_rad, left_rad))
 
         with change_vehicle(plant_wheel_rate_limit_radps=0.0)(rig), call_each_tick(rig, turn):
             yield
 
-    return take_back(inject)
+    return inject
 
 
 def let_grow(attribute: str, begin: float, per_s: float) -> Injection:

@@ -23,6 +23,7 @@ STOP_SHARE = 0.4
 """Of the safe deceleration: from there on a command without SAFE_STOP is taken as a stop."""
 JITTER_S = 0.006
 SLOW_MPS, USUAL_MPS, FAST_MPS = 1.0, 2.5, 12.0
+BEND_M = 25.0
 
 
 @dataclass(frozen=True)
@@ -141,6 +142,6 @@ def backwards(length_m: float = 400.0, speed_mps: float = USUAL_MPS) -> Callable
     return lambda: routes.route(name, [(-length_m, 0.0)], speed_mps, slack=6.0)
 
 
-def bend(curvature_per_m: float = 1.0 / 25.0, speed_mps: float = USUAL_MPS + 1.0) -> Callable[[], Route]:
+def bend(curvature_per_m: float = 1.0 / BEND_M, speed_mps: float = USUAL_MPS + 1.0) -> Callable[[], Route]:
     """A wide bend to the left, several times around."""
     return lambda: routes.route("patient-bend", [(450.0, curvature_per_m)], speed_mps, slack=6.0)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from hil_bench.case import Case
 from hil_bench.cases.thresholds.common import (
+    BEND_M,
     FAST_MPS,
     SLOW_MPS,
     USUAL_MPS,
@@ -25,11 +26,15 @@ from hil_bench.wire import Wire
 
 SAMPLES = 3.0
 """The value may go on for this many samples until the stop is on the bus."""
-DRIFT_MPS = 4.0
+DRIFT_MPS, DRIFT_SHARE = 4.0, 2.0 / 3.0
 TURN_SHARE = 0.9
 """Of the greatest wheel angle."""
 TURN_MPS = 2.0
-LATERAL = "deviation.lateral_stop_m"
+LATERAL, HEADING = "deviation.lateral_stop_m", "deviation.heading_stop_rad"
+TURNED_SHARE = 0.6
+"""Of the greatest heading error, when a vehicle that turns off is as far from its path as the profile allows."""
+ACROSS_MPS2 = 2.0
+"""Lateral acceleration of a vehicle that turns off."""
 NOISE = 0.02
 NO_STOP = "no signal says that a command is a stop, and the vehicle is braked for its speed anyway"
 
@@ -40,18 +45,12 @@ def deviation_cases(wire: Wire) -> tuple[Case, ...]:
     lost = "" if not wire.loses_its_place else "the vehicle has no position on its bus: where it drifts cannot be seen"
     no_way_back = "" if wire.can_reverse else "the vehicle has no command to drive backwards"
     fast_mps = numbers.true_mps(FAST_MPS, FAST_MPS + 1.0)
+    usual_mps = numbers.true_mps(USUAL_MPS, USUAL_MPS + 1.0)
     beside = [
-        ("straight", "forwards", straight(), USUAL_MPS, DRIFT_MPS, lost),
-        ("bend", "in a bend of 25 m", bend(), USUAL_MPS, DRIFT_MPS, lost),
-        (
-            "fast",
-            f"at {fast_mps:.3g} m/s",
-            straight(900.0, FAST_MPS + 1.0),
-            FAST_MPS,
-            2.0 * DRIFT_MPS,
-            lost,
-        ),
-        ("backwards", "backwards", backwards(), 0.6 * USUAL_MPS, DRIFT_MPS, lost or no_way_back),
+        ("straight", "forwards", straight(), USUAL_MPS, usual_mps, lost),
+        ("bend", "in a bend of 25 m", bend(), USUAL_MPS, usual_mps, lost),
+        ("fast", f"at {fast_mps:.3g} m/s", straight(900.0, FAST_MPS + 1.0), FAST_MPS, fast_mps, lost),
+        ("backwards", "backwards", backwards(), 0.6 * USUAL_MPS, 0.6 * usual_mps, lost or no_way_back),
     ]
     cases = [
         _case(
@@ -61,26 +60,51 @@ def deviation_cases(wire: Wire) -> tuple[Case, ...]:
             route,
             at_mps,
             [
-                make_drift(numbers, way * drift_mps, f"to the {side}, {where}", limit_s=2.0)
+                leave_path(numbers, way, f"to the {side}, {where}", true_mps=true_mps, limit_s=2.0)
                 for side, way in (("left", 1.0), ("right", -1.0))
             ],
-            numbers.lacks(LATERAL) or lacks,
+            numbers.lacks(LATERAL) or lacks or _turns_too_wide(numbers),
         )
-        for name, where, route, at_mps, drift_mps, lacks in beside
+        for name, where, route, at_mps, true_mps, lacks in beside
     ]  # fmt: skip
     cases.append(_heading(numbers, lost))
     return (*cases, *_along(numbers, no_way_back))
 
 
-def make_drift(numbers: Numbers, to_left_mps: float, place: str, *, limit_s: float) -> Step:
-    """The vehicle drifts aside until it is stopped for its distance from the path, and is taken back."""
-    inject = growing.take_back(vehicle.change_vehicle(plant_drift_mps=to_left_mps))
-    name, grows_mps = "distance from the path", abs(to_left_mps)
-    return _step(numbers, LATERAL, name, "m", distance_m, grows_mps, place, inject, limit_s=limit_s)
+def leave_path(numbers: Numbers, way: float, place: str, *, true_mps: float, limit_s: float) -> Step:
+    """The vehicle leaves its path to the left (`way` = 1) or right (−1) until it is stopped, and is taken back.
+
+    It drifts sideways; where no signal has the lateral speed, it turns off: a drift would contradict its heading.
+    """
+    if numbers.wire.has("LATERAL_SPEED"):
+        grows_mps = max(DRIFT_MPS, DRIFT_SHARE * true_mps)
+        inject = growing.take_back(vehicle.change_vehicle(plant_drift_mps=way * grows_mps))
+    else:
+        radius_m, lateral_m = _turn_off_radius_m(numbers, true_mps), numbers.or_else(LATERAL, 1.0)
+        turned_rad = math.acos(max(0.0, 1.0 - lateral_m / radius_m))
+        grows_mps = true_mps * math.sin(turned_rad)
+        limit_s = 2.0 * radius_m * turned_rad / true_mps + 1.5
+        inject = growing.turn_off(way / radius_m, numbers["limits.front_wheel_rate_radps"])
+    return _step(numbers, LATERAL, "distance from the path", "m", distance_m, grows_mps, place, inject, limit_s=limit_s)
+
+
+def _turn_off_radius_m(numbers: Numbers, true_mps: float) -> float:
+    """Of a turn that leads away from the path before it is a heading error."""
+    turned_rad = TURNED_SHARE * numbers.or_else(HEADING, 0.8)
+    return max(numbers.or_else(LATERAL, 1.0) / (1.0 - math.cos(turned_rad)), true_mps**2 / ACROSS_MPS2)
+
+
+def _turns_too_wide(numbers: Numbers) -> str:
+    wheel_rad = TURN_SHARE * numbers["limits.front_wheel_angle_rad"]
+    if numbers.wire.has("LATERAL_SPEED"):
+        return ""
+    bent_per_m = 1.0 / _turn_off_radius_m(numbers, 0.0) + 1.0 / (BEND_M * numbers.wire.length_share)
+    is_tight = bent_per_m * numbers["geometry.wheelbase_m"] > math.tan(wheel_rad)
+    return "the vehicle turns so wide that it is stopped for its heading first" if is_tight else ""
 
 
 def _heading(numbers: Numbers, lost: str) -> Case:
-    key = "deviation.heading_stop_rad"
+    key = HEADING
     wheel_rad = TURN_SHARE * numbers["limits.front_wheel_angle_rad"]
     wheelbase_m, stop_rad = numbers["geometry.wheelbase_m"], numbers.or_else(key, 0.8)
     radius_m = wheelbase_m / math.tan(wheel_rad)

@@ -10,7 +10,7 @@ from hil_bench.case import Case, Need, Then
 from hil_bench.cases.thresholds.common import ANYTHING, FAST_MPS, USUAL_MPS, Numbers, bend, sequence_case, straight
 from hil_bench.expect import Ends, EndsOrderly
 from hil_bench.expect.limit import Limit
-from hil_bench.expect.stop_thresholds import AtRest, Brakes, BrakesWithin, StopWay
+from hil_bench.expect.stop_thresholds import BRAKES_FROM, BRAKES_UNTIL, AtRest, Brakes, BrakesWithin, StopWay
 from hil_bench.expect.thresholds import ReleasedAfter, ReleasedAt
 from hil_bench.faults import base, frames, process, vehicle
 from hil_bench.faults.base import Injection
@@ -66,7 +66,7 @@ def _brakes(numbers: Numbers) -> Case:
                     Brakes(
                         limit=Limit(
                             key=key, name="deceleration of a stop", unit="m/s²", profile=safe_mps2, place=place,
-                            lowest=safe_mps2 - slack, highest=safe_mps2 + slack,
+                            lowest=_least_mps2(safe_mps2, build_s, true_mps) - slack, highest=safe_mps2 + slack,
                         )
                     ),
                     StopWay(
@@ -104,6 +104,13 @@ def _brakes(numbers: Numbers) -> Case:
         steps=tuple(steps[::-1]),
         lacks="" if numbers.wire.commands_acceleration else NO_ACCEL,
     )
+
+
+def _least_mps2(safe_mps2: float, build_s: float, begin_mps: float) -> float:
+    """The mean of a stop from a low speed, of which the brake's build-up and lag take a large part."""
+    missing_mps = max(0.0, safe_mps2 * (LAG_S + build_s / 2.0) - (1.0 - BRAKES_FROM) * begin_mps)
+    judged_mps = (BRAKES_FROM - BRAKES_UNTIL) * begin_mps
+    return safe_mps2 * judged_mps / (judged_mps + missing_mps)
 
 
 def _steers(numbers: Numbers) -> Case:
