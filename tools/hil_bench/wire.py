@@ -78,6 +78,8 @@ class Wire:
     """Acceleration by a tow that makes the vehicle too fast whatever it brakes."""
     watchdog_s = 0.1
     """The vehicle stops itself when a command is missing for this long."""
+    enable_period_s = 0.0
+    """Of the message that says whether commands are enabled; 0 where each command says so."""
     speed_share = length_share = along_mps2 = 1.0
     """By which the speeds and lengths of the cases' routes are multiplied for this vehicle, and their acceleration."""
     wheel_hold_s = 0.0

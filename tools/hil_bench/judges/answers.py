@@ -29,11 +29,13 @@ def check_answers(
     def counts(pair: Pair) -> bool:
         return case.inject is None or _is_injected(observed, pair) is case.is_measured
 
+    # Where a message of its own says that commands are not enabled, it comes in a period of its own.
+    always = rig.wire.enable_period_s <= rig.wire.command_period_s
     latencies = [_latency_s(begin_ns, pair, hardware) for begin_ns, pair in record.answers if counts(pair)]
     periods = [
         (b.drive.stamp_ns - a.drive.stamp_ns) / S
         for a, b in pairwise(record.pairs)
-        if b.drive.stamp_ns - a.drive.stamp_ns < 200 * MS and counts(b)
+        if b.drive.stamp_ns - a.drive.stamp_ns < 200 * MS and counts(b) and (always or (a.is_enabled and b.is_enabled))
     ]
     if not latencies or not periods:
         return [], []

@@ -192,10 +192,11 @@ def recent_speeds(record: Record) -> Recent:
 
 
 def recent_wheels(wire: Wire, record: Record) -> Recent:
-    """The measured front wheels, rad; 0 where they are not measured."""
+    """The measured front wheels, rad; 0 where they are not measured. A frame may say that they are not available."""
     if not wire.measures_wheels:
         return Recent(())
-    return Recent((told.stamp_ns, told["FRONT_WHEEL_ANGLE"]) for told in record.of(wire.part_of("FRONT_WHEEL_ANGLE")))
+    name = "FRONT_WHEEL_ANGLE"
+    return Recent((told.stamp_ns, told[name]) for told in record.of(wire.part_of(name)) if name in told.signals)
 
 
 def _slowest_mps(speeds: Iterable[float]) -> float:

@@ -140,7 +140,7 @@ def _command_age(numbers: Numbers) -> Case:
 def _engaging(numbers: Numbers) -> Case:
     settle, timeout = "timing.engage_settle_s", "timing.engage_timeout_s"
     settle_s, timeout_s = numbers.or_else(settle, 0.5), numbers.or_else(timeout, 3.0)
-    slow_s = numbers.or_else("timing.status_period_s", 0.02) + getattr(numbers.wire, "enable_period_s", 0.0)
+    slow_s = numbers.or_else("timing.status_period_s", 0.02) + numbers.wire.enable_period_s
     wide_s = 2.0 * numbers.late_s + slow_s
     return sequence_case(
         name="threshold-engaging",
