@@ -425,8 +425,8 @@ def test_a_question_that_finds_no_bus_is_a_loss(by: str) -> None:
         assert cable.link.has_room() is False
     else:
         cable.link.watch(cable.clock.t_ns + ms(50))
-    cable.receive()
-    assert (cable.lost, states(cable)) == (1, ["DOWN"])
+    assert cable.link.take_loss()
+    assert states(cable) == ["DOWN"]
 
 
 def test_where_there_is_no_bus_there_is_no_room_and_nothing_was_refused() -> None:

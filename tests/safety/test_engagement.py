@@ -454,6 +454,38 @@ def test_only_faults_silence_and_latched_stops_are_latched() -> None:
     assert {mode for mode in Mode if mode.stops and not mode.ends} == LATCHED_STOP
 
 
+@pytest.mark.parametrize(
+    ("column", "modes"),
+    [
+        ("computes", {Mode.SHADOW, Mode.ENGAGING, Mode.ENGAGED}),
+        ("engages", {Mode.ENGAGING}),
+        ("stops", {*LATCHED_STOP, Mode.ENDING}),
+        ("ends", {Mode.ENDING}),
+        ("disengaged", {Mode.OVERRIDDEN, Mode.FAULT, Mode.RELEASED}),
+        ("observes", {Mode.OBSERVING}),
+    ],
+)
+def test_a_property_belongs_to_these_modes_alone(column: str, modes: set[Mode]) -> None:
+    assert {mode for mode in Mode if getattr(mode, column)} == modes
+
+
+def test_a_latched_fault_keeps_its_reason_until_it_is_armed_again() -> None:
+    engagement = in_mode(Mode.ENGAGED)
+    engagement.apply(Event.VEHICLE_FAULT, 1)
+    assert engagement.latched_fault is Reason.VEHICLE_FAULT
+    engagement.apply(Event.ARMED, 2)
+    assert at_present(engagement.latched_fault) is None
+
+
+def test_only_the_status_that_begins_a_drive_says_so() -> None:
+    engagement = in_mode(Mode.STANDBY)
+    assert engagement.on_status(status(VehicleMode.READY), 1)
+    assert not engagement.on_status(status(VehicleMode.READY), 2)
+    assert engagement.on_status(status(VehicleMode.AUTONOMOUS), 3)
+    assert not engagement.on_status(status(VehicleMode.AUTONOMOUS), 4)
+    assert not engagement.on_status(status(VehicleMode.MANUAL), 5)
+
+
 def test_only_a_released_vehicle_is_released() -> None:
     engagement = Engagement(TIMING, armed=True)
     for mode in Mode:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle_iface.errors import InvalidValueError
-from vehicle_iface.safety.limits import Channel, clamp_interval, limit_raw, raw_range
+from vehicle_iface.safety.limits import Channel, clamp_interval, floor_raw, limit_raw, raw_range
 
 ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -173,3 +173,10 @@ def test_between_two_values_are_the_counts_inside_or_the_nearest_one(
     lowest: float, highest: float, counts: tuple[int, int]
 ) -> None:
     assert raw_range(channel(lsb=0.1), lowest, highest) == counts
+
+
+@pytest.mark.parametrize(
+    ("value", "raw"), [(0.0, 0), (0.59999, 5999), (0.6, 6000), (0.7, 6000), (math.inf, 6000), (math.nan, 6000)]
+)
+def test_a_limit_rounds_down_and_ends_at_the_channels_greatest_value(value: float, raw: int) -> None:
+    assert floor_raw(channel(), value) == raw
