@@ -29,6 +29,8 @@ KEYS = {name: key for part in ("state", "status", "command") for key, name in SI
 GEOGRAPHIC_KEYS = {"POS_X": "longitude_deg", "POS_Y": "latitude_deg"}
 """Of a vehicle that sends its position on the ellipsoid; x is to the east."""
 
+WHOLE_TURN_RAD = 0.999 * math.tau
+
 
 class PeerWire(Wire):
     """One vehicle's bus, by any profile. Raises `ProfileError` for one that the bench cannot play or judge."""
@@ -184,10 +186,15 @@ class PeerWire(Wire):
         raise ProfileError(f"{self.path}: no message carries {signal_name}")
 
     def greatest(self, signal_name: str) -> tuple[float, float]:
-        """The profile's maximum of a field, and the maximum that its bits can encode."""
+        """The profile's maximum of a field, and the maximum that it can be told with.
+
+        A heading of any size is told by the turn that is in range, where the range has one.
+        """
         signal = self.signals[sources_of(self.fields.forms[KEYS[signal_name]])[0]]
-        stated, bits = (signal.low, signal.high), signal.bits_range
-        return max(map(signal.to_field, stated)), max(map(signal.to_field, bits))
+        low, high = sorted(map(signal.to_field, (signal.low, signal.high)))
+        if signal_name == "HEADING" and high - low >= WHOLE_TURN_RAD:
+            return high, high
+        return high, max(map(signal.to_field, signal.bits_range))
 
     def protection_of(self, name: str) -> Protection:
         """How a message is protected."""
