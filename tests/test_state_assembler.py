@@ -208,7 +208,7 @@ def arrivals(draw: st.DrawFn, latest_ns: int) -> list[DecodedMessage]:
 
 @settings(max_examples=200, deadline=None)
 @given(arrivals(latest_ns=ms(99)))
-def test_whatever_is_lost_repeated_or_late_no_sample_mixes_cycles(stream: list[DecodedMessage]) -> None:
+def test_no_sample_mixes_cycles_with_lost_repeated_or_late_messages(stream: list[DecodedMessage]) -> None:
     """Later than a round of the counter less the window nothing could be told apart; E2E drops that before."""
     for sample in taken(assembler(), stream):
         assert cycle_of(sample) % 15 == sample.counter
@@ -217,7 +217,7 @@ def test_whatever_is_lost_repeated_or_late_no_sample_mixes_cycles(stream: list[D
 
 @settings(max_examples=200, deadline=None)
 @given(arrivals(latest_ns=ms(50)))
-def test_whatever_is_lost_repeated_or_late_no_sample_comes_twice(stream: list[DecodedMessage]) -> None:
+def test_no_sample_is_completed_twice_with_lost_repeated_or_late_messages(stream: list[DecodedMessage]) -> None:
     t = assembler()
     cycles = [cycle_of(sample) for sample in taken(t, stream)]
     assert len(set(cycles)) == len(cycles)
@@ -513,7 +513,7 @@ def test_a_sample_with_any_value_missing_is_incomplete(values: tuple[float | Non
 
 
 @pytest.mark.parametrize("second_ns", [ms(10), ms(40)])
-def test_where_an_older_sample_is_given_up_a_younger_one_in_its_window_is_not(second_ns: int) -> None:
+def test_a_younger_sample_in_its_window_is_kept_when_an_older_one_is_dropped(second_ns: int) -> None:
     t = assembler()
     parts = [part(name, cycle, at_ns) for cycle, at_ns in ((1, 0), (2, second_ns)) for name in ("POSE", "MOTION")]
     assert taken(t, parts) == []
@@ -522,7 +522,7 @@ def test_where_an_older_sample_is_given_up_a_younger_one_in_its_window_is_not(se
 
 
 @pytest.mark.parametrize("second_ns", [ms(10), ms(40)])
-def test_where_an_older_sample_may_come_again_a_younger_one_in_its_window_may_not(second_ns: int) -> None:
+def test_an_old_counter_may_be_completed_again_and_a_younger_one_in_its_window_may_not(second_ns: int) -> None:
     t = assembler()
     assert len(taken(t, [part(name, 1, 0) for name in NAMES])) == 1
     assert len(taken(t, [part(name, 2, second_ns) for name in NAMES])) == 1

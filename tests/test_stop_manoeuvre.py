@@ -339,7 +339,7 @@ def test_the_reference_vehicle_is_released_at_standstill_and_the_driver_is_warne
 
 
 @pytest.mark.parametrize("speed_mps", [5.0, 1.0])
-def test_where_the_vehicle_allows_it_it_is_held_until_the_warning_is_over(speed_mps: float) -> None:
+def test_a_vehicle_that_can_be_held_is_held_until_the_warning_ends(speed_mps: float) -> None:
     drive = driving(speed_mps=speed_mps, database=with_handover(3.0, holds=True))
     since = len(drive.sent)
     drive.loop.shutdown.request()

@@ -91,7 +91,7 @@ def test_error_frames_are_counted_and_passed_over(wire: Wire) -> None:
     assert wire.ours.counters()["error_frames"] == 1
 
 
-def test_what_is_sent_reaches_the_other_end_and_not_ourselves(wire: Wire) -> None:
+def test_a_sent_frame_reaches_the_other_end_and_not_the_sender(wire: Wire) -> None:
     assert wire.ours.send(CanFrame(0x080, bytes(range(8))))
     message = wire.other.recv(timeout=0)
     assert message is not None

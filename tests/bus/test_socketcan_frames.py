@@ -106,7 +106,7 @@ def test_frames_handed_over_together_come_one_by_one_and_in_order(wire: Wire) ->
     assert [unpack_frame(packet, 0) for packet in wire.receiver.receive(wait=False)] == sent
 
 
-def test_what_finds_no_room_is_not_taken_and_nothing_waits_for_it(wire: Wire) -> None:
+def test_a_frame_without_room_is_refused_and_does_not_block(wire: Wire) -> None:
     sender = BatchSender(wire.far.fileno())
     frame = pack_frame(CanFrame(1, bytes(8)))
     taken = [sender.send([frame] * 8) for _ in range(1000)]

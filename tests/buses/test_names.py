@@ -176,7 +176,9 @@ HELLO = '[[send]]\nmessage = "INS_POS_AID"\nwhen = "armed"\nonce = true\n'
         ({'"ins.dbc"': '"i\\u0000s.dbc"'}, r"v\.toml: \$\.buses\.ins\.dbc: 'i\\x00s\.dbc': must be a file's name"),
     ],
 )
-def test_what_is_not_clear_is_refused_with_a_way_on(tmp_path: Path, edits: Mapping[str, str], fault: str) -> None:
+def test_a_faulty_table_of_buses_is_rejected_with_its_place(
+    tmp_path: Path, edits: Mapping[str, str], fault: str
+) -> None:
     with pytest.raises(ConfigError) as refused:
         load_vehicle(tmp_path, edits)
     assert re.search(f"^{fault}", str(refused.value), re.MULTILINE), refused.value

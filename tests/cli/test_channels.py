@@ -175,7 +175,7 @@ def test_each_bus_is_filtered_to_its_own_messages_and_its_frames_bear_its_number
     bus.close()
 
 
-def test_where_one_of_them_cannot_be_opened_none_stays_open_and_it_is_named(tmp_path: Path, sockets: Sockets) -> None:
+def test_a_bus_that_cannot_be_opened_closes_the_others_and_is_named(tmp_path: Path, sockets: Sockets) -> None:
     sockets.lacking = "can1"
     with pytest.raises(BusGoneError, match=r"^bus ins: can1: no such CAN interface$"):
         open_two(tmp_path, sockets)

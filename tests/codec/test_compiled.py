@@ -103,9 +103,7 @@ def test_encodes_random_values_as_cantools_does(message: Message, data: st.DataO
 
 @settings(max_examples=300, deadline=None)
 @given(messages(bounded=True), st.data())
-def test_what_the_checked_codec_accepts_is_the_same_in_range_and_encoded_as_cantools_does_strictly(
-    message: Message, data: st.DataObject
-) -> None:
+def test_checked_values_are_in_range_and_encoded_like_strict_cantools(message: Message, data: st.DataObject) -> None:
     codec = MessageCodec(message)
     payload = data.draw(st.binary(min_size=message.length, max_size=message.length))
     try:

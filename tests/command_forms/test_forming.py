@@ -100,7 +100,7 @@ steps = st.lists(
 
 @pytest.mark.parametrize("name", [*KINDS, "feedback"])
 @given(steps=steps)
-def test_whatever_is_permitted_and_measured_can_be_sent(
+def test_every_permitted_command_can_be_encoded(
     databases: dict[str, VehicleDatabase], name: str, steps: list[Step]
 ) -> None:
     database = databases[name]
@@ -149,7 +149,7 @@ def test_nothing_drives_before_the_requested_gear_is_in(databases: dict[str, Veh
     assert (shifted.drive_mps2, shifted.brake_mps2) == (1.0, 0.0)
 
 
-def test_what_drives_after_a_change_of_gear_rises_from_zero_at_the_profiles_rate(
+def test_drive_rises_from_zero_at_the_profiles_rate_after_a_gear_change(
     databases: dict[str, VehicleDatabase],
 ) -> None:
     former = former_of(databases["curvature"])
@@ -255,7 +255,7 @@ def test_the_speed_turns_over_only_at_standstill(databases: dict[str, VehicleDat
     assert speeds_mps == pytest.approx([0.3, 0.0, -0.3, -0.6])
 
 
-def test_what_was_not_sent_is_not_counted_from(databases: dict[str, VehicleDatabase]) -> None:
+def test_rates_are_not_limited_from_a_command_that_was_not_sent(databases: dict[str, VehicleDatabase]) -> None:
     former = former_of(databases["speed"])
     former.form(permitted(1.0), moving(2.0), 0)
     former.commit()

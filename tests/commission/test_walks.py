@@ -185,7 +185,7 @@ def test_noise_of_poor_sensors_changes_no_verdict_of_the_walk(tmp_path: Path, se
     assert found.unseen == []
 
 
-def test_what_the_log_contradicts_counts_although_every_step_was_seen(tmp_path: Path) -> None:
+def test_a_contradiction_in_the_log_counts_although_every_step_was_seen(tmp_path: Path) -> None:
     found = walk(tmp_path, write_profile(tmp_path, edits={"wheelbase_m = 2.7": "wheelbase_m = 2.0"}))
     assert of_walk(found) == []
     assert found.unseen == []
@@ -193,7 +193,7 @@ def test_what_the_log_contradicts_counts_although_every_step_was_seen(tmp_path: 
     assert found.contradictions[0].startswith("wheelbase should be about 2.7 m, not 2 m")
 
 
-def test_what_was_not_seen_is_named_with_what_was_there_instead(tmp_path: Path) -> None:
+def test_a_missing_step_is_named_with_the_values_that_were_seen(tmp_path: Path) -> None:
     found = walk(tmp_path, write_profile(tmp_path), lazy=frozenset(BEGINS), step_timeout_s=1.5)
     assert found.contradictions == []
     assert [step.ask for step in found.steps if step.judgement is Judgement.AGREES] == [

@@ -143,7 +143,7 @@ def test_a_field_that_is_clearly_off_contradicts_another_within_two_seconds(
     assert found == what
 
 
-def test_what_a_vehicle_does_not_send_contradicts_nothing() -> None:
+def test_a_field_that_is_not_sent_contradicts_nothing() -> None:
     blind = replace(MAY, has=MAY.has - {"ACCEL"})
     assert find_contradiction(driven(ACCEL=lambda late_s: 2.0 * (late_s > 0.0)), blind, S) == (0, "")
     assert not replace(MAY, has=frozenset({"SPEED", "FRONT_WHEEL_ANGLE"})).is_compared("SPEED")

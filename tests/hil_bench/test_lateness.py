@@ -100,7 +100,7 @@ def test_a_device_that_does_not_engage_in_time_fails_unless_the_host_was_late_wh
 @pytest.mark.parametrize(
     ("at_s", "verdict"), [(0.1, Verdict.NOT_EXECUTED), (None, Verdict.FAIL)], ids=["late", "in time"]
 )
-def test_what_was_late_before_the_first_command_explains_a_start_that_took_too_long(
+def test_lateness_before_the_first_command_explains_a_slow_start(
     at_s: float | None, verdict: Verdict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begin = VirtualRig.begin

@@ -269,7 +269,7 @@ def test_an_empty_run_has_a_page(tmp_path: Path) -> None:
         words_of(example_run.run_of(cases))
 
 
-def test_what_does_not_apply_is_shown_with_its_reason_and_never_counts_as_passed(tmp_path: Path) -> None:
+def test_a_case_that_does_not_apply_shows_its_reason_and_does_not_count_as_passed(tmp_path: Path) -> None:
     absent = case("gear", Verdict.NOT_APPLICABLE, why="needs a gear on its bus, which this vehicle does not have")
     for cases, verdict in (
         ([absent], Verdict.NOT_APPLICABLE),

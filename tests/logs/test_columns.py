@@ -138,7 +138,7 @@ def test_64_bits_are_exact_in_the_narrowest_type_that_holds_them(
     assert columns.values["WIDE"].tolist() == [codec.decode(data)[0] for data in payloads]
 
 
-def test_what_a_multiplexer_hides_is_masked_and_an_unknown_number_is_refused() -> None:
+def test_hidden_multiplexed_values_are_masked_and_an_unknown_number_is_rejected() -> None:
     of = message(
         2,
         Signal("MUX", 0, 8, is_multiplexer=True),

@@ -267,7 +267,7 @@ def test_other_identifiers_on_a_second_bus_need_no_choice(tmp_path: Path) -> Non
         ("notes.txt", b"one\ntwo\n", r"no frame in 2 lines, read as candump; line 1: no frame: one"),
     ],
 )
-def test_what_cannot_be_read_is_refused_with_a_way_on(tmp_path: Path, name: str, content: bytes, way: str) -> None:
+def test_an_unreadable_log_is_rejected_with_a_hint(tmp_path: Path, name: str, content: bytes, way: str) -> None:
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(ConfigError, match=way):

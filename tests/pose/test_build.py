@@ -35,7 +35,7 @@ LOCAL = profile(mount=ARM)
 
 @pytest.mark.parametrize("vehicle", [GEOGRAPHIC, LOCAL])
 @given(st.floats(-6e4, 6e4), st.floats(-6e4, 6e4), st.floats(-3.1, 3.1))
-def test_what_the_simulated_sensor_measures_is_resolved_to_the_same_pose(
+def test_a_simulated_measurement_resolves_to_the_same_pose(
     vehicle: Profile, x_m: float, y_m: float, heading_rad: float
 ) -> None:
     body = Pose(x_m=x_m, y_m=y_m, heading_rad=heading_rad)

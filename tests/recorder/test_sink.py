@@ -49,7 +49,7 @@ def test_lines_are_there_at_once(sink: Sink, content: Callable[[], bytes], said:
 
 
 @pytest.mark.parametrize("size", range(7, 38))
-def test_what_finds_no_room_is_counted_and_no_line_is_cut(
+def test_a_line_without_room_is_counted_and_none_is_truncated(
     sink: Sink, content: Callable[[], bytes], said: list[str], size: int
 ) -> None:
     with room(size):

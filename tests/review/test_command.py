@@ -71,7 +71,7 @@ def test_of_a_short_log_nothing_is_claimed(tmp_path: Path, count: int, capsys: p
         (["{log}", "--profile", "reference", "--html", "/nowhere/x.html"], "--html /nowhere/x.html: cannot be written"),
     ],
 )
-def test_what_cannot_be_reviewed_ends_in_status_2_with_a_way_on(
+def test_a_log_that_cannot_be_reviewed_ends_with_status_2_and_a_hint(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], complaint: str
 ) -> None:
     log = write_log(tmp_path / "drive.log", record_noisily("figure8")[:200])

@@ -164,7 +164,7 @@ def test_without_a_status_the_gear_is_asked_for() -> None:
     ],
     ids=lambda error: type(error).__name__,
 )
-def test_whatever_a_controller_raises_is_a_stop_with_its_reason_and_is_logged_once(
+def test_any_exception_of_a_controller_is_a_stop_with_its_reason_and_is_logged_once(
     error: BaseException, caplog: pytest.LogCaptureFixture
 ) -> None:
     cabin = Cabin(Raises(error))

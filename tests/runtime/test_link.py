@@ -429,7 +429,7 @@ def test_a_question_that_finds_no_bus_is_a_loss(by: str) -> None:
     assert states(cable) == ["DOWN"]
 
 
-def test_where_there_is_no_bus_there_is_no_room_and_nothing_was_refused() -> None:
+def test_without_a_bus_there_is_no_room_and_no_command_counts_as_rejected() -> None:
     cable = Cable()
     cable.link.close()
     assert cable.link.has_room() is False

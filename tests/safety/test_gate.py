@@ -291,7 +291,7 @@ def test_a_command_never_leads_far_away_from_a_steering_that_hangs() -> None:
     assert answer.front_wheel_angle_rad == pytest.approx(0.4)
 
 
-def test_where_the_speed_has_risen_the_wheels_are_led_back_as_fast_as_they_may_turn() -> None:
+def test_the_wheels_return_at_their_rate_after_the_speed_has_risen() -> None:
     gate = new_gate()
     turned = driven(gate, request(front_wheel_angle_rad=0.6), 1.0, 100)[-1]
     assert turned.front_wheel_angle_rad == pytest.approx(0.6)
@@ -485,7 +485,7 @@ def test_without_a_table_too_the_wheels_are_led_back_where_the_speed_has_risen(s
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_where_the_rear_wheels_turn_as_well_the_lateral_limits_hold_for_the_curve_of_both(sign: int) -> None:
+def test_the_lateral_limits_hold_for_the_curvature_of_front_and_rear_wheels(sign: int) -> None:
     gate = new_gate(rear_wheel_angle_rad=0.1, rear_wheel_rate_radps=0.1, front_wheel_angle_by_speed=((0.0, 0.6),))
     front_rad, felt = 0.0, [0.0]
     for step in range(1, 200):
@@ -756,7 +756,7 @@ def test_wherever_the_wheels_are_measured_no_command_leads_further_away_from_the
         before_rad = sent_rad
 
 
-def test_where_table_and_lateral_jerk_contradict_each_other_the_wheels_go_back_by_the_jerk() -> None:
+def test_the_wheels_return_at_the_lateral_jerk_when_the_speed_table_is_tighter() -> None:
     gate = new_gate(front_wheel_angle_by_speed=((0.0, 0.6), (9.9, 0.07), (10.5, 0.02)))
     answers = driven(gate, request(front_wheel_angle_rad=0.6), 9.8, 100)
     assert answers[-1].front_wheel_angle_rad == pytest.approx(0.0753, abs=2e-4)

@@ -144,7 +144,7 @@ def test_a_turn_that_was_not_sent_is_made_with_the_next_command(left: tuple[str,
 
 
 @pytest.mark.parametrize("speed_mps", [20.0, 25.0])
-def test_where_the_lateral_acceleration_is_at_its_most_no_count_is_added(speed_mps: float) -> None:
+def test_no_count_is_added_at_the_greatest_lateral_acceleration(speed_mps: float) -> None:
     gate = new_gate({"front_wheel_angle_rad": TENTH_OF_A_DEGREE}, front_wheel_angle_by_speed=((0.0, 0.6),))
     gate.start_from(state(0.0, speed_mps), 0)
     front_rad = 0.0

@@ -27,7 +27,7 @@ def channels(draw: st.DrawFn) -> Channel:
 
 
 @given(channels(), ANY_FLOAT, st.integers(-(10**9), 10**9), st.floats(-1.0, 10.0))
-def test_whatever_is_requested_the_result_is_in_range(c: Channel, requested: float, last_raw: int, dt_s: float) -> None:
+def test_the_result_is_in_range_for_every_request(c: Channel, requested: float, last_raw: int, dt_s: float) -> None:
     raw = limit_raw(c, requested, last_raw, dt_s)
     assert type(raw) is int
     assert c.lowest_raw <= raw <= c.highest_raw

@@ -370,7 +370,7 @@ def test_a_vehicle_anywhere_round_a_closed_lap_is_on_its_path(points: int, part:
     assert is_near(found, here, 0)
 
 
-def test_where_a_path_crosses_itself_the_stretch_along_the_heading_is_the_vehicles() -> None:
+def test_at_a_crossing_of_the_path_the_stretch_along_the_heading_counts() -> None:
     cross = path(
         [-20.0, 20.0, 30.0, 0.0, 0.0], [0.0, 0.0, 20.0, 20.0, -20.0], [0.0, 0.0, math.pi, math.pi, -math.pi / 2]
     )

@@ -406,7 +406,7 @@ def test_without_a_valid_pose_the_vehicle_went_as_far_and_turned_as_much_as_at_i
     assert checked.is_plausible(still(ms(1000), x_m=x_m, heading_rad=heading_rad), pose_valid=True) is believed
 
 
-def test_what_a_place_was_reached_by_does_not_count_from_there_on() -> None:
+def test_the_speed_before_an_accepted_position_does_not_count_after_it() -> None:
     checked = check()
     checked.is_plausible(still(), pose_valid=True)
     checked.is_plausible(still(PERIOD_NS, speed_mps=0.9, yaw_rate_radps=0.79), pose_valid=False)

@@ -60,7 +60,7 @@ def coming(speed_mps: float, count: int, *, last_mps2: float = 0.0, **more: Any)
     st.floats(0.0, 8.0),
     st.floats(0.1, 100.0),
 )
-def test_whatever_comes_a_stop_is_finite_in_range_and_never_along_the_motion(
+def test_a_stop_is_finite_in_range_and_never_along_the_motion_for_every_input(
     steps: list[tuple[float, float, bool, bool, int]], hold_mps2: float, jerk_mps3: float
 ) -> None:
     """Speeds, times and directions of any kind, and commands of any size in between."""

@@ -342,7 +342,7 @@ def test_readers_that_check_for_a_writer_do_not_keep_one_out(address: str) -> No
             TelemetryWriter(address, INFO).close()
 
 
-def test_what_is_no_telemetry_file_is_not_overwritten(tmp_path: Path) -> None:
+def test_a_file_that_is_not_telemetry_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "letter"
     path.write_text("dear reader")
     with pytest.raises(ConfigError, match="is not a telemetry file; it is not overwritten"):
@@ -397,7 +397,7 @@ def test_full_memory_is_passed_over_and_readers_find_the_file_all_the_same(
 
 
 @pytest.mark.usefixtures("memory")
-def test_where_everything_is_full_the_last_place_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_last_folder_is_named_when_all_are_full(monkeypatch: pytest.MonkeyPatch) -> None:
     def reserve_nothing(*_: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -474,7 +474,7 @@ def test_a_file_truncated_while_it_is_read_does_not_kill_the_reader(
 
 
 @pytest.mark.parametrize("make", [os.mkdir, os.mkfifo, lambda path: os.symlink("/dev/zero", path)])
-def test_what_is_no_file_is_unreadable(tmp_path: Path, make: Callable[[Path], None]) -> None:
+def test_a_path_without_a_regular_file_is_unreadable(tmp_path: Path, make: Callable[[Path], None]) -> None:
     path = tmp_path / "odd"
     make(path)
     with TelemetryReader(str(path)) as reader:

@@ -72,7 +72,7 @@ def test_every_flag_of_the_minimal_controller_is_a_defect_of_the_plan() -> None:
         (Defect(id="a", does="", cases=("x",)), "or flag"),
     ],
 )
-def test_what_does_not_fit_is_named(defect: Defect, fault: str, project: Path) -> None:
+def test_a_plan_that_does_not_fit_is_named(defect: Defect, fault: str, project: Path) -> None:
     assert fault in "\n".join(find_faults([defect], {"x"}, {"late_by_30_ms"}, project))
 
 
@@ -91,14 +91,14 @@ def test_the_sample_is_the_same_each_time_and_does_not_depend_on_the_order() -> 
     assert draw_sample(PLAN, 5) == draw_sample(tuple(reversed(PLAN)), 5)
 
 
-def test_what_is_measured_is_kept_at_once_and_a_later_run_goes_on_from_there(tmp_path: Path) -> None:
+def test_each_measurement_is_saved_at_once_and_a_later_run_continues(tmp_path: Path) -> None:
     results, bench = tmp_path / "found.json", ScriptedBench(FAILS)
     measure([BRAKES], bench, Findings(), Scope.NAMED, results, float("inf"))
     assert bench.asked == [("weak", ["state-lost"])]
     assert list(find_open([BRAKES, LATE, HIDDEN], Findings.read(results), Scope.NAMED)) == [LATE]
 
 
-def test_what_was_not_executed_is_measured_again(tmp_path: Path) -> None:
+def test_a_defect_whose_case_was_not_executed_is_measured_again(tmp_path: Path) -> None:
     results = tmp_path / "found.json"
     assert measure([BRAKES], ScriptedBench(None), Findings(), Scope.NAMED, results, float("inf")) == []
     assert list(find_open([BRAKES], Findings.read(results), Scope.NAMED)) == [BRAKES]
@@ -177,7 +177,7 @@ def test_a_defect_that_was_caught_in_virtual_time_is_caught_again(
     assert "caught: all cases 1 of 1 (100%), 0 not measured" in capsys.readouterr().out
 
 
-def test_what_an_unsound_case_caught_is_measured_again() -> None:
+def test_a_defect_caught_by_an_unsound_case_is_measured_again() -> None:
     findings = found(BRAKES, FAILS)
     findings.sound[sound_key(BRAKES, "state-lost", Scope.NAMED)] = False
     assert list(find_open([BRAKES], findings, Scope.NAMED)) == [BRAKES]

@@ -79,7 +79,7 @@ def judged(project: Path, *arguments: str) -> dict[str, Any]:
     return found
 
 
-def test_what_no_test_notices_survives_and_is_shown_with_its_change(project: Path) -> None:
+def test_an_unnoticed_mutant_survives_and_is_shown_with_its_change(project: Path) -> None:
     done = mutation(project)
     assert done.returncode == 1
     assert (
@@ -90,7 +90,7 @@ def test_what_no_test_notices_survives_and_is_shown_with_its_change(project: Pat
     assert "survived: brake.py:12" in done.stderr  # at once, long before the table
 
 
-def test_what_a_test_notices_is_killed_in_functions_in_properties_and_outside_of_both(project: Path) -> None:
+def test_a_noticed_mutant_is_killed_in_functions_properties_and_module_code(project: Path) -> None:
     found = judged(project)
     shown = "\n".join(survivor["diff"] for survivor in found["survivors"])
     assert (found["killed"], len(found["survivors"])) == (6, 1)
@@ -187,7 +187,7 @@ def test_changed_modules_are_compared_with_the_merge_base_and_on_main_with_the_p
     assert "mutants of 2 modules; none changed since " in said
 
 
-def test_where_there_is_no_history_at_all_everything_is_judged(project: Path) -> None:
+def test_every_module_is_judged_without_a_history(project: Path) -> None:
     assert modules_of(project, "--changed")[0] == ["brake.py"]
 
 

@@ -208,7 +208,7 @@ def keep_a_command_back(scene: Scene) -> None:
         (keep_a_command_back, "DRIVE_COMMAND arrives 320 ms after it was sent"),
     ],
 )
-def test_what_is_not_as_it_should_be_is_named(scene: Scene, tamper: Callable[[Scene], None], finding: str) -> None:
+def test_each_deviation_from_the_expected_is_named(scene: Scene, tamper: Callable[[Scene], None], finding: str) -> None:
     tamper(scene)
     assert any(text.endswith(finding) for text in scene.judged(pieces=3).wrong)
 
@@ -243,7 +243,7 @@ def test_a_machine_that_stands_still_again_and_again_is_not_taken_for_a_loop_tha
     assert len(judge.log.stalls) == len(stalls)
 
 
-def test_what_a_receiver_has_to_count_is_counted_by_cause_and_message(scene: Scene) -> None:
+def test_expected_drops_are_counted_by_cause_and_message(scene: Scene) -> None:
     pose = next(seen for seen in scene.at_loop[100] if seen.frame.can_id == 0x110)
     scene.at_loop[100].append(ReceivedFrame(later(pose.frame, 3), is_own=False))
     scene.at_loop[120] = [seen for seen in scene.at_loop[120] if seen.frame.can_id != 0x111 or seen.is_own]

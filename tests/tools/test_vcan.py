@@ -216,7 +216,7 @@ def test_ctrl_z_stops_it_and_fg_lets_it_go_on() -> None:
         assert screen.process.wait() == 0
 
 
-def test_what_is_typed_is_read_and_ctrl_d_ends_it() -> None:
+def test_typed_input_is_read_and_ctrl_d_ends_it() -> None:
     with terminal(VCAN, "sh", "-c", "echo up; exec tr a-z A-Z") as screen:
         screen.read_until(b"up")
         screen.type(b"hello\n\x04")
@@ -239,7 +239,7 @@ def test_killing_it_leaves_no_kernel_and_no_files_behind(folder: Path) -> None:
     assert list(folder.iterdir()) == []
 
 
-def test_where_the_kernel_has_socketcan_it_brings_vcan0_back_and_becomes_the_command() -> None:
+def test_on_a_kernel_with_socketcan_it_restores_vcan0_and_becomes_the_command() -> None:
     script = f"ip link del vcan0; echo $$; exec '{VCAN}' sh -c 'echo $$; cat /sys/class/net/vcan0/type'"
     outer, inner, kind = run("sh", "-c", script).stdout.split()
     assert outer == inner

@@ -173,7 +173,7 @@ def test_no_piece_of_a_receding_route_steps_back(name: str) -> None:
     ],
     ids=str,
 )
-def test_what_leads_on_is_left_as_it_is(sound: Trajectory) -> None:
+def test_points_that_lead_on_are_left_unchanged(sound: Trajectory) -> None:
     for each in (sound, turned(sound, math.pi / 2), turned(sound, -2.0)):
         assert find_backward_step(each) is None
         assert drop_backward_steps(each).trajectory is each
@@ -408,7 +408,7 @@ def test_a_noisy_route_is_cleaned_once_and_a_vehicle_that_drives_along_it_comes_
 
 @given(st.sampled_from(sorted(DRAWN)), st.floats(0.0, 0.03), st.integers(0, 2**32 - 1))
 @settings(max_examples=100, deadline=None)
-def test_where_no_step_back_is_found_the_index_does_not_stay_behind(
+def test_the_index_does_not_stay_behind_without_a_step_back(
     which: tuple[str, float], noise_m: float, seed: int
 ) -> None:
     raw = noisy(DRAWN[which], noise_m, seed)

@@ -150,7 +150,7 @@ FRAMES = st.text(  # at most 64 bytes, two for each
 
 
 @given(points=POINTS, frame_id=FRAMES.filter(lambda text: text == text.strip()))
-def test_what_was_saved_is_loaded_bit_for_bit(points: list[tuple[float, ...]], frame_id: str) -> None:
+def test_a_saved_trajectory_is_loaded_bit_for_bit(points: list[tuple[float, ...]], frame_id: str) -> None:
     times, *columns = zip(*sorted(points, key=lambda point: point[0]), strict=True)
     fields = {name: np.array(values) for name, values in zip(FLOAT_FIELDS, columns, strict=True)}
     saved = Trajectory(stamp_ns=1, frame_id=frame_id, time_from_start_ns=np.array(times, dtype=np.int64), **fields)

@@ -63,7 +63,7 @@ def test_nothing_put_by_another_thread_is_taken_twice_or_out_of_order() -> None:
     assert taken[-1] == 1999
 
 
-def test_what_is_posted_comes_out_as_it_was(tmp_path: Path) -> None:
+def test_a_posted_trajectory_is_received_unchanged(tmp_path: Path) -> None:
     publish_trajectory(tmp_path / "t", line(7))
     fetched = fetch(tmp_path / "t")
     assert (fetched.stamp_ns, fetched.frame_id, fetched.x_m.tolist()) == (7, "odom", [0.0, 1.0, 2.0])

@@ -125,7 +125,7 @@ def test_nothing_is_sent_to_it_unarmed(tmp_path: Path) -> None:
         ("SPOOFED", 1, "STATE_INVALID"),
     ],
 )
-def test_what_it_reports_decides(tmp_path: Path, report: str, value: float, reason: str) -> None:
+def test_a_report_stops_the_drive_with_its_reason(tmp_path: Path, report: str, value: float, reason: str) -> None:
     drive = Drive(tmp_path).engage()
     drive.sedan.reports[report] = value
     drive.run_ms(100)

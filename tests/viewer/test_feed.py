@@ -57,7 +57,7 @@ def test_data_grows_old_and_keeps_being_shown(writer: TelemetryWriter, feed: Fee
     assert old.sample_rate_hz == 0.0
 
 
-def test_what_came_since_the_page_looked_at_the_clock_is_of_now(writer: TelemetryWriter, feed: Feed) -> None:
+def test_a_snapshot_newer_than_the_pages_clock_reading_has_age_zero(writer: TelemetryWriter, feed: Feed) -> None:
     writer.publish(Snapshot(NS_PER_S, 3, 0, has_state=True, stamp_ns=NS_PER_S - 7 * NS_PER_MS, samples=1))
     view = feed.read(NS_PER_S - 8 * NS_PER_MS)
     assert (view.data_age_s, view.state_age_s) == (0.0, 0.007)

@@ -195,7 +195,7 @@ def test_codes_that_this_version_does_not_know_are_shown_as_numbers() -> None:
     assert "Reason -3" in words
 
 
-def test_what_was_never_received_has_no_figure() -> None:
+def test_a_value_that_was_never_received_has_no_figure() -> None:
     nothing = Snapshot(NS_PER_S, ControllerState.STARTING, Reason.NOT_ENGAGED)
     assert "0.00 m" not in _PageText(numbers_html(view(nothing))).text
 

@@ -160,7 +160,7 @@ def test_a_trajectory_that_was_lost_is_not_there(recording: Playback) -> None:
 
 
 @given(cut=st.integers(0, 2000), noise=st.binary(max_size=40), place=st.integers(0, 10**6))
-def test_whatever_was_cut_off_or_damaged_it_goes_on(
+def test_a_truncated_or_damaged_recording_is_played_on(
     tmp_path_factory: pytest.TempPathFactory, cut: int, noise: bytes, place: int
 ) -> None:
     folder = tmp_path_factory.mktemp("damaged")
@@ -194,7 +194,7 @@ def test_whatever_was_cut_off_or_damaged_it_goes_on(
         (lambda folder: (folder / files.SNAPSHOTS).write_bytes(files.SNAPSHOT_HEADER + b"12"), "nothing to show"),
     ],
 )
-def test_what_is_no_recording_is_refused(folder: Path, change, complaint, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_a_damaged_recording_is_rejected_with_its_fault(folder: Path, change, complaint, capsys) -> None:  # type: ignore[no-untyped-def]
     change(folder)
     assert main([str(folder)]) == 2
     assert complaint in capsys.readouterr().err

@@ -56,7 +56,7 @@ def test_while_all_is_well_the_page_shows_the_folder(tmp_path: Path) -> None:
         (None, "no status from the recorder"),
     ],
 )
-def test_what_is_wrong_with_it_is_on_the_page(
+def test_a_fault_of_the_recorder_is_on_the_page(
     tmp_path: Path, status: RecorderStatus | bytes | None, words: str
 ) -> None:
     said = fault(tmp_path, status)

@@ -83,7 +83,7 @@ def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserSe
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e12, 1e300])
-def test_what_cannot_be_drawn_is_hidden_and_comes_back(server: viser.ViserServer, bad: float) -> None:
+def test_a_value_that_cannot_be_drawn_is_hidden_and_returns(server: viser.ViserServer, bad: float) -> None:
     scene = Scene(server)
     assert scene.draw(view(1, 3.0, 4.0)) is not None
     assert at_present(scene._vehicle._frame.visible)
