@@ -106,6 +106,36 @@ def test_the_page_is_served_with_a_policy_and_our_title(server: viser.ViserServe
 
 
 @pytest.mark.parametrize(
+    "path", ["/missing", "/index.html/x", "/../etc/passwd", "/%2e%2e/x", "//[x", "/\\x", "/%00", "/" + 300 * "x", "x"]
+)
+def test_an_unknown_path_answers_404_and_names_the_page(server: viser.ViserServer, path: str) -> None:
+    response = status(server, f"{path}?token=1", Accept_Encoding="gzip")
+    assert response.status == 404
+    assert response.body.endswith(b"; the page is at /\n")  # type: ignore[attr-defined]
+    assert response.getheader("Content-Type") == "text/plain; charset=utf-8"
+    assert response.getheader("X-Content-Type-Options") == "nosniff"
+
+
+def test_a_request_for_an_icon_is_answered_with_no_content(server: viser.ViserServer) -> None:
+    response = status(server, "/favicon.ico")
+    assert (response.status, response.body) == (204, b"")  # type: ignore[attr-defined]
+
+
+def test_an_unknown_path_needs_the_token_as_the_page_does(guarded: viser.ViserServer) -> None:
+    assert [status(guarded, path).status for path in ("/missing", "/favicon.ico", "//[x")] == [401] * 3
+    assert status(guarded, f"/missing?token={TOKEN}").status == 404
+
+
+def test_a_repeated_upgrade_header_opens_no_websocket(server: viser.ViserServer) -> None:
+    with contextlib.closing(http.client.HTTPConnection("127.0.0.1", server.get_port(), timeout=10)) as connection:
+        connection.putrequest("GET", "/")
+        connection.putheader("Upgrade", "websocket")
+        connection.putheader("Upgrade", "websocket")
+        connection.endheaders()
+        assert connection.getresponse().status == 200
+
+
+@pytest.mark.parametrize(
     "host", ["evil.example", "evil.example:{port}", "127.0.0.1:1", "127.0.0.1.evil.example", "", "[::"]
 )
 def test_a_foreign_host_name_is_forbidden(server: viser.ViserServer, host: str) -> None:

@@ -119,7 +119,7 @@ class Access:
         return address.is_loopback or not self.is_local
 
     def _has_token(self, request: Request) -> bool:
-        offered = [*parse_qs(urlsplit(request.path).query).get("token", ())]
+        offered = [*parse_qs(request.path.partition("?")[2]).get("token", ())]
         with contextlib.suppress(CookieError):
             cookies = SimpleCookie("; ".join(request.headers.get_all("Cookie")))
             offered += [cookies[_COOKIE].value] if _COOKIE in cookies else []
@@ -205,23 +205,35 @@ class _RequestFilter:
         return "Upgrade" in request.headers and len(clients) >= MAX_CLIENTS
 
     def _respond(self, inner: Any, connection: Any, request: Request) -> Response | None:
-        is_page = urlsplit(request.path).path == "/"
-        if is_page and "Accept-Encoding" in request.headers:
-            del request.headers["Accept-Encoding"]  # the title is changed below, in plain text
-        response: Response | None = inner(connection, request)
-        if response is None:
+        if request.headers.get_all("Upgrade") == ["websocket"]:
             return None
-        body = response.body.replace(_TITLE, _OUR_TITLE, 1) if is_page and response.body else response.body
-        headers = Headers(response.headers)
-        del headers["Content-Length"]
-        headers["Content-Length"] = str(len(body or b""))
+        path = request.path.partition("?")[0]
+        response: Response
+        if path == "/favicon.ico":  # the page has its icon within; browsers ask all the same
+            response = Response(http.HTTPStatus.NO_CONTENT, "No Content", Headers())
+        elif path != "/":  # not left to viser, which reads files by this name
+            words = f"404: nothing is at {ascii(path)[:100]}; the page is at /\n"
+            response = connection.respond(http.HTTPStatus.NOT_FOUND, words)
+        else:
+            response = _read_page(inner, connection)
+        headers = response.headers
         headers["Content-Security-Policy"] = _POLICY
         headers["X-Content-Type-Options"] = "nosniff"
         headers["Referrer-Policy"] = "no-referrer"
         headers["Cache-Control"] = "no-store"
         if self._access.token is not None:
             headers["Set-Cookie"] = f"{_COOKIE}={self._access.token}; HttpOnly; SameSite=Strict; Path=/"
-        return Response(response.status_code, response.reason_phrase, headers, body)
+        return response
+
+
+def _read_page(inner: Any, connection: Any) -> Response:
+    """Return viser's page under our title: uncompressed, as the request has no Accept-Encoding."""
+    response: Response = inner(connection, Request("/", Headers()))
+    body = (response.body or b"").replace(_TITLE, _OUR_TITLE, 1)
+    headers = Headers(response.headers)
+    del headers["Content-Length"]
+    headers["Content-Length"] = str(len(body))
+    return Response(response.status_code, response.reason_phrase, headers, body)
 
 
 def _open_listener(access: Access) -> socket.socket:
