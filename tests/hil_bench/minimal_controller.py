@@ -55,6 +55,7 @@ SPEED_MPS, GEAR_CHANGE_MPS, STOP_MPS2, DRIVER_NM = 20.0, 0.5, 3.0, 3.0
 OFF_PATH_M, OFF_HEADING_RAD, OVERSPEED_MPS, ROLLBACK_MPS = 3.0, 0.8, 1.0, 0.5
 CLEAN_PAIRS = 50  # in a row, after three that found no room
 STANDING_MPS, CREEP_MPS = 0.01, 0.3
+AHEAD_S = 0.4  # the speed is led to that of the point which is reached by then
 APART_MPS, APART_NS, CONTRADICTIONS = 0.4, 1000 * MS, 15
 HOLD_NS = {Reason.STATE_STALE: 200 * MS, Reason.STATE_INVALID: 500 * MS, Reason.FRAME_MISMATCH: 500 * MS}
 
@@ -294,6 +295,8 @@ class Controller:
     """
 
     def __init__(self, channel: str, route: Route, *, is_armed: bool, defect: str = "") -> None:
+        """Raises `ValueError` for a route that the wheels cannot follow, `OSError` without a bus."""
+        route.check_curvature(1.1 * math.tan(WHEEL_RAD) / WHEELBASE_M)
         self.recorder: Recorder | None = None
         self.view: View | None = None
         self.channel, self.route, self.is_armed, self.defect = channel, route, is_armed, defect
@@ -320,6 +323,7 @@ class Controller:
         self.held, self.held_ns = Reason.NOMINAL, 0
         self.contradictions, self.is_doubtful = 0, False
         self.wheel_rad = self.accel_mps2 = 0.0
+        self.said, self.is_enabled, self.is_stop = Reason.NOT_ENGAGED, False, False
         self.strayed: Reason = Reason.NOMINAL
         self.ended: Reason = Reason.NOMINAL
 
@@ -369,6 +373,7 @@ class Controller:
             else:
                 self.hear(now_ns)
                 self.speak(now_ns)
+                self.send_slow_when_due(now_ns)
         except OSError as error:
             self.lose_link(now_ns, error)
 
@@ -494,7 +499,7 @@ class Controller:
             return False
         is_fresh = now_ns - self.state.stamp_ns < STALE_NS and now_ns - self.status_ns < STATUS_STALE_NS
         is_asked = self.status.mode == READY and not self.status.driver_acts
-        return is_fresh and is_asked and now_ns - self.fresh_ns >= FRESH_NS
+        return is_fresh and is_asked and now_ns - max(self.fresh_ns, self.phase_ns) >= FRESH_NS
 
     def answer(self, state: State, now_ns: int, *, is_true: bool) -> None:
         """One pair for one sample; none for a first and a second one in a row that cannot be true."""
@@ -586,7 +591,7 @@ class Controller:
             self.route.next_leg()
             left_m = self.route.left_of_leg_m()
         direction = self.route.direction
-        speed_mps = min(max(CREEP_MPS, self.route.speed_mps()), SPEED_MPS)
+        speed_mps = min(max(CREEP_MPS, self.route.speed_mps(AHEAD_S * abs(state.speed_mps))), SPEED_MPS)
         speed_mps = 0.0 if left_m < 0.05 else max(CREEP_MPS, min(speed_mps, math.sqrt(1.4 * left_m)))
         gear = DRIVE if direction > 0 else REVERSE
         if self.status is not None and self.status.gear == gear:
@@ -653,9 +658,15 @@ class Controller:
             self.refused = self.refused if self.clean < CLEAN_PAIRS and self.refused >= 3 else 0
         else:
             self.clean, self.refused, self.refused_ns = 0, self.refused + 1, self.refused_ns or now_ns
-        if has_room and now_ns >= self.slow_ns:
+        self.said, self.is_enabled, self.is_stop = said, bool(enable), bool(is_stop)
+        self.send_slow_when_due(now_ns)
+
+    def send_slow_when_due(self, now_ns: int) -> None:
+        """Send lights and the controller's own status, also while samples have a short gap."""
+        is_answering = self.pairs > 0 and now_ns - self.pair_ns <= SILENT_NS and self.phase != "silent"
+        if self.bus is not None and is_answering and now_ns >= self.slow_ns and self.bus.has_room():
             self.slow_ns = max(self.slow_ns + SLOW_PERIOD_NS, now_ns + SLOW_PERIOD_NS // 2)
-            self.send_slow(said, is_enabled=bool(enable), is_stop=bool(is_stop), now_ns=now_ns)
+            self.send_slow(self.said, is_enabled=self.is_enabled, is_stop=self.is_stop, now_ns=now_ns)
 
     def send_slow(self, reason: Reason, *, is_enabled: bool, is_stop: bool, now_ns: int) -> None:
         """Send lights and the controller's own status."""
@@ -710,6 +721,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.show is not None:
             blocks, is_required = given.defect == "view_blocks", given.defect == "view_required"
             controller.view = View(given.show, blocks=blocks, is_required=is_required)
+    except ValueError as error:
+        parser.error(f"{given.route}: {error}")
     except OSError as error:
         print(f"{given.channel}: {error}", file=sys.stderr)
         return 3

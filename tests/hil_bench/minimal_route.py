@@ -77,10 +77,22 @@ class Route:
         """From here on in the other direction."""
         self.place, self.share = self._leg_end(), 0.0
 
-    def speed_mps(self) -> float:
-        """Without its sign."""
-        a, b = abs(self.points[self.place][4]), abs(self.points[self.place + 1][4])
-        return a + self.share * (b - a)
+    def speed_mps(self, ahead_m: float = 0.0) -> float:
+        """At a point of the leg, without its sign."""
+        at_m = self.reached_m + ahead_m
+        i = min(max(bisect_right(self.along_m, at_m) - 1, self.place), self._leg_end() - 1)
+        share = min(1.0, (at_m - self.along_m[i]) / (self.along_m[i + 1] - self.along_m[i]))
+        a, b = abs(self.points[i][4]), abs(self.points[i + 1][4])
+        return a + share * (b - a)
+
+    def check_curvature(self, most_per_m: float) -> None:
+        """Raises `ValueError` where the path bends more sharply."""
+        for a, b in pairwise(self.points):
+            bend_per_m = abs(math.remainder(b[3] - a[3], math.tau)) / math.dist(a[1:3], b[1:3])
+            if bend_per_m > most_per_m:
+                raise ValueError(
+                    f"at {a[1]:.1f}, {a[2]:.1f} m: curvature {bend_per_m:.3f}/m, at most {most_per_m:.3f}/m"
+                )
 
     def point_ahead(self, ahead_m: float) -> tuple[float, float]:
         """On the leg, or straight on from its end."""
