@@ -15,6 +15,7 @@ from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
 
 from .processes import Publisher, Replay, Viewer
+from .tunnel import open_tunnel
 
 Start = Callable[..., Publisher]
 HOSTILE = "<img src=x onerror=\"document.title='owned'\"><b>bold</b> & [link](http://evil.example) `code`"
@@ -172,6 +173,15 @@ def test_two_pages_see_the_same_drive(publish: Start, viewer: Viewer, page: Page
         banner(each, "ENGAGED", "NOMINAL")
     other.close()
     differs(page, "x", number(page, "x"))
+
+
+def test_the_page_is_shown_through_a_tunnel_from_another_port(publish: Start, viewer: Viewer, page: Page) -> None:
+    publish()
+    with open_tunnel(int(viewer.url.rstrip("/").rsplit(":", 1)[1])) as port:
+        for host in ("localhost", "127.0.0.1"):
+            page.goto(f"http://{host}:{port}/")
+            banner(page, "ENGAGED", "NOMINAL")
+            differs(page, "x", number(page, "x"))
 
 
 def test_a_page_from_elsewhere_cannot_listen(publish: Start, viewer: Viewer, page: Page) -> None:

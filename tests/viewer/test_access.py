@@ -19,6 +19,7 @@ from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
 
 from vehicle_iface.errors import ConfigError
+from vehicle_iface_viewer import access
 from vehicle_iface_viewer.access import MAX_MESSAGE_BYTES, Access, open_server
 
 TOKEN = "0123456789abcdef"
@@ -38,6 +39,14 @@ def guarded() -> Iterator[viser.ViserServer]:
     opened.stop()
 
 
+@pytest.fixture(scope="module")
+def remote() -> Iterator[viser.ViserServer]:
+    """One that other machines can reach."""
+    opened = open_server(Access(host="0.0.0.0", port=0, allow_remote=True, token=TOKEN))
+    yield opened
+    opened.stop()
+
+
 def status(server: viser.ViserServer, path: str = "/", **headers: str) -> http.client.HTTPResponse:
     """The answer to one request; `Host` as given, once."""
     connection = http.client.HTTPConnection("127.0.0.1", server.get_port(), timeout=10)
@@ -52,12 +61,21 @@ def status(server: viser.ViserServer, path: str = "/", **headers: str) -> http.c
         return response
 
 
-def joined(server: viser.ViserServer, **options: Any) -> ClientConnection:
-    """A client of viser's own protocol."""
-    name = Subprotocol(f"viser-v{viser.__version__}")
-    return connect(
-        f"ws://127.0.0.1:{server.get_port()}/", subprotocols=[name], max_size=None, compression=None, **options
-    )
+def joined(server: viser.ViserServer, host: str = "", **options: Any) -> ClientConnection:
+    """A client of viser's own protocol; `host` as it stands in its address, which a tunnel can make differ."""
+    sock = socket.create_connection(("127.0.0.1", server.get_port()), timeout=10)
+    try:
+        return connect(
+            f"ws://{host or f'127.0.0.1:{server.get_port()}'}/",
+            sock=sock,
+            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
+            max_size=None,
+            compression=None,
+            **options,
+        )
+    except InvalidStatus:
+        sock.close()
+        raise
 
 
 def packed(message: _messages.Message) -> bytes:
@@ -136,10 +154,37 @@ def test_a_repeated_upgrade_header_opens_no_websocket(server: viser.ViserServer)
 
 
 @pytest.mark.parametrize(
-    "host", ["evil.example", "evil.example:{port}", "127.0.0.1:1", "127.0.0.1.evil.example", "", "[::"]
+    "host",
+    [
+        "evil.example",
+        "evil.example:{port}",
+        "evil.example:80",
+        "127.0.0.1.evil.example",
+        "localhost.evil.example:{port}",
+        "car.local:{port}",
+        "192.0.2.1:{port}",
+        "127.0.0.1:99999",
+        "localhost:x",
+        "",
+        "[::",
+    ],
 )
 def test_a_foreign_host_name_is_forbidden(server: viser.ViserServer, host: str) -> None:
-    assert status(server, Host=host.format(port=server.get_port())).status == 403
+    host = host.format(port=server.get_port())
+    response = status(server, Host=host)
+    assert response.status == 403
+    assert response.body.decode() == (  # type: ignore[attr-defined]
+        f"403: '{host}' is no name of this page; open http://127.0.0.1:{server.get_port()}/ on its machine, or "
+        f"http://127.0.0.1:9000/ after `ssh -L 9000:127.0.0.1:{server.get_port()} MACHINE`; any port will do\n"
+    )
+    assert response.getheader("X-Content-Type-Options") == "nosniff"
+
+
+def test_a_host_name_given_twice_is_forbidden() -> None:
+    twice = Headers([("Host", "localhost:8080"), ("Host", "localhost:8080")])
+    rejection = Access().find_rejection(Request("/", twice))
+    assert rejection is not None
+    assert rejection.status == 403
 
 
 @pytest.mark.parametrize("host", ["localhost:{port}", "127.0.0.1:{port}", "LOCALHOST:{port}", "[::1]:{port}"])
@@ -147,15 +192,55 @@ def test_names_of_this_machine_are_served(server: viser.ViserServer, host: str) 
     assert status(server, Host=host.format(port=server.get_port())).status == 200
 
 
+@pytest.mark.parametrize("host", ["127.0.0.1:9000", "localhost:9000", "localhost", "[::1]:1"])
+def test_a_tunnel_from_any_port_shows_the_page_and_its_websocket(server: viser.ViserServer, host: str) -> None:
+    assert status(server, Host=host, Origin=f"http://{host}").status == 200
+    with joined(server, host, additional_headers={"Origin": f"http://{host}"}) as client:
+        assert client.recv(timeout=10)
+
+
 @pytest.mark.parametrize(
-    "origin", ["http://evil.example", "null", "https://127.0.0.1:{port}", "http://127.0.0.1:1", ""]
+    "origin",
+    [
+        "http://evil.example",
+        "null",
+        "https://127.0.0.1:{port}",
+        "http://127.0.0.1:1",
+        "http://localhost:{port}",
+        "http://127.0.0.1:{port}.evil.example",
+        "file://",
+        "",
+    ],
 )
 def test_a_foreign_origin_is_forbidden(server: viser.ViserServer, origin: str) -> None:
     origin = origin.format(port=server.get_port())
-    assert status(server, Origin=origin).status == 403
+    response = status(server, Origin=origin)
+    assert response.status == 403
+    assert response.body.decode() == (  # type: ignore[attr-defined]
+        f"403: a page of '{origin}' may not read this one; open 'http://127.0.0.1:{server.get_port()}' itself\n"
+    )
     with pytest.raises(InvalidStatus) as refused:
         joined(server, additional_headers={"Origin": origin})
     assert refused.value.response.status_code == 403
+
+
+def test_through_a_tunnel_a_page_of_another_port_is_forbidden(server: viser.ViserServer) -> None:
+    for origin in (f"http://localhost:{server.get_port()}", "http://localhost:9001", "http://evil.example:9000"):
+        with pytest.raises(InvalidStatus) as refused:
+            joined(server, "localhost:9000", additional_headers={"Origin": origin})
+        assert refused.value.response.status_code == 403
+
+
+def test_one_browser_more_than_the_maximum_is_refused_with_the_number(
+    server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(access, "MAX_CLIENTS", 1)
+    with joined(server) as client:
+        wait_for_answer(client)
+        with pytest.raises(InvalidStatus) as refused:
+            joined(server)
+    assert refused.value.response.status_code == 503
+    assert refused.value.response.body == b"503: 1 browsers watch already, the maximum; close one\n"
 
 
 def test_our_own_page_may_open_a_websocket(server: viser.ViserServer) -> None:
@@ -164,7 +249,9 @@ def test_our_own_page_may_open_a_websocket(server: viser.ViserServer) -> None:
 
 
 def test_no_token_is_unauthorized(guarded: viser.ViserServer) -> None:
-    assert status(guarded).status == 401
+    response = status(guarded)
+    assert response.status == 401
+    assert b"the token is missing or wrong; open the address that" in response.body  # type: ignore[attr-defined]
     assert status(guarded, "/?token=wrong").status == 401
     assert status(guarded, Cookie="vehicle_iface_token=wrong").status == 401
     assert status(guarded, Cookie="a[=b;;=,").status == 401
@@ -193,14 +280,28 @@ def test_another_address_needs_a_flag_and_a_token(host: str) -> None:
     assert not Access(host=host, allow_remote=True, token=TOKEN).is_local
 
 
-def test_a_remote_viewer_is_known_by_address_and_needs_the_token() -> None:
-    access = Access(host="0.0.0.0", port=8080, allow_remote=True, token=TOKEN)
-    for host, path, expected in (
-        ("192.0.2.7:8080", f"/?token={TOKEN}", None),
-        ("192.0.2.7:8080", "/", 401),
-        ("rebound.example:8080", f"/?token={TOKEN}", 403),
-    ):
-        assert access.rejection(Request(path, Headers(Host=host))) == expected
+@pytest.mark.parametrize(
+    "host", ["car.local:{port}", "car.local:9000", "car:{port}", "192.0.2.7:9000", "[2001:db8::7]:9000", "{own}"]
+)
+def test_names_that_only_a_local_network_gives_show_a_remote_page_with_the_token(
+    remote: viser.ViserServer, host: str
+) -> None:
+    host = host.format(port=remote.get_port(), own=socket.gethostname().lower())
+    response = status(remote, f"/?token={TOKEN}", Host=host)
+    assert response.status == 200
+    cookie = (response.getheader("Set-Cookie") or "").split(";")[0]
+    with joined(remote, host, additional_headers={"Cookie": cookie, "Origin": f"http://{host}"}) as client:
+        assert client.recv(timeout=10)
+    assert status(remote, f"/?token={TOKEN}", Host=host.upper()).status == 200
+    assert status(remote, "/", Host=host).status == 401
+
+
+@pytest.mark.parametrize("host", ["rebound.example:{port}", "car.local.evil.example:{port}", ".:{port}", ""])
+def test_a_remote_page_is_forbidden_under_a_public_name(remote: viser.ViserServer, host: str) -> None:
+    response = status(remote, f"/?token={TOKEN}", Host=host.format(port=remote.get_port()))
+    assert response.status == 403
+    assert b"is no name of this page; open it by an IP address" in response.body  # type: ignore[attr-defined]
+    assert TOKEN.encode() not in response.body  # type: ignore[attr-defined]
 
 
 def test_a_short_token_is_refused() -> None:

@@ -4,7 +4,6 @@ Each line is one: the path first, then `Name: value`.
 Law: a request is let in or refused with a status; nobody comes in without the token, or by a foreign name.
 """
 
-import http
 from collections.abc import Iterator
 from urllib.parse import unquote_plus
 
@@ -35,8 +34,8 @@ def run(data: bytes) -> None:
         except WebSocketException:  # refused before anybody looks at it
             return
     for access in _ACCESSES:
-        rejection = access.rejection(Request(path, headers))
-        assert rejection is None or isinstance(rejection, http.HTTPStatus)
+        rejection = access.find_rejection(Request(path, headers))
+        assert rejection is None or (rejection.status in (401, 403) and rejection.reason.isprintable())
         if rejection is None:
             shown = unquote_plus("".join([path, *headers.get_all("Cookie")])).translate(_DROPPED)
             assert access.token is None or _TOKEN in shown or "\\" in shown

@@ -16,6 +16,7 @@ from vehicle_iface.command_line import ArgumentParser, HelpFormatter, make_outpu
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.telemetry import telemetry_path
 from vehicle_iface_viewer.access import Access
+from vehicle_iface_viewer.addresses import format_url
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.playback import SPEEDS, Playback
 
@@ -34,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # A browser may disconnect between being listed and being sent to; that is no reason for a warning.
     warnings.filterwarnings("ignore", message=r"Queued a \w+ on a closed connection")
     stop = _StopFlag()
-    url = _format_url(options.host, app.port, options.token)
+    url = format_url(options.host, app.port, options.token)
     print(f"viewer: {url}  ({shown})", flush=True)
     if options.open:
         webbrowser.open(url)
@@ -75,11 +76,6 @@ class _StopFlag:
     def _set(self, _number: int, _frame: FrameType | None) -> None:
         self.is_set = True
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-def _format_url(host: str, port: int, token: str | None) -> str:
-    name = f"[{host}]" if ":" in host else host
-    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")
 
 
 def _build_parser() -> argparse.ArgumentParser:

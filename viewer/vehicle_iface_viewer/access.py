@@ -17,7 +17,7 @@ import io
 import ipaddress
 import logging
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
@@ -30,6 +30,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from vehicle_iface.errors import ConfigError
+from vehicle_iface_viewer.addresses import bracket, format_url, is_lan_name
 
 MAX_MESSAGE_BYTES = 16384
 """A camera message has about 300 bytes."""
@@ -47,6 +48,14 @@ _POLICY = (
 )
 _TITLE = b"<title>Viser</title>"
 _OUR_TITLE = b"<title>vehicle-iface</title>"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rejection:
+    """Why a request is rejected, and what to do instead."""
+
+    status: http.HTTPStatus
+    reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,36 +96,50 @@ class Access:
         except ValueError:
             return False
 
-    def rejection(self, request: Request) -> http.HTTPStatus | None:
-        """Return the HTTP status with which this request is rejected; None accepts it."""
+    def find_rejection(self, request: Request) -> Rejection | None:
+        """Return why this request is rejected; None accepts it."""
         host = request.headers.get_all("Host")
         origin = request.headers.get_all("Origin")
         if len(host) != 1 or not self._is_own_host(host[0]):
-            return http.HTTPStatus.FORBIDDEN
+            words = f"{_quote(host)} is no name of this page; {self._describe_names()}"
+            return Rejection(status=http.HTTPStatus.FORBIDDEN, reason=words)
         # Only browsers send an Origin, and every browser does when it opens a websocket; a page of another origin
         # cannot omit or forge it.
         if origin and origin != [f"http://{host[0]}"]:
-            return http.HTTPStatus.FORBIDDEN
+            words = f"a page of {_quote(origin)} may not read this one; open {_quote(['http://' + host[0]])} itself"
+            return Rejection(status=http.HTTPStatus.FORBIDDEN, reason=words)
         if self.token is not None and not self._has_token(request):
-            return http.HTTPStatus.UNAUTHORIZED
+            words = "the token is missing or wrong; open the address that the viewer printed, with ?token=… at its end"
+            return Rejection(status=http.HTTPStatus.UNAUTHORIZED, reason=words)
         return None
 
     def _is_own_host(self, host: str) -> bool:
-        """Return whether `host` names this server. Any other name that resolves to it is DNS rebinding."""
+        """Return whether `host` names this server. Any other name that resolves to it is DNS rebinding.
+
+        The port may be another one: `ssh -L` and containers forward from any. No attack depends on it, as the Origin
+        must have the same.
+        """
         try:
             parts = urlsplit(f"//{host}")
-            name, port = parts.hostname or "", parts.port or 80
+            name, _ = parts.hostname or "", parts.port
         except ValueError:
             return False
-        if self.port and port != self.port:
-            return False
-        if name in {"localhost", self.host}:
+        if name in {"localhost", self.host.lower()}:
             return True
         try:
             address = ipaddress.ip_address(name)
         except ValueError:
-            return not self.is_local and name in {socket.gethostname(), socket.getfqdn()}
+            return not self.is_local and is_lan_name(name)
         return address.is_loopback or not self.is_local
+
+    def _describe_names(self) -> str:
+        if not self.is_local:
+            return "open it by an IP address, its machine's host name, a name without a dot, or one that ends in .local"
+        tunnel = f"ssh -L 9000:{bracket(self.host)}:{self.port} MACHINE"
+        return (
+            f"open {format_url(self.host, self.port)} on its machine, or http://127.0.0.1:9000/ after `{tunnel}`; "
+            "any port will do"
+        )
 
     def _has_token(self, request: Request) -> bool:
         offered = [*parse_qs(request.path.partition("?")[2]).get("token", ())]
@@ -187,22 +210,26 @@ class _RequestFilter:
         """viser's `process_request`, behind this filter."""
 
         def process_request(connection: Any, request: Request) -> Response | None:
-            status = self._access.rejection(request)
-            if status is None and self._is_busy(request):
-                status = http.HTTPStatus.SERVICE_UNAVAILABLE
-            if status is not None:
-                response: Response = connection.respond(status, f"{status.value} {status.phrase}\n")
-                return response
-            return self._respond(inner, connection, request)
+            rejection = self._access.find_rejection(request) or self._find_overload(request)
+            response: Response | None
+            if rejection is not None:
+                response = connection.respond(rejection.status, f"{rejection.status.value}: {rejection.reason}\n")
+            else:
+                response = self._respond(inner, connection, request)
+            if response is not None:
+                _restrict(response.headers)
+            return response
 
         return process_request
 
-    def _is_busy(self, request: Request) -> bool:
-        """Return whether the server has not started yet, or has the maximum number of browsers."""
+    def _find_overload(self, request: Request) -> Rejection | None:
+        status = http.HTTPStatus.SERVICE_UNAVAILABLE
         if self._server is None:
-            return True
+            return Rejection(status=status, reason="the viewer is starting; reload the page")
         clients = self._server._websock_server._client_state_from_id
-        return "Upgrade" in request.headers and len(clients) >= MAX_CLIENTS
+        if "Upgrade" in request.headers and len(clients) >= MAX_CLIENTS:
+            return Rejection(status=status, reason=f"{MAX_CLIENTS} browsers watch already, the maximum; close one")
+        return None
 
     def _respond(self, inner: Any, connection: Any, request: Request) -> Response | None:
         if request.headers.get_all("Upgrade") == ["websocket"]:
@@ -212,18 +239,25 @@ class _RequestFilter:
         if path == "/favicon.ico":  # the page has its icon within; browsers ask all the same
             response = Response(http.HTTPStatus.NO_CONTENT, "No Content", Headers())
         elif path != "/":  # not left to viser, which reads files by this name
-            words = f"404: nothing is at {ascii(path)[:100]}; the page is at /\n"
+            words = f"404: nothing is at {_quote([path])}; the page is at /\n"
             response = connection.respond(http.HTTPStatus.NOT_FOUND, words)
         else:
             response = _read_page(inner, connection)
-        headers = response.headers
-        headers["Content-Security-Policy"] = _POLICY
-        headers["X-Content-Type-Options"] = "nosniff"
-        headers["Referrer-Policy"] = "no-referrer"
-        headers["Cache-Control"] = "no-store"
         if self._access.token is not None:
-            headers["Set-Cookie"] = f"{_COOKIE}={self._access.token}; HttpOnly; SameSite=Strict; Path=/"
+            response.headers["Set-Cookie"] = f"{_COOKIE}={self._access.token}; HttpOnly; SameSite=Strict; Path=/"
         return response
+
+
+def _restrict(headers: Headers) -> None:
+    headers["Content-Security-Policy"] = _POLICY
+    headers["X-Content-Type-Options"] = "nosniff"
+    headers["Referrer-Policy"] = "no-referrer"
+    headers["Cache-Control"] = "no-store"
+
+
+def _quote(values: Sequence[str]) -> str:
+    """Return what a client sent for a text: ASCII, and short."""
+    return ascii(", ".join(values))[:100]
 
 
 def _read_page(inner: Any, connection: Any) -> Response:
