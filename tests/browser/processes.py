@@ -19,8 +19,12 @@ class _Process:
             stderr=subprocess.STDOUT,
             text=True,
         )
+        self.greeting = self.read_line()
+
+    def read_line(self) -> str:
+        """Return the next line that it prints."""
         assert self._process.stdout is not None
-        self.greeting = self._process.stdout.readline()
+        return self._process.stdout.readline()
 
     def end(self, number: int) -> tuple[int, str]:
         """Send a signal; the exit status and all that was printed after the greeting."""

@@ -184,6 +184,30 @@ def test_the_page_is_shown_through_a_tunnel_from_another_port(publish: Start, vi
             differs(page, "x", number(page, "x"))
 
 
+def test_a_browser_that_the_viewer_opens_gets_the_token_and_not_in_its_command_line(
+    publish: Start, address: str, page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    publish()
+    script, asked = tmp_path / "browser", tmp_path / "asked"
+    script.write_text(f'#!/bin/sh\nprintf %s "$*" > {asked}.new && mv {asked}.new {asked}\n')
+    script.chmod(0o700)
+    monkeypatch.setenv("BROWSER", str(script))
+    monkeypatch.setenv("VEHICLE_IFACE_TOKEN", "0123456789abcdef+/=&")
+    viewer = Viewer(address, "--open")
+    try:
+        while not asked.exists():
+            page.wait_for_timeout(20)
+        opened = asked.read_text()
+        file = Path(opened.removeprefix("file://"))
+        assert file.stat().st_mode & 0o077 == 0
+        page.goto(opened)
+        page.wait_for_url(viewer.url)
+        banner(page, "ENGAGED", "NOMINAL")
+    finally:
+        viewer.close()
+    assert not file.exists()
+
+
 def test_a_page_from_elsewhere_cannot_listen(publish: Start, viewer: Viewer, page: Page) -> None:
     publish()
     socket_url = viewer.url.replace("http", "ws")
@@ -216,7 +240,7 @@ def test_a_viewer_prints_its_source_and_ends_on_a_signal(viewer: Viewer, address
     ("options", "words"),
     [
         (["--host", "0.0.0.0"], "--host 0.0.0.0: others could watch"),
-        (["--host", "0.0.0.0", "--allow-remote", "--token", "short"], "at least 16"),
+        (["--host", "0.0.0.0", "--allow-remote", "--token-file", "/missing"], "--token-file /missing: No such file"),
         (["--connect", "no such name"], "telemetry address 'no such name'"),
         (["--port", "99999"], "--port 99999"),
     ],

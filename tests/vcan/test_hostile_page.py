@@ -22,13 +22,16 @@ def test_attacks_floods_and_invalid_input_to_the_page_change_nothing_on_the_bus(
     programs: Programs, bus: Observer, vehicle: Vehicle
 ) -> None:
     connected = ("view", "--connect", programs.telemetry)
-    viewer = programs.start(*connected, "--port", "0", "--token", TOKEN)
+    token_file = programs.folder / "token"
+    token_file.touch(mode=0o600)
+    token_file.write_text(TOKEN)
+    viewer = programs.start(*connected, "--port", "0", "--token-file", str(token_file))
     port = viewer.wait_for_line(r"viewer: http://127\.0\.0\.1:(\d+)").group(1)
     second = programs.start_python("-c", SECOND_VIEWERS, port, name="view")
     assert second.wait_for_end() == 0
     taken, remote = second.lines
     assert f"--port {port} on 127.0.0.1" in taken
-    assert "--allow-remote and --token" in remote
+    assert "--allow-remote and --token-file" in remote
     posted = programs.folder / "<img src=x onerror=alert(1)>"
     programs.start_python(str(VCAN / "poster.py"), str(posted), "far", name="poster")
     loop, moving = driven(programs, bus, "--trajectory-mailbox", str(posted))

@@ -275,7 +275,7 @@ def test_a_token_shown_once_is_kept_as_a_cookie(guarded: viser.ViserServer) -> N
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "::", "example.org"])
 def test_another_address_needs_a_flag_and_a_token(host: str) -> None:
     for options in ({}, {"allow_remote": True}, {"token": TOKEN}):
-        with pytest.raises(ConfigError, match=r"others could watch; .*--allow-remote and --token"):
+        with pytest.raises(ConfigError, match=r"others could watch; .*--allow-remote and --token-file"):
             Access(host=host, **options)
     assert not Access(host=host, allow_remote=True, token=TOKEN).is_local
 

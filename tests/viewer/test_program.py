@@ -9,6 +9,8 @@ import pytest
 
 from tests.browser.processes import Viewer
 
+from .test_token import TOKEN
+
 
 @pytest.fixture
 def viewer(tmp_path: Path) -> Iterator[Viewer]:
@@ -33,3 +35,41 @@ def test_unknown_paths_of_a_running_viewer_answer_404(viewer: Viewer) -> None:
     assert fetch(f"{viewer.url}missing") == (404, "404: nothing is at '/missing'; the page is at /\n")
     assert fetch(f"{viewer.url}favicon.ico") == (204, "")
     assert fetch(viewer.url)[0] == 200
+
+
+def test_a_token_in_the_environment_guards_the_page_and_is_in_no_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VEHICLE_IFACE_TOKEN", TOKEN)
+    viewer = Viewer(str(tmp_path / "loop"))
+    try:
+        assert fetch(viewer.url)[0] == 200
+        assert fetch(viewer.url.partition("?")[0])[0] == 401
+        assert is_in_no_command_line(TOKEN)
+    finally:
+        viewer.close()
+
+
+def test_a_token_as_an_argument_still_works_with_a_warning_that_names_the_file(tmp_path: Path) -> None:
+    viewer = Viewer(str(tmp_path / "loop"), "--token", TOKEN)
+    try:
+        assert viewer.greeting.startswith("viewer: warning: --token shows the secret to every user")
+        assert "--token-file FILE" in viewer.greeting
+        url = viewer.read_line().split()[1]
+        assert url.endswith(f"/?token={TOKEN}")
+        assert fetch(url)[0] == 200
+        assert not is_in_no_command_line(TOKEN)
+    finally:
+        viewer.close()
+
+
+def is_in_no_command_line(secret: str) -> bool:
+    """Return whether `ps` shows the secret nowhere."""
+    return not any(secret.encode() in read_if_there(path) for path in Path("/proc").glob("[0-9]*/cmdline"))
+
+
+def read_if_there(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError:  # ended since
+        return b""

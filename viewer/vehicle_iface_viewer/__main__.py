@@ -8,8 +8,8 @@ import io
 import signal
 import sys
 import warnings
-import webbrowser
 from collections.abc import Sequence
+from pathlib import Path
 from types import FrameType
 
 from vehicle_iface.command_line import ArgumentParser, HelpFormatter, make_output_safe
@@ -19,6 +19,12 @@ from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.addresses import format_url
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.playback import SPEEDS, Playback
+from vehicle_iface_viewer.token import TOKEN_VARIABLE, opened_in_browser, read_token
+
+_TOKEN_WARNING = (
+    "--token shows the secret to every user of this machine (`ps`), and will be rejected in the next version; "
+    f"give it with --token-file FILE, or in the environment variable {TOKEN_VARIABLE}"
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,7 +32,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     make_output_safe()
     options = _build_parser().parse_args(arguments)
     try:
-        access = Access(host=options.host, port=options.port, token=options.token, allow_remote=options.allow_remote)
+        if options.token is not None:
+            print(f"viewer: warning: {_TOKEN_WARNING}", file=sys.stderr)
+        token = options.token if options.token is not None else read_token(options.token_file)
+        access = Access(host=options.host, port=options.port, token=token, allow_remote=options.allow_remote)
         source, shown = _open_source(options)
         app = App(access, source)
     except ConfigError as error:
@@ -35,12 +44,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # A browser may disconnect between being listed and being sent to; that is no reason for a warning.
     warnings.filterwarnings("ignore", message=r"Queued a \w+ on a closed connection")
     stop = _StopFlag()
-    url = format_url(options.host, app.port, options.token)
+    url = format_url(options.host, app.port, token)
     print(f"viewer: {url}  ({shown})", flush=True)
-    if options.open:
-        webbrowser.open(url)
+    browser = opened_in_browser(url, is_secret=token is not None) if options.open else contextlib.nullcontext()
     try:
-        app.run(lambda: not stop.is_set)
+        with browser:
+            app.run(lambda: not stop.is_set)
     finally:
         # viser prints a line of its own.
         with contextlib.redirect_stdout(io.StringIO()):
@@ -101,9 +110,17 @@ def _build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--allow-remote",
         action="store_true",
-        help="accept other machines; requires --token, and the connection is not encrypted",
+        help="accept other machines; requires a token, and the connection is not encrypted",
     )
-    parser.add_argument("--token", default=None, help="secret of at least 16 characters that a browser must send")
+    token = parser.add_mutually_exclusive_group()
+    token.add_argument(
+        "--token-file",
+        type=Path,
+        metavar="FILE",
+        help="file that only you can read, with the secret of at least 16 characters that a browser must send; "
+        f"without it, the environment variable {TOKEN_VARIABLE}",
+    )
+    token.add_argument("--token", help="deprecated, as other users see it; use --token-file")
     return parser
 
 

@@ -30,13 +30,13 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from vehicle_iface.errors import ConfigError
-from vehicle_iface_viewer.addresses import bracket, format_url, is_lan_name
+from vehicle_iface_viewer.addresses import bracket, find_own_names, format_url, is_lan_name
+from vehicle_iface_viewer.token import require_sound_token
 
 MAX_MESSAGE_BYTES = 16384
 """A camera message has about 300 bytes."""
 MAX_CLIENTS = 64
 """Concurrent browsers; each costs memory and time in every update."""
-MIN_TOKEN_LENGTH = 16
 
 _TIMEOUT_S = 2.0
 _COOKIE = "vehicle_iface_token"
@@ -75,15 +75,12 @@ class Access:
     def __post_init__(self) -> None:
         if not 0 <= self.port <= 65535:
             raise ConfigError(f"--port {self.port}: must be within 0 … 65535")
-        if self.token is not None and len(self.token) < MIN_TOKEN_LENGTH:
-            raise ConfigError(
-                f"--token of {len(self.token)} characters: at least {MIN_TOKEN_LENGTH}; "
-                "`openssl rand -hex 16` makes a good one"
-            )
+        if self.token is not None:
+            require_sound_token(self.token)
         if not self.is_local and not (self.allow_remote and self.token):
             raise ConfigError(
                 f"--host {self.host}: others could watch; only this machine's own address (127.0.0.1) is allowed "
-                "without --allow-remote and --token"
+                "without --allow-remote and --token-file"
             )
 
     @property
@@ -161,6 +158,8 @@ def open_server(access: Access) -> viser.ViserServer:
     )
     # It logs a traceback for each client that sends garbage, with which others could fill a disk.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
+    if not access.is_local:
+        find_own_names()  # here, where it delays no request
     request_filter = _RequestFilter(access)
     with _patched_serve(listener, request_filter), contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=access.host, port=access.port, verbose=False)

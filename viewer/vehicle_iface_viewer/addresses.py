@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import socket
+from urllib.parse import quote
 
 
 def bracket(host: str) -> str:
@@ -13,7 +14,7 @@ def bracket(host: str) -> str:
 
 def format_url(host: str, port: int, token: str | None = None) -> str:
     """Return the address of the page, with the token if there is one."""
-    return f"http://{bracket(host)}:{port}/" + (f"?token={token}" if token else "")
+    return f"http://{bracket(host)}:{port}/" + (f"?token={quote(token, safe='')}" if token else "")
 
 
 def is_lan_name(name: str) -> bool:
