@@ -1,6 +1,7 @@
 """The viewer as a program: what it prints, and what a browser gets at the address that it prints."""
 
 import http.client
+import ipaddress
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -9,7 +10,7 @@ import pytest
 
 from tests.browser.processes import Viewer
 
-from .test_token import TOKEN
+from .test_token import TOKEN, write_token
 
 
 @pytest.fixture
@@ -35,6 +36,20 @@ def test_unknown_paths_of_a_running_viewer_answer_404(viewer: Viewer) -> None:
     assert fetch(f"{viewer.url}missing") == (404, "404: nothing is at '/missing'; the page is at /\n")
     assert fetch(f"{viewer.url}favicon.ico") == (204, "")
     assert fetch(viewer.url)[0] == 200
+
+
+def test_a_viewer_for_other_machines_prints_an_address_that_opens_the_page(tmp_path: Path) -> None:
+    file = write_token(tmp_path / "token")
+    options = ("--host", "0.0.0.0", "--allow-remote", "--token-file", str(file))
+    viewer = Viewer(str(tmp_path / "loop"), *options)
+    try:
+        assert not ipaddress.ip_address(urlsplit(viewer.url).hostname or "").is_unspecified
+        assert viewer.url.endswith(f"/?token={TOKEN}")
+        assert fetch(viewer.url)[0] == 200
+        assert fetch(viewer.url.partition("?")[0])[0] == 401
+        assert is_in_no_command_line(TOKEN)
+    finally:
+        viewer.close()
 
 
 def test_a_token_in_the_environment_guards_the_page_and_is_in_no_command_line(

@@ -16,7 +16,7 @@ from vehicle_iface.command_line import ArgumentParser, HelpFormatter, make_outpu
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.telemetry import telemetry_path
 from vehicle_iface_viewer.access import Access
-from vehicle_iface_viewer.addresses import format_url
+from vehicle_iface_viewer.addresses import find_reachable_host, format_url
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.playback import SPEEDS, Playback
 from vehicle_iface_viewer.token import TOKEN_VARIABLE, opened_in_browser, read_token
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # A browser may disconnect between being listed and being sent to; that is no reason for a warning.
     warnings.filterwarnings("ignore", message=r"Queued a \w+ on a closed connection")
     stop = _StopFlag()
-    url = format_url(options.host, app.port, token)
+    url = format_url(find_reachable_host(options.host), app.port, token)
     print(f"viewer: {url}  ({shown})", flush=True)
     browser = opened_in_browser(url, is_secret=token is not None) if options.open else contextlib.nullcontext()
     try:
