@@ -131,8 +131,8 @@ def test_a_case_that_the_sound_device_fails_catches_nothing() -> None:
 
 
 def test_a_quick_case_that_caught_a_defect_needs_no_quick_run() -> None:
-    assert "end-of-space" in QUICK
-    quick = Outcome("end-of-space", "it does not end", ("end-of-space",))
+    assert "drive-u-turn" in QUICK
+    quick = Outcome("drive-u-turn", "it does not end", ("end-of-space",))
     assert list(find_open([BRAKES], found(BRAKES, quick), Scope.QUICK)) == []
     slow = Outcome("jitter", "late", ("jitter",))
     assert list(find_open([LATE], found(LATE, slow), Scope.QUICK)) == [LATE]

@@ -4,7 +4,7 @@ They are what the quick run has instead of a case for each fault.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from hil_bench import routes
 from hil_bench.case import Case
@@ -12,6 +12,8 @@ from hil_bench.cases.common import ANY, DROPPED, INVALID, STALE
 from hil_bench.cases.messages import REASONS, find_loss_s, from_start, make_impossible
 from hil_bench.cases.thresholds.common import Numbers, sequence_case, straight
 from hil_bench.cases.thresholds.deviation import LATERAL, leave_path
+from hil_bench.cases.thresholds.driver import act_alone, override_and_wait
+from hil_bench.cases.thresholds.samples import step_counters
 from hil_bench.expect import Expectation, FallsSilent, HazardLights, LetsGo, StaysOut, Stops
 from hil_bench.faults import frames, signals, traffic, vehicle
 from hil_bench.faults.base import Injection
@@ -20,10 +22,24 @@ from hil_bench.steps import Step
 from hil_bench.vocabulary import SIGNAL_NAMES, Wait
 from hil_bench.wire import Wire
 
-SLOW_MPS, USUAL_MPS, BEND_MPS = 1.0, 2.5, 6.5
+SLOW_MPS, USUAL_MPS, BEND_MPS = 1.0, 2.5, 5.0
 MISMATCH = ("FRAME_MISMATCH",)
 ENGAGES_S = 0.9
 """A device that is still armed engages a vehicle that has been READY for this long."""
+WATCHED_S = 5.0
+"""After an override."""
+
+
+@dataclass(frozen=True)
+class _Damage:
+    """A fault of a message."""
+
+    name: str
+    inject: Injection
+    lost_s: float
+    """Until the stop is on the bus."""
+    is_of_status: bool
+    """The vehicle gives up meanwhile: the device must be armed again."""
 
 
 def in_turn_cases(wire: Wire) -> tuple[Case, ...]:
@@ -34,38 +50,38 @@ def in_turn_cases(wire: Wire) -> tuple[Case, ...]:
 
 def _messages(numbers: Numbers) -> Case:
     wire, parts = numbers.wire, parts_of(numbers.wire)
-    found: list[tuple[str, Injection, float]] = []
+    found: list[_Damage] = []
+
+    def damage(name: str, inject: Injection, message: str, more_s: float = 0.0) -> None:
+        found.append(_Damage(name, inject, find_loss_s(numbers, message) + more_s, message in wire.status))
+
     for name in dict.fromkeys((*wire.sample, *wire.status)):
         if wire.protection_of(name).has_checksum:
-            found.append(
-                (f"{name}, checksum wrong", frames.change_message(name, frames.break_crc), find_loss_s(numbers, name))
-            )
-    last = (*wire.sample, *wire.status)[-1]
+            damage(f"{name}, checksum wrong", frames.change_message(name, frames.break_crc), name)
+    first, last = wire.sample[0], (*wire.sample, *wire.status)[-1]
     if wire.protection_of(last).counters:
-        frozen = frames.change_message(last, frames.hold_counter)
-        found.append((f"{last}, counter frozen", frozen, find_loss_s(numbers, last)))
-    first = wire.sample[0]
-    first_s = find_loss_s(numbers, first)
+        damage(f"{last}, counter frozen", frames.change_message(last, frames.hold_counter), last)
     if Part.SHORT_ID in parts:
-        found.append((f"{first}, identifier extended", frames.change_message(first, frames.make_extended), first_s))
+        damage(f"{first}, identifier extended", frames.change_message(first, frames.make_extended), first)
     if Part.SHARED_COUNTER in parts:
-        found.append(("messages of different cycles", frames.mix_cycles(), first_s))
+        damage("messages of different cycles", frames.mix_cycles(), first)
     impossible = next(_find_impossible(wire), None)
     if impossible is not None:
-        found.append((f"{impossible[0]} impossible", impossible[1], find_loss_s(numbers, wire.part_of(impossible[0]))))
+        damage(f"{impossible[0]} impossible", impossible[1], wire.part_of(impossible[0]))
     if Part.CHECKSUM in parts:
-        flood = traffic.flood(traffic.damaged_sample, 10)
-        found.append(("damaged frames beside the sound ones", flood, first_s + 0.1))
+        damage("damaged frames beside the sound ones", traffic.flood(traffic.damaged_sample, 10), first, 0.1)
     steps = [
         Step(
-            name=name,
-            inject=inject,
-            for_s=lost_s + 0.1,
-            see=(Stops(REASONS, within_s=lost_s + numbers.late_s, until_end=False, waits_for=Wait.NOTHING),),
-            is_left_alone=wire.loses_its_place,
+            name=one.name,
+            inject=one.inject,
+            for_s=one.lost_s + 0.1,
+            see=(Stops(REASONS, within_s=one.lost_s + numbers.late_s, until_end=False, waits_for=Wait.NOTHING),),
+            is_left_alone=wire.loses_its_place or one.is_of_status,
         )
-        for name, inject, lost_s in found
+        for one in found
     ]
+    counters, why_none = step_counters(numbers)
+    steps += [] if why_none else [counters]
     return sequence_case(
         name="messages-in-turn",
         fault="F1 F2 F3 F5 B12",
@@ -176,11 +192,13 @@ def _vehicle(numbers: Numbers) -> Case:
             is_left_alone=True,
         )
     )
+    lasts = override_and_wait(numbers, WATCHED_S)
+    steps += [*act_alone(numbers), *([lasts] if lasts is not None else [])]
     return sequence_case(
         name="releases-in-turn",
-        fault="V4 B15",
+        fault="V1 V4 B15",
         tags=("driver", "engagement", "quick"),
-        proves="After a fault or another node's commands nothing but the operator's action makes the device drive.",
+        proves="After a fault, the driver's or another node's action only the operator makes the device drive.",
         injected=", ".join(step.name for step in steps),
         route=straight(),
         at_mps=SLOW_MPS,

@@ -10,7 +10,7 @@ TRAJECTORY = (
     Case(
         name="end-of-space",
         fault="T1 C6",
-        tags=("trajectory", "quick"),
+        tags=("trajectory",),
         proves="At the end of the trajectory the vehicle is stopped and held, without hazard lights.",
         route=lambda: routes.route("short", [(12.0, 0.0)], 4.0),
         see=(ReachesEnd(),),

@@ -1,7 +1,7 @@
 """The driver's signals, each without a change of mode by the vehicle, and how long an override lasts."""
 
 from hil_bench.case import Case, Need, Then
-from hil_bench.cases.thresholds.common import USUAL_MPS, Numbers, sequence_case, straight
+from hil_bench.cases.thresholds.common import SLOW_MPS, USUAL_MPS, Numbers, sequence_case, straight
 from hil_bench.expect import LetsGo, StaysOut
 from hil_bench.expect.limit import Limit
 from hil_bench.expect.thresholds import ReleaseAt
@@ -17,6 +17,7 @@ GROWS = 0.6
 OVERRIDE = ("DRIVER_OVERRIDE",)
 JUST_OVERRIDES_NM = 3.2
 """Of the reference vehicle's 3.0."""
+RELEASED = (LetsGo(("DRIVER_OVERRIDE", "NOT_ENGAGED"), within_s=0.06), StaysOut())
 
 
 def driver_cases(wire: Wire) -> tuple[Case, ...]:
@@ -25,7 +26,8 @@ def driver_cases(wire: Wire) -> tuple[Case, ...]:
     return (_alone(numbers), _torque(numbers), *_latched(numbers))
 
 
-def _alone(numbers: Numbers) -> Case:
+def act_alone(numbers: Numbers) -> tuple[Step, ...]:
+    """Each action of the driver, while the vehicle keeps its mode."""
     wire = numbers.wire
     status_s = numbers.or_else("timing.status_period_s", 0.02)
     actions = (
@@ -34,7 +36,7 @@ def _alone(numbers: Numbers) -> Case:
         ("the driver steers to the left", "DRIVER_STEER_TORQUE", {"driver_torque_nm": JUST_OVERRIDES_NM}),
         ("the driver steers to the right", "DRIVER_STEER_TORQUE", {"driver_torque_nm": -JUST_OVERRIDES_NM}),
     )
-    steps = tuple(
+    return tuple(
         Step(
             name=name,
             inject=growing.act_without_the_vehicle(**changed),
@@ -48,10 +50,30 @@ def _alone(numbers: Numbers) -> Case:
         for at_mps in (USUAL_MPS,)
         if wire.has(signal)
     )
+
+
+def override_and_wait(numbers: Numbers, watched_s: float) -> Step | None:
+    """An override, then a vehicle that is READY for a while; None without a pedal on the bus."""
+    pedal = _pedal(numbers)
+    if not pedal:
+        return None
+    return Step(
+        name=f"an override, then READY for {watched_s:g} s",
+        inject=vehicle.change_and_make_ready(**{pedal: True}),
+        for_s=0.2,
+        at_mps=SLOW_MPS,
+        see=RELEASED,
+        after_s=watched_s,
+        is_left_alone=True,
+    )
+
+
+def _alone(numbers: Numbers) -> Case:
+    steps = act_alone(numbers)
     return sequence_case(
         name="driver-signals-alone",
         fault="V1",
-        tags=("thresholds", "driver", "quick"),
+        tags=("thresholds", "driver"),
         proves="Each action of the driver releases the vehicle, although the vehicle does not change its mode itself.",
         injected="the driver brakes, accelerates and steers to either side; the mode stays AUTONOMOUS",
         route=straight(),
@@ -102,29 +124,34 @@ def _name_of_torque(wire: Wire) -> str:
     return dotted if hasattr(wire, "layout") else "DRIVER_STEER_TORQUE"
 
 
+def _pedal(numbers: Numbers) -> str:
+    """By which the driver overrides; empty without one on the bus."""
+    signals = {"DRIVER_BRAKE": "driver_brake", "DRIVER_THROTTLE": "driver_throttle"}
+    return next((attribute for signal, attribute in signals.items() if numbers.wire.has(signal)), "")
+
+
 def _latched(numbers: Numbers) -> tuple[Case, ...]:
-    signal = next((one for one in ("DRIVER_BRAKE", "DRIVER_THROTTLE") if numbers.wire.has(one)), "")
-    changed = {"driver_brake" if signal != "DRIVER_THROTTLE" else "driver_throttle": True}
+    pedal = _pedal(numbers)
     return tuple(
         Case(
             name=name,
             fault="V1",
-            tags=("thresholds", "driver", tag),
+            tags=tags,
             proves="After an override nothing but the operator's action makes the device drive again.",
             injected=f"an override of 0.2 s, then the vehicle is READY for {watched_s:g} s, and nobody arms the device",
-            inject=vehicle.change_and_make_ready(**changed),
+            inject=vehicle.change_and_make_ready(**{pedal or "driver_brake": True}),
             for_s=0.2,
             after_s=watched_s,
-            at_mps=1.0,
+            at_mps=SLOW_MPS,
             route=straight(),
-            see=(
-                LetsGo(("DRIVER_OVERRIDE", "NOT_ENGAGED"), within_s=0.06),
-                StaysOut(),
-            ),
-            lacks="" if signal else "the vehicle's bus has no pedal of the driver",
+            see=RELEASED,
+            lacks="" if pedal else "the vehicle's bus has no pedal of the driver",
             then=Then.REARM,
             needs=(Need.REARM,),
             answers_in_time=False,
         )
-        for name, tag, watched_s in (("override-lasts", "quick", 5.0), ("override-lasts-a-minute", "slow", 62.0))
+        for name, tags, watched_s in (
+            ("override-lasts", ("thresholds", "driver"), 5.0),
+            ("override-lasts-a-minute", ("thresholds", "driver", "slow"), 62.0),
+        )
     )

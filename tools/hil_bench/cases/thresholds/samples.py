@@ -123,7 +123,8 @@ def _frozen(numbers: Numbers) -> Case:
     )
 
 
-def _counters(numbers: Numbers) -> Case:
+def step_counters(numbers: Numbers) -> tuple[Step, str]:
+    """Counter steps that grow, and why they do not apply."""
     wire = numbers.wire
     protections = [wire.protection_of(name) for name in wire.sample]
     counted = [one for one in protections if one.counters]
@@ -142,10 +143,15 @@ def _counters(numbers: Numbers) -> Case:
         for_s=(most + 3) * EVERY * wire.period_s,
         measure=(FirstDropped(limit=limit, every=EVERY, step=1.0),),
     )
+    return step, lacks
+
+
+def _counters(numbers: Numbers) -> Case:
+    step, lacks = step_counters(numbers)
     return sequence_case(
         name="threshold-counter-step",
         fault="F3",
-        tags=("thresholds", "frames", "e2e", "quick"),
+        tags=("thresholds", "frames", "e2e"),
         proves="A sample whose counter steps further than the profile allows is no sample; one step less is accepted.",
         injected=f"before one sample of {EVERY} the counter skips, each time one value more",
         route=straight(),

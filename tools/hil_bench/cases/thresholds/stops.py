@@ -19,6 +19,7 @@ from hil_bench.steps import Step
 from hil_bench.wire import Wire
 
 BFAST_MPS, CURVATURE_PER_M = 6.0, 1.0 / 25.0
+ENDS_MPS = 9.0
 LAG_S = 0.08
 """Of the simulated brake."""
 FULL = 0.95
@@ -146,7 +147,7 @@ def _steers(numbers: Numbers) -> Case:
 
 
 def _ends(numbers: Numbers) -> Case:
-    place = f"from {numbers.true_mps(FAST_MPS, FAST_MPS + 1.0):.3g} m/s"
+    place = f"from {numbers.true_mps(ENDS_MPS, ENDS_MPS + 1.0):.3g} m/s"
     safe_mps2 = numbers["behavior.safe_deceleration_mps2"]
     limit = Limit(
         key="timing.shutdown_s", name="speed at the release at the end of a run", unit="m/s", profile=0.0,
@@ -163,8 +164,8 @@ def _ends(numbers: Numbers) -> Case:
         tags=("thresholds", "process", "quick"),
         proves="At the end of a run the vehicle is braked to standstill, and only then released.",
         injected=f"the run is ended, {place}",
-        route=straight(900.0, FAST_MPS + 1.0),
-        at_mps=FAST_MPS,
+        route=straight(900.0, ENDS_MPS + 1.0),
+        at_mps=ENDS_MPS,
         inject=process.send_signals(signal.SIGINT),
         for_s=0.05,
         see=(Ends((0,), 12.0), EndsOrderly()),
