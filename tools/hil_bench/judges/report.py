@@ -121,11 +121,11 @@ def _wrong_misses(wire: Wire, told: Sequence[DecodedFrame], record: Record) -> I
     if len(told) < 2 or MISSES not in told[-1].signals or told[-1][MISSES] >= 255:
         return
     begin_ns, end_ns = told[0].stamp_ns, told[-1].stamp_ns
-    late_s = [(p.stamp_ns - at_ns) / S for at_ns, p in record.answers if begin_ns <= p.stamp_ns <= end_ns]
+    answers = [((p.stamp_ns - at_ns) / S, p) for at_ns, p in record.answers if begin_ns <= p.stamp_ns <= end_ns]
     period_s = wire.command_period_s
-    missing = len(record.unanswered)
-    most = sum(value > DOUBTFUL * period_s for value in late_s) + missing
-    least = sum(value > SURE * period_s for value in late_s)
+    most = sum(late_s > DOUBTFUL * period_s for late_s, _ in answers) + len(record.unanswered)
+    # A stop may be sent at its own time, without the sample that it is counted for here.
+    least = sum(late_s > SURE * period_s for late_s, pair in answers if not pair.is_stop)
     counted = told[-1][MISSES] - told[0][MISSES]
     if counted > most + UNCOUNTED:
         yield f"{_at(told[-1], record)} {MISSES} rose by {counted:.0f}, and {most} answers were late or missing"
