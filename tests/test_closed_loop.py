@@ -1231,6 +1231,7 @@ def test_telemetry_makes_no_difference_to_the_frames(tmp_path: Path) -> None:
         arming="armed",
         period_s=0.01,
         shape=compose.vehicle_shape(reference().profile),
+        limits=compose.driving_limits(reference().profile),
     )
     with TelemetryWriter(str(tmp_path / "telemetry"), info) as writer:
         with_telemetry = driven(writer)

@@ -43,7 +43,7 @@ from vehicle_iface.safety.stop import StopShape
 from vehicle_iface.safety.stop_hold import StopHold
 from vehicle_iface.safety.transmit_filter import TransmitFilter
 from vehicle_iface.safety.unmeasured import without_unmeasured
-from vehicle_iface.telemetry import TelemetryWriter, VehicleShape
+from vehicle_iface.telemetry import DrivingLimits, TelemetryWriter, VehicleShape
 from vehicle_iface.trajectories.source import TrajectorySource
 from vehicle_iface.units import ns_from_s
 
@@ -253,6 +253,19 @@ def vehicle_shape(profile: Profile) -> VehicleShape:
         rear_overhang_m=geometry.rear_overhang_m,
         track_m=geometry.track_m,
         wheel_radius_m=geometry.wheel_radius_m,
+    )
+
+
+def driving_limits(profile: Profile) -> DrivingLimits:
+    """What the viewer's plots have as ranges."""
+    limits = profile.limits
+    return DrivingLimits(
+        speed_max_mps=limits.speed_max_mps,
+        accel_min_mps2=limits.accel_min_mps2,
+        accel_max_mps2=limits.accel_max_mps2,
+        front_wheel_angle_rad=limits.front_wheel_angle_rad,
+        lateral_warn_m=profile.deviation.lateral_warn_m,
+        heading_stop_rad=profile.deviation.heading_stop_rad,
     )
 
 

@@ -1,7 +1,8 @@
 """A process that publishes a drive along a figure of eight, as a loop would, without a bus.
 
 It listens to one-word orders on standard input: `engaged`, `stale` (stopping, the state grows old), `fault`,
-`shadow`, `freeze` (alive and silent), `huge` (positions that cannot be drawn), `quit` (in order).
+`shadow`, `lost` (shadow, without a reference), `freeze` (alive and silent), `huge` (positions that cannot be drawn),
+`fast` (25 m/s more), `quit` (in order).
 """
 
 import argparse
@@ -78,7 +79,7 @@ class Drive:
             x_m=float(path.x_m[behind]) - wobble_m * math.sin(heading_rad) + offset_m,
             y_m=math.nan if offset_m else float(path.y_m[behind]) + wobble_m * math.cos(heading_rad),
             heading_rad=wrapped_rad(heading_rad + 0.02 * math.sin(index / 60.0)),
-            speed_mps=float(path.speed_mps[behind]) + 0.15 * math.sin(index / 30.0),
+            speed_mps=float(path.speed_mps[behind]) + 0.15 * math.sin(index / 30.0) + 25.0 * (self.order == "fast"),
             accel_mps2=accel_mps2 - 0.1,
             yaw_rate_radps=float(path.yaw_rate_radps[behind]),
             front_wheel_angle_rad=float(path.front_wheel_angle_rad[behind]),
@@ -86,7 +87,7 @@ class Drive:
             vehicle_mode=VehicleMode.AUTONOMOUS,
             gear=Gear.DRIVE,
             trajectory_version=self._version,
-            has_reference=True,
+            has_reference=self.order != "lost",
             spatial_index=behind,
             temporal_index=index,
             spatial_reference_x_m=float(path.x_m[behind]),
@@ -118,10 +119,12 @@ class Drive:
 
 _STATES = {
     "engaged": (ControllerState.ENGAGED, Reason.NOMINAL),
+    "fast": (ControllerState.ENGAGED, Reason.NOMINAL),
     "huge": (ControllerState.ENGAGED, Reason.NOMINAL),
     "stale": (ControllerState.STOPPING, Reason.STATE_STALE),
     "fault": (ControllerState.FAULT, Reason.DEVIATION),
     "shadow": (ControllerState.SHADOW, Reason.NOT_ENGAGED),
+    "lost": (ControllerState.SHADOW, Reason.NO_TRAJECTORY),
 }
 
 

@@ -23,6 +23,7 @@ from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.telemetry import (
     MAX_POINTS,
     RING_LENGTH,
+    DrivingLimits,
     SessionInfo,
     Snapshot,
     TelemetryReader,
@@ -438,6 +439,14 @@ def test_a_name_that_is_none_is_refused(name: str) -> None:
 def test_a_shape_has_positive_sizes(bad: float) -> None:
     with pytest.raises(InvalidValueError, match="length_m"):
         VehicleShape(length_m=bad)
+
+
+@pytest.mark.parametrize(
+    ("name", "bad"), [("speed_max_mps", 0.0), ("heading_stop_rad", math.inf), ("accel_min_mps2", 1.0)]
+)
+def test_limits_that_are_no_range_are_refused(name: str, bad: float) -> None:
+    with pytest.raises(InvalidValueError, match=name):
+        DrivingLimits(**{name: bad})
 
 
 def test_nothing_there_is_absent(address: str) -> None:

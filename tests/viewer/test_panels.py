@@ -278,16 +278,23 @@ def test_every_number_and_curve_of_the_page_shows_the_field_that_it_names() -> N
     assert shown["lateral-error"] == f"{fields['lateral_error_m']:.3f} m"
     assert shown["heading-error"] == f"{math.degrees(fields['heading_error_rad']):.2f} °"
     assert (shown["commands"], shown["frames-dropped"], shown["deadlines-missed"]) == ("93", "94", "95")
-    curves = {(title, label): read(snapshot) for title, lines in PLOTS for label, _, read in lines}
+    curves = {(plot.title, curve.label): curve.read(snapshot) for plot in PLOTS for curve in plot.curves}
     assert curves == {
         ("Speed, m/s", "reference"): fields["reference_speed_mps"],
         ("Speed, m/s", "vehicle"): fields["speed_mps"],
-        ("Tracking error: lateral, m · heading, rad", "lateral"): fields["lateral_error_m"],
-        ("Tracking error: lateral, m · heading, rad", "heading"): fields["heading_error_rad"],
-        ("Front wheels, rad (left positive)", "requested"): fields["requested_front_wheel_angle_rad"],
-        ("Front wheels, rad (left positive)", "sent"): fields["sent_front_wheel_angle_rad"],
-        ("Front wheels, rad (left positive)", "vehicle"): fields["front_wheel_angle_rad"],
+        ("Lateral error, m (left positive)", "vehicle"): fields["lateral_error_m"],
+        ("Heading error, ° (left positive)", "vehicle"): math.degrees(fields["heading_error_rad"]),
+        ("Front wheels, ° (left positive)", "requested"): math.degrees(fields["requested_front_wheel_angle_rad"]),
+        ("Front wheels, ° (left positive)", "sent"): math.degrees(fields["sent_front_wheel_angle_rad"]),
+        ("Front wheels, ° (left positive)", "vehicle"): math.degrees(fields["front_wheel_angle_rad"]),
         ("Acceleration, m/s²", "requested"): fields["requested_accel_mps2"],
         ("Acceleration, m/s²", "sent"): fields["sent_accel_mps2"],
         ("Acceleration, m/s²", "vehicle"): fields["accel_mps2"],
     }
+
+
+def test_a_value_that_rounds_to_zero_has_no_sign() -> None:
+    small = driving(heading_rad=-1e-5, x_m=-1e-4, has_reference=True, heading_error_rad=-1e-6, lateral_error_m=-1e-5)
+    words = _PageText(numbers_html(view(small))).text
+    assert "0.00 m" in words
+    assert "-0" not in words

@@ -119,6 +119,27 @@ class VehicleShape:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DrivingLimits:
+    """Limits of the profile, for the ranges of the plots."""
+
+    speed_max_mps: float = 20.0
+    accel_min_mps2: float = -6.0
+    accel_max_mps2: float = 3.0
+    front_wheel_angle_rad: float = 0.6
+    """To either side."""
+    lateral_warn_m: float = 1.0
+    """Distance to the path that is counted and shown."""
+    heading_stop_rad: float = 0.8
+    """Heading error that stops the vehicle."""
+
+    def __post_init__(self) -> None:
+        checks.positive("-accel_min_mps2", -self.accel_min_mps2)
+        for name in self.__slots__:
+            if name != "accel_min_mps2":
+                checks.positive(name, getattr(self, name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SessionInfo:
     """Constant data of one run of the loop."""
 
@@ -138,6 +159,7 @@ class SessionInfo:
     recording: str = ""
     """The folder of the recording; empty when the run is not recorded."""
     shape: VehicleShape = VehicleShape()
+    limits: DrivingLimits = DrivingLimits()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

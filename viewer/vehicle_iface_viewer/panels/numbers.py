@@ -6,7 +6,7 @@ import math
 
 from vehicle_iface.status import Gear, VehicleMode
 from vehicle_iface_viewer.feed import View
-from vehicle_iface_viewer.panels.text import enum_name, plain
+from vehicle_iface_viewer.panels.text import MAX_SHOWN, enum_name, plain
 
 
 def numbers_html(view: View) -> str:
@@ -52,4 +52,5 @@ def _cell(pair: tuple[str, str], side: str) -> str:
 
 
 def _figure(value: float, form: str, unit: str) -> str:
-    return f"{value:{form}} {unit}" if math.isfinite(value) and abs(value) < 1e12 else "out of range"
+    # "z": no minus sign before a zero
+    return f"{value:z{form}} {unit}" if abs(value) < MAX_SHOWN else "out of range"

@@ -6,6 +6,8 @@ import html
 from enum import IntEnum
 
 _MAX_TEXT = 160
+MAX_SHOWN = 1e12
+"""A number that is not smaller is not shown."""
 
 
 def plain(value: object) -> str:

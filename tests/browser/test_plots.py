@@ -1,0 +1,94 @@
+"""The plots in a real browser: the pixels of their curves."""
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from .processes import Publisher, Viewer
+
+Start = Callable[..., Publisher]
+_COLUMNS = """([title, red, green, blue]) => {
+    const plot = [...document.querySelectorAll(".uplot")].find(
+        each => each.querySelector(".u-title").innerText.startsWith(title));
+    const canvas = plot.querySelector("canvas"), pixels = canvas.getContext("2d").getImageData(
+        0, 0, canvas.width, canvas.height).data;
+    let columns = "";
+    for (let x = 0; x < canvas.width; x++) {
+        let drawn = false;
+        for (let y = 0; y < canvas.height && !drawn; y++) {
+            const at = 4 * (y * canvas.width + x);
+            drawn = Math.abs(pixels[at] - red) + Math.abs(pixels[at + 1] - green)
+                + Math.abs(pixels[at + 2] - blue) < 90 && pixels[at + 3] > 60;
+        }
+        columns += drawn ? "x" : ".";
+    }
+    return columns;
+}"""
+"""One character for each column of pixels of a plot: whether a curve of this colour is drawn there."""
+VEHICLE, LATERAL, HEADING = (0x4D, 0xAB, 0xF7), (0xFF, 0x87, 0x87), (0xB1, 0x97, 0xFC)
+
+
+@pytest.fixture(autouse=True)
+def small(page: Page) -> None:
+    """The plots need no large picture beside them."""
+    page.set_viewport_size({"width": 760, "height": 800})
+
+
+def wait_for_columns(page: Page, title: str, color: tuple[int, int, int], pattern: str) -> None:
+    """Wait until the columns of a curve match the regular expression."""
+    page.wait_for_function(
+        f"([pattern, ...of]) => new RegExp(pattern).test(({_COLUMNS})(of))",
+        arg=[pattern, title, *color],
+        polling=300,  # reading pixels in each frame of a busy machine would stop the page
+    )
+
+
+def test_in_a_run_that_sends_nothing_no_plot_is_empty(publish: Start, viewer: Viewer, page: Page) -> None:
+    loop = publish("--arming", "shadow")
+    loop.order("shadow")
+    page.goto(viewer.url)
+    expect(page.locator(".uplot")).to_have_count(5)
+    for title, color in (
+        ("Speed", VEHICLE),
+        ("Lateral", LATERAL),
+        ("Heading", HEADING),
+        ("Front wheels", VEHICLE),
+        ("Acceleration", VEHICLE),
+    ):
+        wait_for_columns(page, title, color, "x{20}")
+
+
+def test_a_time_without_a_reference_is_a_gap_in_its_curves_only(publish: Start, viewer: Viewer, page: Page) -> None:
+    loop = publish("--arming", "shadow")
+    loop.order("shadow")
+    page.goto(viewer.url)
+    expect(page.locator(".uplot")).to_have_count(5)
+    wait_for_columns(page, "Lateral", LATERAL, "x{15}")
+    loop.order("lost")
+    expect(page.locator("#n-lateral-error")).to_have_text("–")
+    wait_for_columns(page, "Lateral", LATERAL, "x{15}[.]{60}")
+    loop.order("shadow")
+    wait_for_columns(page, "Lateral", LATERAL, "x{15}[.]{20,}x{15}")
+    # On a busy machine the speed may have gaps as well, but not this one.
+    counts = f"of => ({_COLUMNS})(of).replaceAll('.', '').length"
+    speed, lateral = (page.evaluate(counts, of) for of in (["Speed", *VEHICLE], ["Lateral", *LATERAL]))
+    assert speed > lateral + 20
+
+
+_RANGES = """() => Object.values(window.__viserTestpoints.uplots).map(({chart}) => [
+    chart.scales.y.min.toFixed(1), chart.scales.y.max.toFixed(1), chart.axes[0]._values.join(" ")].join(", "))"""
+SECONDS = "-20 -15 -10 -5 0"
+
+
+def test_the_ranges_are_the_limits_and_both_axes_have_labels(publish: Start, viewer: Viewer, page: Page) -> None:
+    loop = publish()
+    page.goto(viewer.url)
+    expect(page.locator(".uplot")).to_have_count(5)
+    wait_for_columns(page, "Speed", VEHICLE, "x{20}")
+    limits = ["-1.0, 21.0", "-1.1, 1.1", "-12.6, 12.6", "-37.8, 37.8", "-6.5, 3.5"]
+    expected = sorted(f"{each}, {SECONDS}" for each in limits)
+    page.wait_for_function(f"expected => ({_RANGES})().sort().join() === expected", arg=",".join(expected))
+    loop.order("fast")
+    wait_for_columns(page, "Speed", VEHICLE, "x{20}")
+    page.wait_for_function(f"() => ({_RANGES})().some(each => /^-1.0, 3[0-9]/.test(each))")
