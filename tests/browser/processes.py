@@ -1,5 +1,6 @@
 """The other processes of a browser test."""
 
+import signal
 import subprocess
 from pathlib import Path
 
@@ -32,10 +33,15 @@ class _Process:
         printed, _ = self._process.communicate(timeout=20)
         return self._process.returncode, printed
 
+    def send(self, number: int) -> None:
+        """Send a signal."""
+        self._process.send_signal(number)
+
     def close(self) -> None:
         """End it, unless it has ended already."""
         if self._process.poll() is None:
             self._process.terminate()
+            self._process.send_signal(signal.SIGCONT)
         self._process.communicate(timeout=20)
 
 

@@ -86,6 +86,37 @@ def test_a_loop_that_is_silent_or_has_ended_greys_the_page(publish: Start, viewe
     expect(page.locator("#stale")).to_contain_text("LOOP ENDED")
 
 
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_page_whose_viewer_stops_says_that_it_is_frozen(
+    publish: Start, viewer: Viewer, page: Page, number: int
+) -> None:
+    publish()
+    page.goto(viewer.url)
+    banner(page, "ENGAGED", "NOMINAL")
+    cover = page.get_by_text("THIS PAGE IS FROZEN")
+    expect(cover).to_be_hidden()
+    viewer.send(number)
+    expect(cover).to_be_visible()
+    covered = page.evaluate("""() => {
+        const box = document.getElementById("frozen").getBoundingClientRect();
+        const banner = document.getElementById("banner").getBoundingClientRect();
+        return box.left <= banner.left && box.right >= banner.right
+            && box.top <= banner.top && box.bottom >= banner.bottom;
+    }""")
+    assert covered
+    if number == signal.SIGSTOP:
+        viewer.send(signal.SIGCONT)
+        expect(cover).to_be_hidden()
+
+
+def test_a_page_without_a_loop_is_updated_and_not_frozen(viewer: Viewer, page: Page) -> None:
+    page.goto(viewer.url)
+    cover = page.locator("#frozen")
+    before = cover.get_attribute("data-number")
+    page.wait_for_function("old => document.getElementById('frozen').dataset.number - old > 20", arg=before)
+    expect(cover).to_be_hidden()
+
+
 def test_fault_and_shadow_are_named(publish: Start, viewer: Viewer, page: Page) -> None:
     loop = publish("--arming", "shadow")
     page.goto(viewer.url)

@@ -7,6 +7,7 @@ import viser
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.banner import banner_html
 from vehicle_iface_viewer.panels.counters import counters_html
+from vehicle_iface_viewer.panels.frozen import STYLE, cover_html
 from vehicle_iface_viewer.panels.legend import legend_html
 from vehicle_iface_viewer.panels.numbers import numbers_html
 from vehicle_iface_viewer.panels.plots import LAYOUT_STYLE, Plots
@@ -19,6 +20,8 @@ class SidePanel:
     """Position of the Follow switch: under the banner."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
+        gui.add_html(STYLE, order=0.1)
+        self._cover = gui.add_html(cover_html(0), order=0.2)
         self._banner = gui.add_html(banner_html(None), order=1.0)
         self._numbers = gui.add_html("", order=3.0)
         self._legend = gui.add_html(legend_html(None), order=4.0)
@@ -31,6 +34,7 @@ class SidePanel:
         """Update texts and plots to `view`: the banner each time, the rest in turns to save the browser work."""
         _update(self._banner, banner_html(view))
         if turn % 2 == 0:
+            self._cover.content = cover_html(turn)
             _update(self._numbers, numbers_html(view))
         else:
             _update(self._legend, legend_html(view))
