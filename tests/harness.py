@@ -235,7 +235,7 @@ class Drive:
         """The loop's process gets no time; the vehicle goes on."""
         self.line.let_drive(self.clock.t_ns + ns_from_s(seconds))
 
-    def say(self, line: str) -> None:
+    def send_line(self, line: str) -> None:
         """An order to the vehicle's pedals."""
         assert execute(self.vehicle, line) == "ok"
 

@@ -178,10 +178,10 @@ def test_an_unarmed_loop_sends_no_frame_whatever_happens() -> None:
     drive.run_s(2.0)
     drive.loop.arming.request()
     drive.run_s(2.0)
-    drive.say("mute STATE on")
+    drive.send_line("mute STATE on")
     drive.run_s(1.0)
-    drive.say("mute STATE off")
-    drive.say("brake 1")
+    drive.send_line("mute STATE off")
+    drive.send_line("brake 1")
     drive.run_s(1.0)
     drive.loop.shutdown.request()
     drive.run_s(1.0)
@@ -214,7 +214,7 @@ def test_a_vehicle_in_manual_is_not_engaged_until_it_is_ready() -> None:
     drive.run_s(2.0)
     assert drive.mode() is Mode.STANDBY
     assert not any(pair["ENABLE"] for pair in drive.pairs())
-    drive.say("ready")
+    drive.send_line("ready")
     assert drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 1.0) < 0.2
 
 
@@ -253,7 +253,7 @@ def test_backwards_it_requests_reverse_and_drives_backwards() -> None:
 def test_the_trajectorys_time_begins_with_the_engagement() -> None:
     drive = Drive(FixedTrajectory(straight(length_m=50.0, time_s=5.0)), mode=VehicleMode.MANUAL)
     drive.run_s(20.0)
-    drive.say("ready")
+    drive.send_line("ready")
     drive.engage(1.0)
     drive.run_s(1.0)
     assert has(drive.last(), enable=1, stop=0, reason=Reason.NOMINAL)
@@ -322,19 +322,19 @@ def drives_on_after(drive: Drive, hold: str) -> None:
 
 def test_another_frame_of_reference_stops_and_the_same_one_again_drives_on() -> None:
     drive = cruising()
-    drive.say("frame ODOM")
+    drive.send_line("frame ODOM")
     since = stopped(drive, Reason.FRAME_MISMATCH)
     assert hazards(drive, since) == {1}
-    drive.say("frame MAP")
+    drive.send_line("frame MAP")
     drives_on_after(drive, "frame_mismatch_s")
 
 
 def test_a_pose_that_is_not_valid_stops_and_a_valid_one_drives_on() -> None:
     drive = cruising()
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
     since = stopped(drive, Reason.STATE_INVALID)
     assert hazards(drive, since) == {1}
-    drive.say("pose_valid 1")
+    drive.send_line("pose_valid 1")
     drives_on_after(drive, "state_invalid_s")
 
 
@@ -362,32 +362,32 @@ def test_a_controller_far_out_of_limits_is_limited_and_counted() -> None:
 def test_50_ms_without_a_sample_stop_from_the_last_state_at_the_command_period() -> None:
     drive = cruising()
     last_ns = drive.state.stamp_ns
-    drive.say("mute STATE on")
+    drive.send_line("mute STATE on")
     pairs = after(drive, 0.4)
     assert 0 < pairs[0].at_ns - last_ns - ms(50) <= ms(20)
     assert all(has(pair, enable=1, stop=1, reason=Reason.STATE_STALE) for pair in pairs)
     assert {b.at_ns - a.at_ns for a, b in pairwise(pairs)} == {ms(10)}
     assert pairs[-1]["ACCEL_REQUEST"] == pytest.approx(-3.0)
     assert counters_step_by_one(drive.sent)
-    drive.say("mute STATE off")
+    drive.send_line("mute STATE off")
     drives_on_after(drive, "state_stale_s")
     assert drive.mode() is Mode.ENGAGED
 
 
 def test_500_ms_without_a_sample_silence_for_good_until_armed_again() -> None:
     drive = cruising()
-    drive.say("mute STATE on")
+    drive.send_line("mute STATE on")
     last_ns = drive.state.stamp_ns
     drive.run_until(lambda: drive.mode() is Mode.SILENT, 1.0)
     assert 0 < drive.clock.t_ns - last_ns - ms(500) <= ms(20)
     count = len(drive.sent)
     drive.run_s(1.0)
     assert drive.vehicle.mode is VehicleMode.FAULT
-    drive.say("mute STATE off")
+    drive.send_line("mute STATE off")
     drive.run_s(3.0)
     assert len(drive.sent) == count
-    drive.say("reset")
-    drive.say("ready")
+    drive.send_line("reset")
+    drive.send_line("ready")
     drive.run_s(2.0)
     assert len(drive.sent) == count
     drive.loop.arming.request()
@@ -397,7 +397,7 @@ def test_500_ms_without_a_sample_silence_for_good_until_armed_again() -> None:
 
 def test_a_status_that_stays_away_stops() -> None:
     drive = cruising()
-    drive.say("mute VEHICLE_STATUS on")
+    drive.send_line("mute VEHICLE_STATUS on")
     drive.run_until(lambda: drive.last()["SAFE_STOP"] == 1, 0.25)
     assert has(drive.last(), enable=1, stop=1, reason=Reason.STATE_STALE)
 
@@ -405,7 +405,7 @@ def test_a_status_that_stays_away_stops() -> None:
 def test_lost_and_damaged_samples_are_driven_through_while_the_state_is_young() -> None:
     drive = cruising()
     for order in ("corrupt POSE 3", "skip_counter STATE 2", "corrupt STATE 2"):
-        drive.say(order)
+        drive.send_line(order)
         pairs = after(drive, 1.0)
         assert all(has(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in pairs)
 
@@ -416,12 +416,12 @@ def test_lost_and_damaged_samples_are_driven_through_while_the_state_is_young() 
 @pytest.mark.parametrize("order", ["brake 1", "throttle 1", "steer 3.0", "steer -3.0"])
 def test_after_a_takeover_the_controller_is_released_until_armed_again(order: str) -> None:
     drive = cruising()
-    drive.say(order)
+    drive.send_line(order)
     pairs = after(drive, 0.03)
     assert has(pairs[-1], enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
     word, _ = order.split()
-    drive.say(f"{word} 0")
-    drive.say("ready")
+    drive.send_line(f"{word} 0")
+    drive.send_line("ready")
     assert all(has(p, enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE) for p in after(drive, 3.0))
     drive.loop.arming.request()
     drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 1.0)
@@ -434,7 +434,7 @@ def test_a_vehicle_that_stays_autonomous_while_its_driver_acts_is_released(
 ) -> None:
     monkeypatch.setattr(SimulatedVehicle, "is_driver_active", False)
     drive = cruising()
-    drive.say(order)
+    drive.send_line(order)
     pairs = after(drive, 0.04)
     assert has(pairs[-1], enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
     assert drive.mode() is Mode.OVERRIDDEN
@@ -443,17 +443,17 @@ def test_a_vehicle_that_stays_autonomous_while_its_driver_acts_is_released(
 @pytest.mark.parametrize("order", ["steer 2.9", "steer -2.9"])
 def test_a_hand_that_rests_on_the_wheel_does_not_take_over(order: str) -> None:
     drive = cruising()
-    drive.say(order)
+    drive.send_line(order)
     assert all(has(pair, enable=1, stop=0, reason=Reason.NOMINAL) for pair in after(drive, 1.0))
 
 
 @pytest.mark.parametrize("order", ["fault 7", "emergency_stop"])
 def test_a_fault_of_the_vehicle_is_latched(order: str) -> None:
     drive = cruising()
-    drive.say(order)
+    drive.send_line(order)
     assert has(after(drive, 0.05)[-1], enable=0, stop=0, reason=Reason.VEHICLE_FAULT)
-    drive.say("reset")
-    drive.say("ready")
+    drive.send_line("reset")
+    drive.send_line("ready")
     assert all(has(p, enable=0, stop=0, reason=Reason.VEHICLE_FAULT) for p in after(drive, 2.0))
     drive.loop.shutdown.request()
     drive.run_s(1.0)
@@ -502,11 +502,11 @@ def silenced(drive: Drive, count: int) -> bool:
 @pytest.mark.parametrize("silence_s", [0.0, 0.19, 0.25, 2.0])
 def test_a_vehicle_with_another_commander_is_left_alone_however_late_it_is_received(silence_s: float) -> None:
     drive = Drive(mode=VehicleMode.AUTONOMOUS)
-    drive.say("mute ALL on")
+    drive.send_line("mute ALL on")
     drive.run_s(silence_s)
     assert {sent.name for sent in drive.sent} <= {"BODY_COMMAND", "CONTROLLER_STATUS"}
     assert bool(drive.sent) is (silence_s > 0.2)
-    drive.say("mute ALL off")
+    drive.send_line("mute ALL off")
     drive.step()
     assert silenced(drive, len(drive.sent))
     assert drive.loop.summary().commands == 0
@@ -518,10 +518,10 @@ def test_after_a_long_silence_the_vehicle_may_have_another_commander() -> None:
     drive = Drive(mode=VehicleMode.MANUAL)
     drive.run_s(1.0)
     assert drive.mode() is Mode.STANDBY
-    drive.say("mute ALL on")
+    drive.send_line("mute ALL on")
     drive.run_s(1.0)
     drive.vehicle.mode = VehicleMode.AUTONOMOUS
-    drive.say("mute ALL off")
+    drive.send_line("mute ALL off")
     drive.step()
     assert silenced(drive, len(drive.sent))
 
@@ -529,10 +529,10 @@ def test_after_a_long_silence_the_vehicle_may_have_another_commander() -> None:
 @pytest.mark.usefixtures("lenient")
 def test_an_autonomous_vehicle_without_a_commander_is_released_and_driven_again() -> None:
     drive = cruising()
-    drive.say("mute ALL on")
+    drive.send_line("mute ALL on")
     drive.run_s(1.0)
     assert drive.mode() is Mode.SILENT
-    drive.say("mute ALL off")
+    drive.send_line("mute ALL off")
     drive.loop.arming.request()
     drive.run_s(0.5)
     assert drive.vehicle.mode is VehicleMode.READY
@@ -545,7 +545,7 @@ def test_an_autonomous_vehicle_without_a_commander_is_released_and_driven_again(
 @pytest.mark.parametrize("tick", range(45))
 def test_a_request_to_end_at_any_moment_of_a_start_ends_it_without_driving(tick: int) -> None:
     drive = Drive()
-    drive.say("mute VEHICLE_STATUS on")  # it counts for 200 ms
+    drive.send_line("mute VEHICLE_STATUS on")  # it counts for 200 ms
     drive.run_s(tick * 0.01)
     drive.loop.shutdown.request()
     drive.run_until(lambda: drive.loop.shutdown.is_done, 0.5)
@@ -591,8 +591,8 @@ def test_a_lost_link_is_latched_also_when_it_comes_back(seconds: float) -> None:
     assert len(drive.sent) == count
     assert (drive.mode(), drive.loop.reason, drive.line.opened) == (Mode.SILENT, Reason.LINK_DOWN, 2)
     assert drive.loop.details().loop["link_losses"] == 1
-    drive.say("reset")
-    drive.say("ready")
+    drive.send_line("reset")
+    drive.send_line("ready")
     drive.loop.arming.request()
     drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 2.0)
     assert counters_step_by_one(drive.sent)
@@ -613,8 +613,8 @@ def test_a_command_that_met_a_lost_link_has_stepped_no_counter(monkeypatch: pyte
     drive.line.down = False
     drive.run_s(1.0)
     assert len(drive.sent) == count
-    drive.say("reset")
-    drive.say("ready")
+    drive.send_line("reset")
+    drive.send_line("ready")
     drive.loop.arming.request()
     drive.run_until(lambda: drive.mode() is Mode.ENGAGED, 2.0)
     assert counters_step_by_one(drive.sent)
@@ -737,7 +737,7 @@ def test_a_driver_who_takes_over_during_the_end_ends_it() -> None:
     drive = cruising()
     drive.loop.shutdown.request()
     drive.run_s(0.3)
-    drive.say("brake 1")
+    drive.send_line("brake 1")
     assert drive.run_until(lambda: drive.loop.shutdown.is_done, 1.0) < 0.3
     assert drive.last()["ENABLE"] == 0
 
@@ -745,7 +745,7 @@ def test_a_driver_who_takes_over_during_the_end_ends_it() -> None:
 @pytest.mark.parametrize("order", ["mute STATE on", "mute ALL on"])
 def test_an_end_without_samples_is_silent_and_still_an_end(order: str) -> None:
     drive = cruising()
-    drive.say(order)
+    drive.send_line(order)
     drive.run_s(0.1)
     drive.loop.shutdown.request()
     drive.run_until(lambda: drive.loop.shutdown.is_done, 1.0)
@@ -913,16 +913,16 @@ def test_an_arming_while_the_link_is_gone_is_refused() -> None:
 
 def test_one_sample_that_jumps_is_dropped_and_nothing_else_happens() -> None:
     drive = cruising()
-    drive.say("jump 4.0 0.0")
+    drive.send_line("jump 4.0 0.0")
     drive.run_s(0.009)
-    drive.say("jump -4.0 0.0")
+    drive.send_line("jump -4.0 0.0")
     assert {pair["SAFE_STOP"] for pair in after(drive, 1.0)} == {0}
     assert drive.loop.details().implausible["jumped"] == 1
 
 
 def test_a_position_that_stays_where_it_jumped_to_stops_the_vehicle_and_ends_in_silence() -> None:
     drive = cruising()
-    drive.say("jump 4.0 0.0")
+    drive.send_line("jump 4.0 0.0")
     drive.run_s(0.06)
     assert has(drive.last(), enable=1, stop=1, reason=Reason.STATE_INVALID)
     drive.run_s(0.6)
@@ -933,7 +933,7 @@ def test_a_position_that_stays_where_it_jumped_to_stops_the_vehicle_and_ends_in_
 
 def test_frozen_values_with_running_counters_stop_a_moving_vehicle() -> None:
     drive = cruising()
-    drive.say("freeze on")
+    drive.send_line("freeze on")
     took_s = drive.run_until(lambda: drive.last()["SAFE_STOP"], 1.0)
     assert took_s < 0.25
     assert has(drive.last(), enable=1, stop=1, reason=Reason.STATE_INVALID)
@@ -943,8 +943,8 @@ def test_frozen_values_with_running_counters_stop_a_moving_vehicle() -> None:
 
 def test_a_vehicle_that_drops_out_with_implausible_samples_is_released() -> None:
     drive = cruising()
-    drive.say("jump 4.0 0.0")
-    drive.say("brake 1")
+    drive.send_line("jump 4.0 0.0")
+    drive.send_line("brake 1")
     drive.run_s(0.2)
     assert drive.mode() is Mode.OVERRIDDEN
     assert has(drive.last(), enable=0, stop=0, reason=Reason.DRIVER_OVERRIDE)
@@ -952,9 +952,9 @@ def test_a_vehicle_that_drops_out_with_implausible_samples_is_released() -> None
 
 def test_samples_that_could_not_be_true_and_then_stop_coming_are_stale_and_then_there_is_silence() -> None:
     drive = cruising()
-    drive.say("jump 4.0 0.0")
+    drive.send_line("jump 4.0 0.0")
     drive.run_s(0.06)
-    drive.say("mute STATE on")
+    drive.send_line("mute STATE on")
     drive.run_s(0.07)
     assert has(drive.last(), enable=1, stop=1, reason=Reason.STATE_STALE)
     drive.run_s(0.5)
@@ -965,10 +965,10 @@ def test_samples_that_could_not_be_true_and_then_stop_coming_are_stale_and_then_
 def test_a_loop_that_does_not_drive_answers_implausible_samples_only_while_they_come() -> None:
     drive = Drive(mode=VehicleMode.MANUAL)
     drive.run_s(1.0)
-    drive.say("jump 4.0 0.0")
+    drive.send_line("jump 4.0 0.0")
     drive.run_s(0.5)
     assert len(after(drive, 0.2)) == pytest.approx(20, abs=1)
-    drive.say("mute STATE on")
+    drive.send_line("mute STATE on")
     drive.run_s(0.07)
     since = len(drive.sent)
     drive.run_s(1.0)
@@ -1218,7 +1218,7 @@ def test_telemetry_makes_no_difference_to_the_frames(tmp_path: Path) -> None:
     def driven(telemetry: TelemetryWriter | None) -> list[tuple[int, bytes]]:
         drive = Drive(RecedingRoute(make_route("figure8")), telemetry=telemetry, start=start_of("figure8"))
         drive.run_s(3.0)
-        drive.say("pose_valid 0")
+        drive.send_line("pose_valid 0")
         drive.run_s(1.0)
         return [(sent.at_ns, sent.frame.data) for sent in drive.sent]
 

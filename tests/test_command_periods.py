@@ -87,7 +87,7 @@ def test_an_override_and_a_stop_are_answered_with_the_next_sample_and_the_pace_g
     drive = Drive(database=load_vehicle(tmp_path, edits=SLOW)).engage(speed_mps=3.0)
     since = len(drive.sent)
     drive.run_until(lambda: len(drive.sent) > since, 0.1)
-    drive.say("brake on")
+    drive.send_line("brake on")
     begin_ns, since = drive.clock.t_ns, len(drive.sent)
     drive.run_until(lambda: drive.mode() is Mode.OVERRIDDEN, 0.05)
     drive.run_s(0.2)

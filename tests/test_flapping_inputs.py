@@ -53,7 +53,7 @@ class AlternatingController(ControllerBase):
 
 def every(count: int, bad: str, good: str) -> Callable[[Drive, int], None]:
     """Of so many samples one is bad."""
-    return lambda drive, tick: drive.say(bad if tick % count == 0 else good)
+    return lambda drive, tick: drive.send_line(bad if tick % count == 0 else good)
 
 
 def set_source(drive: Drive, _: int) -> None:
@@ -72,12 +72,12 @@ def jump_about(drive: Drive, tick: int) -> None:
 
 def lose_samples(drive: Drive, tick: int) -> None:
     """Nothing for 60 ms, then one sample, again and again."""
-    drive.say("mute STATE off" if tick % 7 == 6 else "mute STATE on")
+    drive.send_line("mute STATE off" if tick % 7 == 6 else "mute STATE on")
 
 
 def lose_status(drive: Drive, tick: int) -> None:
     """Nothing for 120 ms, then one status."""
-    drive.say("mute VEHICLE_STATUS off" if tick % 14 >= 12 else "mute VEHICLE_STATUS on")
+    drive.send_line("mute VEHICLE_STATUS off" if tick % 14 >= 12 else "mute VEHICLE_STATUS on")
 
 
 FLAPPING: Mapping[str, tuple[Reason, Callable[[Drive, int], None]]] = {
@@ -132,9 +132,9 @@ def test_an_input_that_flaps_stops_the_vehicle_as_one_that_is_bad_all_the_time(n
 def stops_of(drive: Drive, bad: str, good: str, times: int, wait_s: float) -> None:
     """The input is bad for a moment, again and again."""
     for _ in range(times):
-        drive.say(bad)
+        drive.send_line(bad)
         drive.run_s(0.05)
-        drive.say(good)
+        drive.send_line(good)
         drive.run_s(wait_s)
 
 
@@ -181,7 +181,7 @@ def test_a_run_that_ends_in_a_latched_stop_ends_in_a_fault() -> None:
 def test_a_driver_takes_over_from_a_latched_stop() -> None:
     drive = Drive(FixedTrajectory(straight(time_s=1e3))).engage(4.0)
     stops_of(drive, "pose_valid 0", "pose_valid 1", times=4, wait_s=1.0)
-    drive.say("throttle 1")
+    drive.send_line("throttle 1")
     drive.run_s(0.05)
     assert drive.mode() is Mode.OVERRIDDEN
     assert drive.last()["ENABLE"] == 0

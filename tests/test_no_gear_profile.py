@@ -90,7 +90,7 @@ def test_without_gear_signals_the_way_is_changed_at_each_standstill(gearless: Ve
 
 def test_a_stop_does_not_change_the_way(gearless: VehicleDatabase) -> None:
     drive = Drive(FixedTrajectory(line(1.0)), database=gearless).engage(3.0)
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
     drive.run_s(5.0)
     assert drive.vehicle.state.speed_mps == 0.0
     assert drive.vehicle.gear is Gear.DRIVE
@@ -111,9 +111,9 @@ def test_an_unreported_gear_is_none_also_in_telemetry(gearless: VehicleDatabase,
 
 def test_before_the_first_status_even_a_shadow_would_stop() -> None:
     drive = Drive(armed=False, start=BicycleState(speed_mps=math.pi))
-    drive.say("mute VEHICLE_STATUS on")
+    drive.send_line("mute VEHICLE_STATUS on")
     drive.run_s(0.5)
     assert drive.loop.reason is Reason.STATE_STALE
-    drive.say("mute VEHICLE_STATUS off")
+    drive.send_line("mute VEHICLE_STATUS off")
     drive.run_s(0.3)
     assert drive.loop.reason is not Reason.STATE_STALE

@@ -42,9 +42,9 @@ def test_a_vehicle_that_checks_its_own_kind_of_protection_is_driven(tmp_path: Pa
 def test_damaged_samples_without_a_counter_are_dropped_and_stop_the_vehicle(tmp_path: Path) -> None:
     drive = Drive(database=load_vehicle(tmp_path, f"{SUM}[protection.rule]\n{TOYOTA}\n{COUNTER}{USED}"))
     drive.engage(speed_mps=1.0)
-    drive.say("corrupt POSE 3")
+    drive.send_line("corrupt POSE 3")
     drive.run_s(0.2)
     assert drive.loop._decoder.drops == {(DropCause.BAD_CRC, "POSE"): 3}
-    drive.say("corrupt POSE 20")
+    drive.send_line("corrupt POSE 20")
     drive.run_s(0.15)
     assert drive.loop.reason.name == "STATE_STALE"

@@ -67,11 +67,11 @@ def stopping(drive: Drive, seconds: float = 4.0) -> list[tuple[float, Pair]]:
 
 
 def invalid(drive: Drive) -> None:
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
 
 
 def lost(drive: Drive) -> None:
-    drive.say("mute STATE on")
+    drive.send_line("mute STATE on")
 
 
 def ended(drive: Drive) -> None:
@@ -106,7 +106,7 @@ def test_the_brake_is_let_up_with_the_speed_and_the_vehicle_stands_without_a_jol
     jolts_mps2, took_s, went_m = [], [], []
     for ease_s in (0.1, 0.2):
         drive = driving(sign, database=with_behavior(stop_release_time_constant_s=ease_s))
-        drive.say("pose_valid 0")
+        drive.send_line("pose_valid 0")
         begin_m, felt = drive.vehicle.state.x_m, 0.0
         begin_ns = drive.clock.t_ns
         while drive.vehicle.state.speed_mps != 0.0:
@@ -123,7 +123,7 @@ def test_the_brake_is_let_up_with_the_speed_and_the_vehicle_stands_without_a_jol
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_vehicle_that_has_come_to_rest_is_held_by_safe_stop_and_asked_for_nothing(sign: float) -> None:
     drive = driving(sign)
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
     drive.run_until(lambda: drive.vehicle.state.speed_mps == 0.0, 5.0)
     place_m, since = drive.vehicle.state.x_m, len(drive.sent)
     drive.run_s(2.0)
@@ -143,7 +143,7 @@ def test_a_vehicle_that_stands_from_the_first_command_on_is_asked_for_nothing() 
 @pytest.mark.parametrize(("sign", "gear"), [(1.0, Gear.DRIVE), (-1.0, Gear.REVERSE)])
 def test_a_profile_may_ask_for_a_brake_that_holds_against_the_gear(sign: float, gear: Gear) -> None:
     drive = driving(sign, speed_mps=2.0, database=with_behavior(hold_deceleration_mps2=0.5))
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
     drive.run_until(lambda: drive.vehicle.state.speed_mps == 0.0, 5.0)
     drive.run_s(0.3)
     place_m, since = drive.vehicle.state.x_m, len(drive.sent)
@@ -156,15 +156,15 @@ def test_a_profile_may_ask_for_a_brake_that_holds_against_the_gear(sign: float, 
 def test_a_stop_out_of_full_acceleration_drops_the_drive_at_once() -> None:
     drive = Drive(FixedTrajectory(straight(speed_mps=15.0))).engage(2.0)
     assert drive.last()["ACCEL_REQUEST"] > 0.5
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
     assert stopping(drive, 0.1)[0][1]["ACCEL_REQUEST"] == pytest.approx(-0.3)
 
 
 def test_a_stop_that_ends_drives_on_from_the_brake_that_was_on() -> None:
     drive = driving()
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
     drive.run_s(0.3)
-    drive.say("pose_valid 1")
+    drive.send_line("pose_valid 1")
     found = list(passes(drive, 0.5))
     first = next(k for k, (_, pair) in enumerate(found) if not pair["SAFE_STOP"])
     assert found[first][1]["ACCEL_REQUEST"] == pytest.approx(-2.7)
@@ -173,7 +173,7 @@ def test_a_stop_that_ends_drives_on_from_the_brake_that_was_on() -> None:
 @pytest.mark.parametrize("deceleration_mps2", [1.0, 2.0, 5.0])
 def test_the_safe_deceleration_of_the_controller_is_that_of_the_bus(deceleration_mps2: float) -> None:
     drive = driving(controller=pure_pursuit(safe_deceleration_mps2=deceleration_mps2))
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
     found = stopping(drive, 1.0)
     assert min(pair["ACCEL_REQUEST"] for _, pair in found) == pytest.approx(-deceleration_mps2)
 
@@ -215,7 +215,7 @@ def each(*happenings: Happening) -> Happening:
 
 
 def said(line: str) -> Happening:
-    return lambda drive: drive.say(line)
+    return lambda drive: drive.send_line(line)
 
 
 GOOD: dict[str, Happening] = {"ended": ended, "stalled": stall}
@@ -368,7 +368,7 @@ def test_neither_driver_nor_fault_waits_for_the_warning(order: str) -> None:
     drive.loop.shutdown.request()
     drive.run_s(2.0)
     assert drive.last()["ENABLE"] == 1
-    drive.say(order)
+    drive.send_line(order)
     assert drive.run_until(lambda: drive.last()["ENABLE"] == 0, 0.1) <= 0.04
 
 

@@ -27,7 +27,7 @@ def test_a_sample_of_parts_from_both_buses_is_answered_on_the_bus_of_the_command
 
 @pytest.mark.parametrize("message", ["INS_POS", "INS_ATT", "ins:STATUS"])
 def test_an_ins_that_falls_silent_stops_the_vehicle_by_the_age_of_its_parts(drive: Drive, message: str) -> None:
-    drive.say(f"mute {message} on")
+    drive.send_line(f"mute {message} on")
     drive.run_s(0.3)
     assert drive.loop.reason.name == "STATE_STALE"
     assert drive.loop.link.state.name == "UP"

@@ -100,7 +100,7 @@ def test_a_stop_ends_at_standstill_with_the_stop_commanded(
     if order == "pose_jump":
         drive.vehicle.jump(0.0, 40.0)
     else:
-        drive.say(order)
+        drive.send_line(order)
     drive.run_s(0.3)
     assert drive.loop.reason.name == reason
     drive.run_until(lambda: drive.vehicle.state.speed_mps == 0.0, 2.6)

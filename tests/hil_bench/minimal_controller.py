@@ -318,7 +318,7 @@ class Controller:
         self.answers: deque[tuple[int, State, bool]] = deque()
         now_ns = time.monotonic_ns()
         self.read_ns = now_ns
-        self.heard_ns = self.status_ns = self.fresh_ns = self.pair_ns = self.slow_ns = self.phase_ns = 0
+        self.sample_ns = self.status_ns = self.fresh_ns = self.pair_ns = self.slow_ns = self.phase_ns = 0
         self.refused = self.refused_ns = self.clean = 0
         self.held, self.held_ns = Reason.NOMINAL, 0
         self.contradictions, self.is_doubtful = 0, False
@@ -371,8 +371,8 @@ class Controller:
             if self.bus is None:
                 self.reopen(now_ns)
             else:
-                self.hear(now_ns)
-                self.speak(now_ns)
+                self.receive(now_ns)
+                self.send_due(now_ns)
                 self.send_slow_when_due(now_ns)
         except OSError as error:
             self.lose_link(now_ns, error)
@@ -422,7 +422,7 @@ class Controller:
         print(f"{self.channel}: open again", flush=True)
         self.reset()
 
-    def hear(self, now_ns: int) -> None:
+    def receive(self, now_ns: int) -> None:
         """Everything that waits, before anything is answered.
 
         No frame is older than the last look at the socket; after a long pause none is taken for young.
@@ -448,7 +448,7 @@ class Controller:
 
     def take(self, state: State) -> None:
         """A complete sample: the state, if it can be true, and to be answered."""
-        self.heard_ns = state.stamp_ns
+        self.sample_ns = state.stamp_ns
         is_true = self.receiver.is_plausible(state)
         if is_true:
             if self.state is None or state.stamp_ns - self.state.stamp_ns > STALE_NS:
@@ -471,7 +471,7 @@ class Controller:
         elif self.phase == "engaged" and status.mode != AUTONOMOUS and self.defect != "commands_after_override":
             self.enter("out", Reason.VEHICLE_NOT_AUTONOMOUS)
 
-    def speak(self, now_ns: int) -> None:
+    def send_due(self, now_ns: int) -> None:
         """Answer what is due; without samples stop, and then say nothing."""
         watches = self.defect != "timeout_removed"
         age_ns = now_ns - self.state.stamp_ns if self.state is not None else 0
@@ -489,7 +489,7 @@ class Controller:
             _, state, is_true = self.answers.popleft()
             if self.is_armed and self.phase != "silent":
                 self.answer(state, now_ns, is_true=is_true)
-        is_alone = now_ns - self.heard_ns >= STALE_NS and now_ns - self.pair_ns >= PERIOD_NS
+        is_alone = now_ns - self.sample_ns >= STALE_NS and now_ns - self.pair_ns >= PERIOD_NS
         if self.commands and is_alone and watches and self.state is not None and not self.is_over:
             self.command(self.state, Reason.STATE_STALE, now_ns)
 

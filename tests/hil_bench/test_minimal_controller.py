@@ -1,4 +1,4 @@
-"""The minimal controller without a bus: a stranger to the project, and a sound reader of frames and routes."""
+"""The minimal controller without a bus: independent of the project, and a sound reader of frames and routes."""
 
 import ast
 import math

@@ -21,22 +21,22 @@ def record(
     said: list[tuple[float, Frame]] = []
     counters: dict[str, int] = {}
 
-    def say(at_s: float, name: str, **values: float) -> None:
+    def add_frame(at_s: float, name: str, **values: float) -> None:
         counters[name] = counters.get(name, -1) + 1
         said.append((at_s, WIRE.pack(name, counters[name] % 15, **values)))
 
     for tick in range(SAMPLES):
         for name in WIRE.sample:
-            say(tick / 100, name)
+            add_frame(tick / 100, name)
         if tick % 2 == 0:
-            say(tick / 100, "VEHICLE_STATUS", MODE=AUTONOMOUS)
+            add_frame(tick / 100, "VEHICLE_STATUS", MODE=AUTONOMOUS)
         wait_s = late_s(tick)
         if wait_s is not None:
-            say(tick / 100 + wait_s, "DRIVE_COMMAND", ENABLE=1, GEAR_REQUEST=7)
-            say(tick / 100 + wait_s, "STEER_COMMAND", ENABLE=1)
+            add_frame(tick / 100 + wait_s, "DRIVE_COMMAND", ENABLE=1, GEAR_REQUEST=7)
+            add_frame(tick / 100 + wait_s, "STEER_COMMAND", ENABLE=1)
     for number in range(int(SAMPLES / 10)):
-        say(besides_s(number) + 0.002, "BODY_COMMAND")
-        say(besides_s(number) + 0.002, "CONTROLLER_STATUS", STATE=3)
+        add_frame(besides_s(number) + 0.002, "BODY_COMMAND")
+        add_frame(besides_s(number) + 0.002, "CONTROLLER_STATUS", STATE=3)
     in_order = sorted(said, key=lambda one: one[0])
     return examine([replace(frame, stamp_ns=S + round(at_s * S) + n) for n, (at_s, frame) in enumerate(in_order)], WIRE)
 

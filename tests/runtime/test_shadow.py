@@ -122,7 +122,7 @@ def test_a_shadow_is_taken_along_when_the_other_one_drives_on_after_a_driver() -
     shadow = beside(drive, route("figure8"))
     both_run_s(drive, shadow, 8.0)
     for line in ("brake 1", "brake 0", "ready"):
-        drive.say(line)
+        drive.send_line(line)
         both_run_s(drive, shadow, 0.5)
     drive.loop.arming.request()
     found = both_run_s(drive, shadow, 8.0)

@@ -37,7 +37,7 @@ class _Broken:
 
 def test_a_stop_steering_hook_that_raises_anything_is_a_straight_stop() -> None:
     drive = Drive(controller=_Handy(BehaviorConfig(stop_steering=StopSteering.TRACK))).engage(3.0)
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
     drive.run_s(0.5)
     assert drive.last()["SAFE_STOP"] == 1
     assert drive.last()["FRONT_WHEEL_ANGLE_REQUEST"] == 0.0

@@ -76,7 +76,7 @@ class VehicleHarness:
         assert self.vehicle.mode.name == "AUTONOMOUS"
         assert self.vehicle.gear == gear
 
-    def say(self, line: str) -> str:
+    def send_line(self, line: str) -> str:
         return execute(self.vehicle, line)
 
     def are_intact(self, *names: str) -> list[bool]:

@@ -155,10 +155,10 @@ def test_it_is_released_by_the_messages_of_a_release(
 
 def test_after_an_override_the_earlier_messages_do_not_enable_it_again(tmp_path: Path) -> None:
     drive = drive_of(tmp_path, MESSAGES).engage(1.0)
-    drive.say("brake 1")
+    drive.send_line("brake 1")
     drive.run_s(0.1)
-    drive.say("brake 0")
-    drive.say("ready")
+    drive.send_line("brake 0")
+    drive.send_line("ready")
     assert not drive.vehicle._wire.demands.are_met(drive.clock.t_ns)
 
 

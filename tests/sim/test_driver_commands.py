@@ -73,7 +73,7 @@ def test_a_line_that_is_no_order_is_answered_with_what_is_allowed_and_changes_no
 ) -> None:
     harness.engage()
     before, driver = harness.vehicle.state, harness.vehicle.driver
-    answer = harness.say(line)
+    answer = harness.send_line(line)
     if line == "ready":
         assert answer.startswith("error: ready: only from MANUAL")
     else:
@@ -92,7 +92,7 @@ _pressed_at_random = VehicleHarness()
 @settings(max_examples=300, deadline=None)
 def test_every_line_has_one_line_as_an_answer_and_the_vehicle_ticks_on(line: str) -> None:
     harness = _pressed_at_random
-    answer = harness.say(line)
+    answer = harness.send_line(line)
     assert answer
     assert len(answer.splitlines()) == 1
     frames = harness.vehicle.counters["overruns"]
@@ -102,7 +102,7 @@ def test_every_line_has_one_line_as_an_answer_and_the_vehicle_ticks_on(line: str
 
 def test_status_is_one_line_of_json(harness: VehicleHarness) -> None:
     harness.wait_ms(100)
-    status = json.loads(harness.say("status"))
+    status = json.loads(harness.send_line("status"))
     assert status["mode"] == "READY"
     assert status["gear"] == "PARK"
     assert status["speed_mps"] == 0.0
@@ -110,30 +110,30 @@ def test_status_is_one_line_of_json(harness: VehicleHarness) -> None:
 
 
 def test_help_names_every_order(harness: VehicleHarness) -> None:
-    assert all(word in harness.say("help") for word in COMMANDS)
+    assert all(word in harness.send_line("help") for word in COMMANDS)
 
 
 def test_muted_pose_is_lost_while_its_counter_goes_on(harness: VehicleHarness) -> None:
-    assert harness.say("mute POSE on") == "ok"
+    assert harness.send_line("mute POSE on") == "ok"
     assert sent_in_100_ms(harness, "POSE") == []
     assert len(sent_in_100_ms(harness, "MOTION")) == 10
-    assert harness.say("mute POSE off") == "ok"
+    assert harness.send_line("mute POSE off") == "ok"
     assert len(sent_in_100_ms(harness, "POSE")) == 10
     assert harness.last("POSE").counter == harness.last("MOTION").counter
 
 
 def test_mute_state_leaves_the_status_and_mute_all_leaves_nothing(harness: VehicleHarness) -> None:
-    harness.say("mute STATE on")
+    harness.send_line("mute STATE on")
     harness.wait_ms(100)
     assert {decoded.name for decoded in harness.decoded} == {"VEHICLE_STATUS"}
-    harness.say("mute ALL on")
+    harness.send_line("mute ALL on")
     assert sent_in_100_ms(harness, "VEHICLE_STATUS") == []
-    harness.say("mute ALL off")
+    harness.send_line("mute ALL off")
     assert len(sent_in_100_ms(harness, "VEHICLE_STATUS")) == 5
 
 
 def test_corrupt_damages_so_many_frames_and_no_more(harness: VehicleHarness) -> None:
-    harness.say("corrupt MOTION 3")
+    harness.send_line("corrupt MOTION 3")
     harness.wait_ms(100)
     intact = harness.are_intact("MOTION")
     assert intact[:3] == [False, False, False]
@@ -143,8 +143,8 @@ def test_corrupt_damages_so_many_frames_and_no_more(harness: VehicleHarness) -> 
 
 
 def test_a_corrupt_order_is_taken_back_with_zero(harness: VehicleHarness) -> None:
-    harness.say("corrupt ALL 1000")
-    harness.say("corrupt ALL 0")
+    harness.send_line("corrupt ALL 1000")
+    harness.send_line("corrupt ALL 0")
     harness.wait_ms(100)
     assert all(harness.are_intact())
 
@@ -153,14 +153,14 @@ def test_a_corrupt_order_is_taken_back_with_zero(harness: VehicleHarness) -> Non
 def test_skip_counter_looks_like_lost_frames(harness: VehicleHarness, steps: int) -> None:
     harness.wait_ms(50)
     before = harness.last("POSE").counter
-    harness.say(f"skip_counter STATE {steps}")
+    harness.send_line(f"skip_counter STATE {steps}")
     harness.wait_ms(10)
     counters = {harness.last(name).counter for name in SAMPLE}
     assert counters == {(before + 1 + steps) % 15}
 
 
 def test_skipping_one_messages_counter_takes_the_sample_apart(harness: VehicleHarness) -> None:
-    harness.say("skip_counter POSE 1")
+    harness.send_line("skip_counter POSE 1")
     harness.wait_ms(50)
     assert harness.last("POSE").counter != harness.last("MOTION").counter
 
@@ -168,29 +168,29 @@ def test_skipping_one_messages_counter_takes_the_sample_apart(harness: VehicleHa
 def test_frozen_samples_repeat_their_values_with_live_counters() -> None:
     harness = VehicleHarness(BicycleState(speed_mps=5.0), gear=Gear.DRIVE)
     harness.wait_ms(50)
-    harness.say("freeze on")
+    harness.send_line("freeze on")
     decoded = sent_in_100_ms(harness, "POSE")
     assert len({one["POS_X"] for one in decoded}) == 1
     assert len({one.counter for one in decoded}) == 10
-    harness.say("freeze off")
+    harness.send_line("freeze off")
     assert sent_in_100_ms(harness, "POSE")[-1]["POS_X"] > decoded[-1]["POS_X"] + 0.8
 
 
 def test_a_jump_is_on_the_bus_with_the_next_sample(harness: VehicleHarness) -> None:
     harness.tick()
-    harness.say("jump 3.0 -2.0")
+    harness.send_line("jump 3.0 -2.0")
     harness.wait_ms(10)
     assert (harness.last("POSE")["POS_X"], harness.last("POSE")["POS_Y"]) == pytest.approx((3.0, -2.0))
 
 
 def test_the_gear_lever_is_refused_above_its_speed() -> None:
     harness = VehicleHarness(BicycleState(speed_mps=2.0), mode=VehicleMode.MANUAL, gear=Gear.DRIVE)
-    assert harness.say("gear REVERSE").startswith("error: gear: only up to 0.5 m/s")
+    assert harness.send_line("gear REVERSE").startswith("error: gear: only up to 0.5 m/s")
     assert harness.vehicle.gear is Gear.DRIVE
 
 
 def test_orders_take_no_time_on_the_grid(harness: VehicleHarness) -> None:
     harness.tick()
     due_ns = harness.vehicle.next_due_ns
-    harness.say("skip_counter ALL 15")
+    harness.send_line("skip_counter ALL 15")
     assert harness.vehicle.next_due_ns == due_ns == harness.now_ns + 10 * MS

@@ -33,7 +33,7 @@ def test_every_mode_answers_every_event_as_written(event: Event, mode: int) -> N
 def test_no_driver_action_leads_to_autonomous(line: str) -> None:
     for mode in MODES:
         harness = VehicleHarness(mode=type(VehicleHarness().vehicle.mode)(mode))
-        harness.say(line)
+        harness.send_line(line)
         assert harness.vehicle.mode != AUTONOMOUS or mode == AUTONOMOUS
 
 

@@ -115,7 +115,7 @@ def test_a_left_turn_is_positive_in_every_signal_that_turns(engaged: VehicleHarn
     assert engaged.last("MOTION")["YAW_RATE"] > 0.1
     assert engaged.last("CHASSIS")["FRONT_WHEEL_ANGLE"] == pytest.approx(0.2)
     assert engaged.last("POSE")["POS_Y"] > 0.1
-    engaged.say("steer 2.0")
+    engaged.send_line("steer 2.0")
     engaged.command_for_ms(20)
     assert engaged.last("VEHICLE_STATUS")["DRIVER_STEER_TORQUE"] == pytest.approx(2.0)
 
@@ -146,8 +146,8 @@ def test_the_heading_on_the_bus_is_wrapped() -> None:
 
 
 def test_the_pose_can_be_in_odom_or_invalid(harness: VehicleHarness) -> None:
-    assert harness.say("frame ODOM") == "ok"
-    assert harness.say("pose_valid 0") == "ok"
+    assert harness.send_line("frame ODOM") == "ok"
+    assert harness.send_line("pose_valid 0") == "ok"
     harness.tick()
     assert harness.last("POSE")["POSE_FRAME"] == 0
     assert harness.last("POSE")["POSE_VALID"] == 0
@@ -324,7 +324,7 @@ def test_pairs_from_before_ready_do_not_count() -> None:
     harness = VehicleHarness(mode=VehicleMode.MANUAL)
     for _ in range(5):
         harness.pair()
-    assert harness.say("ready") == "ok"
+    assert harness.send_line("ready") == "ok"
     for mode in (VehicleMode.READY, VehicleMode.READY, VehicleMode.AUTONOMOUS):
         harness.pair()
         assert harness.vehicle.mode is mode
@@ -350,7 +350,7 @@ def test_a_released_vehicle_rolls_on() -> None:
 
 @pytest.mark.parametrize("line", ["brake 1", "throttle 1", "steer 3.0", "steer -3.0", "steer 2.96"])
 def test_the_driver_takes_over_at_once(engaged: VehicleHarness, line: str) -> None:
-    assert engaged.say(line) == "ok"
+    assert engaged.send_line(line) == "ok"
     assert engaged.vehicle.mode is VehicleMode.MANUAL
     engaged.wait_ms(20)
     assert engaged.last("VEHICLE_STATUS")["MODE"] == MANUAL
@@ -358,14 +358,14 @@ def test_the_driver_takes_over_at_once(engaged: VehicleHarness, line: str) -> No
 
 @pytest.mark.parametrize("line", ["steer 2.9", "steer -2.9", "steer 0", "brake 0", "throttle 0"])
 def test_a_hand_at_rest_on_the_wheel_does_not(engaged: VehicleHarness, line: str) -> None:
-    assert engaged.say(line) == "ok"
+    assert engaged.send_line(line) == "ok"
     engaged.command_for_ms(40)
     assert engaged.vehicle.mode is VehicleMode.AUTONOMOUS
 
 
 def test_the_driver_is_on_the_bus(harness: VehicleHarness) -> None:
     for line in ("brake 1", "throttle 1", "steer -4.2"):
-        harness.say(line)
+        harness.send_line(line)
     harness.tick()
     status = harness.last("VEHICLE_STATUS")
     assert (status["DRIVER_BRAKE"], status["DRIVER_THROTTLE"]) == (1, 1)
@@ -374,10 +374,10 @@ def test_the_driver_is_on_the_bus(harness: VehicleHarness) -> None:
 
 @pytest.mark.parametrize(("line", "end"), [("brake 1", "brake 0"), ("steer 5", "steer 0")])
 def test_it_does_not_engage_against_a_driver(harness: VehicleHarness, line: str, end: str) -> None:
-    harness.say(line)
+    harness.send_line(line)
     harness.command_for_ms(200)
     assert at_present(harness.vehicle.mode) is VehicleMode.READY
-    harness.say(end)
+    harness.send_line(end)
     harness.command_for_ms(20)
     assert at_present(harness.vehicle.mode) is VehicleMode.READY
     harness.command_for_ms(10)
@@ -385,19 +385,19 @@ def test_it_does_not_engage_against_a_driver(harness: VehicleHarness, line: str,
 
 
 def test_after_an_override_it_stays_manual_until_it_is_made_ready(engaged: VehicleHarness) -> None:
-    engaged.say("brake 1")
-    assert engaged.say("ready").startswith("error: ready: only from MANUAL with feet and hands off")
-    engaged.say("brake 0")
+    engaged.send_line("brake 1")
+    assert engaged.send_line("ready").startswith("error: ready: only from MANUAL with feet and hands off")
+    engaged.send_line("brake 0")
     engaged.command_for_ms(500)
     assert at_present(engaged.vehicle.mode) is VehicleMode.MANUAL
-    assert engaged.say("ready") == "ok"
+    assert engaged.send_line("ready") == "ok"
     engaged.command_for_ms(30)
     assert engaged.vehicle.mode is VehicleMode.AUTONOMOUS
 
 
 def test_the_drivers_brake_stops_it_and_holds() -> None:
     harness = cruising(5.0)
-    harness.say("brake 1")
+    harness.send_line("brake 1")
     harness.wait_ms(2000)
     assert harness.last("MOTION")["SPEED"] == 0
     assert harness.last("CHASSIS")["ACCEL"] == 0
@@ -405,9 +405,9 @@ def test_the_drivers_brake_stops_it_and_holds() -> None:
 
 def test_the_driver_can_drive_by_hand() -> None:
     harness = VehicleHarness(mode=VehicleMode.MANUAL)
-    harness.say("gear REVERSE")
-    harness.say("throttle 1")
-    harness.say("steer 5")
+    harness.send_line("gear REVERSE")
+    harness.send_line("throttle 1")
+    harness.send_line("steer 5")
     harness.wait_ms(2000)
     assert harness.last("MOTION")["SPEED"] < -1.0
     assert harness.last("CHASSIS")["FRONT_WHEEL_ANGLE"] > 0.0
@@ -493,20 +493,20 @@ def test_it_brakes_to_standstill_backwards_too() -> None:
 @pytest.mark.parametrize(("line", "mode", "code"), [("fault 7", FAULT, 7), ("emergency_stop", EMERGENCY_STOP, 0)])
 def test_a_fault_is_left_by_the_drivers_reset_only(line: str, mode: int, code: int) -> None:
     harness = cruising(3.0)
-    assert harness.say(line) == "ok"
+    assert harness.send_line(line) == "ok"
     harness.command_for_ms(3000)
-    assert harness.say("ready").startswith("error")
-    harness.say("brake 1")
-    harness.say("brake 0")
+    assert harness.send_line("ready").startswith("error")
+    harness.send_line("brake 1")
+    harness.send_line("brake 0")
     harness.wait_ms(20)
     status = harness.last("VEHICLE_STATUS")
     assert (status["MODE"], status["FAULT_CODE"]) == (mode, code)
     assert harness.last("MOTION")["SPEED"] == 0
-    assert harness.say("reset") == "ok"
+    assert harness.send_line("reset") == "ok"
     harness.wait_ms(20)
     status = harness.last("VEHICLE_STATUS")
     assert (status["MODE"], status["FAULT_CODE"]) == (MANUAL, 0)
-    assert harness.say("reset").startswith("error: reset: only from FAULT or EMERGENCY_STOP")
+    assert harness.send_line("reset").startswith("error: reset: only from FAULT or EMERGENCY_STOP")
 
 
 def test_the_watchdog_is_inactive_without_a_commander(harness: VehicleHarness) -> None:
@@ -536,7 +536,7 @@ def test_no_request_leaves_the_gear_and_no_mode_but_autonomous_obeys_one(harness
     harness.engage(gear=DRIVE)
     harness.command_for_ms(50, GEAR_REQUEST=NO_REQUEST)
     assert harness.vehicle.gear is Gear.DRIVE
-    harness.say("brake 1")
+    harness.send_line("brake 1")
     harness.drive(GEAR_REQUEST=REVERSE)
     assert harness.vehicle.gear is Gear.DRIVE
 
@@ -628,7 +628,7 @@ def test_an_early_turn_does_nothing(harness: VehicleHarness) -> None:
 
 def test_time_alone_decides_where_it_is() -> None:
     often, seldom = cruising(5.0), cruising(5.0)
-    often.say("frame MAP")
+    often.send_line("frame MAP")
     for harness, step_ms in ((often, 1), (seldom, 10)):
         for _ in range(90 // step_ms):
             harness.now_ns += step_ms * MS

@@ -170,7 +170,7 @@ class Driven:
     halts: int = 0
     """After so many latched stops it was armed again."""
 
-    def say(self, line: str) -> None:
+    def send_line(self, line: str) -> None:
         """An order to the vehicle's driver."""
         assert send_line(self.socket, line, timeout_s=PATIENCE_S) == "ok"
 
@@ -234,27 +234,27 @@ def test_a_shipped_vehicle_drives_and_is_stopped_or_released_for_each_cause(
     now = driven.drives(0)
     assert loop.is_running
 
-    driven.say(f"mute {vehicle.sample} on")
+    driven.send_line(f"mute {vehicle.sample} on")
     loop.wait_for_line("reason: STATE_STALE")
     now = driven.stops(now)
-    driven.say(f"mute {vehicle.sample} off")
+    driven.send_line(f"mute {vehicle.sample} off")
     now = driven.drives(now)
 
     if vehicle.protected:
-        driven.say(f"corrupt {vehicle.protected} 15")
+        driven.send_line(f"corrupt {vehicle.protected} 15")
         now = driven.stops(now)
         now = driven.drives(now)
 
-    driven.say("brake 1")
+    driven.send_line("brake 1")
     now = driven.is_released(now)
     loop.wait_for_line(r"OVERRIDDEN \(DRIVER_OVERRIDE\)|OVERRIDDEN \(VEHICLE_NOT_AUTONOMOUS\)")
-    driven.say("brake 0")
-    driven.say("ready")
+    driven.send_line("brake 0")
+    driven.send_line("ready")
     now = driven.stays_released(now)
     loop.send_signal(signal.SIGUSR1)
     now = driven.drives(now)
 
-    driven.say("fault 1")
+    driven.send_line("fault 1")
     now = driven.is_released(now)
     loop.wait_for_line(r"FAULT \(VEHICLE_FAULT\)")
     driven.stays_released(now)

@@ -62,7 +62,7 @@ def test_a_vehicle_drives_a_figure_of_eight(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_driver_who_brakes_has_the_vehicle(name: str, tmp_path: Path) -> None:
     drive = drive_of(name, tmp_path).engage(1.0)
-    drive.say("brake 1")
+    drive.send_line("brake 1")
     drive.run_s(0.1)
     assert drive.mode() is Mode.OVERRIDDEN
     status = drive.loop._assembler.status
@@ -74,29 +74,29 @@ def test_a_driver_who_brakes_has_the_vehicle(name: str, tmp_path: Path) -> None:
 def test_a_vehicle_of_which_nothing_new_is_known_is_stopped(name: str, tmp_path: Path) -> None:
     drive = drive_of(name, tmp_path).engage(1.0)
     for part in drive.vehicle.sample:
-        drive.say(f"mute {part} on")
+        drive.send_line(f"mute {part} on")
         drive.run_s(0.15)
         assert drive.loop.reason.name == "STATE_STALE"
-        drive.say(f"mute {part} off")
+        drive.send_line(f"mute {part} off")
         drive.run_s(0.15)
         if name == "odometry":
             break  # dead reckoning has lost its place
     speed_mps = drive.vehicle.state.speed_mps
-    drive.say("mute STATE on")
+    drive.send_line("mute STATE on")
     drive.run_s(0.2)
     assert drive.vehicle.state.speed_mps < speed_mps
 
 
 def test_a_fault_that_is_only_a_code_stops_the_vehicle_and_latches(tmp_path: Path) -> None:
     drive = drive_of("fault_code", tmp_path).engage(1.0)
-    drive.say("fault 7")
+    drive.send_line("fault 7")
     drive.run_s(0.1)
     status = drive.loop._assembler.status
     assert status is not None
     assert (status.mode, status.fault_code) == (VehicleMode.FAULT, 7)
     assert drive.mode() is Mode.FAULT
-    drive.say("reset")
-    drive.say("ready")
+    drive.send_line("reset")
+    drive.send_line("ready")
     drive.run_s(1.0)
     assert drive.mode() is Mode.FAULT
 
@@ -114,14 +114,14 @@ def test_the_gear_gives_the_speed_its_sign(tmp_path: Path) -> None:
 def test_flags_report_each_override_and_a_fault(tmp_path: Path) -> None:
     for line, mode in (("steer 5", Mode.OVERRIDDEN), ("fault 1", Mode.FAULT), ("emergency_stop", Mode.FAULT)):
         drive = drive_of("flags", tmp_path).engage(1.0)
-        drive.say(line)
+        drive.send_line(line)
         drive.run_s(0.1)
         assert drive.mode() is mode
 
 
 def test_a_fix_that_the_receiver_doubts_stops_the_vehicle(tmp_path: Path) -> None:
     drive = drive_of("wheels_and_fix", tmp_path).engage(1.0)
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
     drive.run_s(0.1)
     assert drive.loop.reason.name == "STATE_INVALID"
 
@@ -129,9 +129,9 @@ def test_a_fix_that_the_receiver_doubts_stops_the_vehicle(tmp_path: Path) -> Non
 def test_interrupted_odometry_stops_for_good_and_restarts_when_armed(tmp_path: Path) -> None:
     drive = drive_of("odometry", tmp_path).engage(2.0)
     part = drive.vehicle.sample[0]
-    drive.say(f"mute {part} on")
+    drive.send_line(f"mute {part} on")
     drive.run_s(0.15)
-    drive.say(f"mute {part} off")
+    drive.send_line(f"mute {part} off")
     drive.run_until(lambda: drive.mode() is Mode.HALTED, 5.0)
     assert drive.loop.reason.name == "STATE_INVALID"
     assert drive.state.x_m > 0.5

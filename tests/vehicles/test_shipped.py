@@ -84,7 +84,7 @@ def test_a_shipped_vehicle_drives_a_route(name: str, route: str) -> None:
 def test_a_shipped_vehicle_without_samples_is_stopped(name: str) -> None:
     drive, _ = drive_of(name, "line")
     drive.engage(1.0)
-    drive.say(f"mute {drive.vehicle.sample[0]} on")
+    drive.send_line(f"mute {drive.vehicle.sample[0]} on")
     drive.run_s(0.2)
     assert drive.loop.reason.name == "STATE_STALE"
     drive.run_until(lambda: abs(drive.vehicle.state.speed_mps) < 0.02, 3.0)
@@ -99,7 +99,7 @@ def test_a_shipped_vehicle_is_released_when_a_person_takes_over_or_it_reports_a_
 ) -> None:
     drive, _ = drive_of(name, "line")
     drive.engage(1.0)
-    drive.say(order)
+    drive.send_line(order)
     drive.run_s(0.3)
     assert drive.mode() is mode
 
@@ -108,7 +108,7 @@ def test_a_shipped_vehicle_is_released_when_a_person_takes_over_or_it_reports_a_
 def test_a_fix_that_its_receiver_doubts_stops_a_shipped_vehicle(name: str) -> None:
     drive, _ = drive_of(name, "line")
     drive.engage(1.0)
-    drive.say("pose_valid 0")
+    drive.send_line("pose_valid 0")
     drive.run_s(0.1)
     assert drive.loop.reason.name == "STATE_INVALID"
     drive.run_until(lambda: abs(drive.vehicle.state.speed_mps) < 0.02, 3.0)
@@ -189,7 +189,7 @@ def test_an_override_of_pacmod_is_cleared_only_after_it_was_released() -> None:
     drive.engage(1.0)
     assert {data[0] for data in frames_of(drive, BRAKE_CMD)} == {0, 1}
     begin = len(drive.sent)
-    drive.say("steer 5")
+    drive.send_line("steer 5")
     drive.run_s(0.3)
     assert drive.mode() is Mode.OVERRIDDEN
     flags = [sent.frame.data[0] for sent in drive.sent[begin:] if sent.frame.can_id == BRAKE_CMD]
@@ -251,7 +251,7 @@ def test_the_raptor_loses_requests_that_are_damaged_and_faults(monkeypatch: pyte
 def test_a_report_of_the_raptor_that_is_out_of_sequence_is_dropped() -> None:
     drive, _ = drive_of("new_eagle_raptor", "line")
     drive.engage(1.0)
-    drive.say("skip_counter DBW_SteeringReport 8")
+    drive.send_line("skip_counter DBW_SteeringReport 8")
     drive.run_s(0.2)
     assert {name for _, name in drive.loop._decoder.drops} == {"DBW_SteeringReport"}
 
@@ -281,7 +281,7 @@ def test_the_truck_is_asked_by_its_standard_groups_and_their_checksums() -> None
     begin = len(drive.sent)
     drive.engage(1.0)
     del drive.sent[: begin + 20]
-    drive.say("mute VDC2 on")
+    drive.send_line("mute VDC2 on")
     drive.run_s(0.3)
     assert {data[0] & 0b11 for data in frames_of(drive, TSC1)} == {2}  # torque control
     assert list(frames_of(drive, TSC1))[-1][3] == 125

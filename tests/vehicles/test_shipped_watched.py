@@ -25,8 +25,8 @@ def database() -> VehicleDatabase:
 
 def test_a_watched_car_is_shown_as_it_moves_and_nothing_is_sent(database: VehicleDatabase) -> None:
     drive = Drive(database=database, armed=False)
-    drive.say("throttle 1")
-    drive.say("steer 2")
+    drive.send_line("throttle 1")
+    drive.send_line("steer 2")
     drive.run_s(5.0)
     true = drive.vehicle.state
     assert true.speed_mps > 3.0
@@ -43,7 +43,7 @@ def test_a_watched_car_is_shown_as_it_moves_and_nothing_is_sent(database: Vehicl
 
 def test_the_gear_gives_a_watched_speed_its_sign(database: VehicleDatabase) -> None:
     drive = Drive(database=database, armed=False, gear=Gear.REVERSE)
-    drive.say("throttle 1")
+    drive.send_line("throttle 1")
     drive.run_s(3.0)
     assert drive.vehicle.state.speed_mps < -2.0
     assert drive.state.speed_mps == pytest.approx(drive.vehicle.state.speed_mps, abs=0.1)
@@ -61,14 +61,14 @@ def test_the_checksum_is_the_sum_over_identifier_length_and_bytes(database: Vehi
 
 def test_a_wrong_checksum_is_dropped_and_counted_and_completes_no_sample(database: VehicleDatabase) -> None:
     drive = Drive(database=database, armed=False)
-    drive.say("throttle 1")
+    drive.send_line("throttle 1")
     drive.run_s(2.0)
     drops, stamp_ns = drive.loop._decoder.drops, drive.state.stamp_ns
     assert drops == {}
-    drive.say("corrupt SPEED 5")
+    drive.send_line("corrupt SPEED 5")
     drive.run_s(0.15)
     assert drops == {(DropCause.BAD_CRC, "SPEED"): 5}
-    drive.say("corrupt SPEED 100")
+    drive.send_line("corrupt SPEED 100")
     drive.run_s(0.3)
     assert drive.state.stamp_ns < drive.clock.t_ns - ms(250)
     assert drive.state.stamp_ns > stamp_ns

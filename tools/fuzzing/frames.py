@@ -35,8 +35,8 @@ _TIMING = EngagementTiming(
 )
 
 
-class _Ear:
-    """All that hears a frame, in the order of the loop."""
+class _Receiver:
+    """Every part that receives a frame, in the order of the loop."""
 
     def __init__(self, database: VehicleDatabase) -> None:
         profile = database.profile
@@ -44,7 +44,7 @@ class _Ear:
         self.plausibility = PlausibilityCheck(profile.plausibility, wheelbase_m=profile.geometry.wheelbase_m)
         self.engagement = Engagement(_TIMING, armed=True)
 
-    def hear(self, traffic: Traffic, now_ns: int) -> None:
+    def receive(self, traffic: Traffic, now_ns: int) -> None:
         self.engagement.on_tick(now_ns)
         received = self.decoder.decode(traffic.next_frame(now_ns))
         if received is None:
@@ -67,13 +67,13 @@ class _Ear:
 def run(data: bytes) -> None:
     source = Bytes(data)
     database = _DATABASES[source.number() % 2]
-    ear, traffic = _Ear(database), Traffic(database, source)
+    receiver, traffic = _Receiver(database), Traffic(database, source)
     now_ns, frames = NS_PER_S, 0
     while source:
         now_ns += source.number() * _STEP_NS
-        ear.hear(traffic, now_ns)
+        receiver.receive(traffic, now_ns)
         frames += 1
-    assert ear.decoder.accepted + sum(ear.decoder.drops.values()) == frames
+    assert receiver.decoder.accepted + sum(receiver.decoder.drops.values()) == frames
 
 
 def _check(state: VehicleState) -> None:
