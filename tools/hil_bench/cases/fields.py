@@ -25,6 +25,7 @@ SLIP_SHARE = 0.06
 TOLD_S, ENGAGES_S = 3.5, 1.5
 SCALES = {"POS_X": 0.4, "POS_Y": 0.4, "HEADING": 0.4, "SPEED": 0.4}
 """The others have the wrong sign."""
+SCALE = 1.25
 PAIRS = (
     ("POS_X", "POS_Y"),
     ("HEADING", "YAW_RATE"),
@@ -53,7 +54,11 @@ def field_cases(wire: Wire) -> tuple[Case, ...]:
     }
     alone = ", ".join(sorted(may.has - set(compared)))
     left_out = f"; nothing on this vehicle's bus contradicts {alone}" if alone else ""
-    return (_heading_off(numbers), *(_wrong(numbers, how, faults, left_out) for how, faults in found.items()))
+    return (
+        _position_scaled(),
+        _heading_off(numbers),
+        *(_wrong(numbers, how, faults, left_out) for how, faults in found.items()),
+    )
 
 
 def _wrong(numbers: Numbers, how: str, faults: Sequence[WrongFields], left_out: str) -> Case:
@@ -98,6 +103,28 @@ def _wrong(numbers: Numbers, how: str, faults: Sequence[WrongFields], left_out: 
 def _slalom() -> Route:
     """Bends to either side, so that every field of the state changes."""
     return routes.route("patient-slalom", [(3.0, 0.0), *[(7.0, 1.0 / 9.0), (7.0, -1.0 / 9.0)] * 12], 3.5, slack=12.0)
+
+
+def _position_scaled() -> Case:
+    """At the origin, so that the position does not jump when it begins."""
+    return Case(
+        name="sensor-position-scaled",
+        fault="S7",
+        tags=("state", "plausibility"),
+        proves="A position that contradicts the speed stops the vehicle as soon as the tolerances show it.",
+        injected=f"POS_X is scaled by {SCALE:g}",
+        route=routes.straight,
+        at_mps=1.0,
+        inject=signals.scale_signals(POS_X=SCALE),
+        for_s=6.0,
+        about=(Part.POSITION,),
+        see=(StopsOnContradiction(wrong=scaled("POS_X", SCALE)), DoesNoHarm()),
+        after_s=0.5,
+        then=Then.MAY_GO_ON,
+        needs=(Need.REARM,),
+        exit_status=(0, 4),
+        allow=WRONG,
+    )
 
 
 def _heading_off(numbers: Numbers) -> Case:

@@ -88,7 +88,6 @@ PLAUSIBILITY = (
         )
         for name, injected, at_mps, about, inject in (
             ("speed-low", "SPEED is 0.7 m/s too low", 4.0, PLACED, signals.offset_signals(SPEED=-0.68)),
-            ("position-scaled", "POS_X is scaled by 1.25", 1.0, PLACED, signals.scale_signals(POS_X=1.25)),
             (
                 "yaw-rate-off",
                 "YAW_RATE is off by 0.3 rad/s",
