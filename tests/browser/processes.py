@@ -51,6 +51,10 @@ class Publisher(_Process):
     def __init__(self, address: str, *options: str) -> None:
         super().__init__("tests.browser.publisher", address, *options)
 
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
     def order(self, word: str) -> None:
         assert self._process.stdin is not None
         self._process.stdin.write(f"{word}\n")

@@ -1,8 +1,8 @@
 """A process that publishes a drive along a figure of eight, as a loop would, without a bus.
 
-It listens to one-word orders on standard input: `engaged`, `stale` (stopping, the state grows old), `fault`,
-`shadow`, `lost` (shadow, without a reference), `freeze` (alive and silent), `huge` (positions that cannot be drawn),
-`fast` (25 m/s more), `quit` (in order).
+It listens to one-word orders on standard input: a state of `_STATES`, or `freeze` (alive and silent) or `quit` (in
+order). In `stale` the state grows old, `lost` is shadow without a reference, `ending` asks the driver to take over,
+`broken` is a fault of the vehicle, `fast` adds 25 m/s, and positions of `huge` cannot be drawn.
 """
 
 import argparse
@@ -84,7 +84,7 @@ class Drive:
             yaw_rate_radps=float(path.yaw_rate_radps[behind]),
             front_wheel_angle_rad=float(path.front_wheel_angle_rad[behind]),
             has_status=True,
-            vehicle_mode=VehicleMode.AUTONOMOUS,
+            vehicle_mode=VehicleMode.FAULT if self.order == "broken" else VehicleMode.AUTONOMOUS,
             gear=Gear.DRIVE,
             trajectory_version=self._version,
             has_reference=self.order != "lost",
@@ -110,6 +110,7 @@ class Drive:
             samples=self._samples,
             commands=self._samples,
             drops=self._samples // 500,
+            handover_pending=self.order == "ending",
         )
 
     def _index(self, stamp_ns: int) -> int:
@@ -120,6 +121,9 @@ class Drive:
 _STATES = {
     "engaged": (ControllerState.ENGAGED, Reason.NOMINAL),
     "fast": (ControllerState.ENGAGED, Reason.NOMINAL),
+    "override": (ControllerState.STANDBY, Reason.DRIVER_OVERRIDE),
+    "ending": (ControllerState.STOPPING, Reason.SHUTDOWN),
+    "broken": (ControllerState.FAULT, Reason.VEHICLE_FAULT),
     "huge": (ControllerState.ENGAGED, Reason.NOMINAL),
     "stale": (ControllerState.STOPPING, Reason.STATE_STALE),
     "fault": (ControllerState.FAULT, Reason.DEVIATION),
@@ -158,6 +162,7 @@ def main() -> None:
         profile="reference",
         route=options.route,
         arming=options.arming,
+        pid=os.getpid(),
     )
     now_ns = clock.monotonic_ns()
     trajectory = figure_eight(now_ns)

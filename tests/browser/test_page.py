@@ -58,7 +58,7 @@ def differs(page: Page, name: str, old: float) -> None:
 
 def test_the_page_follows_the_loop_through_stop_death_and_restart(publish: Start, viewer: Viewer, page: Page) -> None:
     page.goto(viewer.url)
-    expect(page.locator("#state")).to_have_text("NO LOOP")
+    expect(page.locator("#headline")).to_have_text("NO LOOP")
     first = publish()
     banner(page, "ENGAGED", "NOMINAL")
     for name in ("x", "spatial-ref", "temporal-ref"):
@@ -69,7 +69,8 @@ def test_the_page_follows_the_loop_through_stop_death_and_restart(publish: Start
     expect(page.locator("#banner")).to_contain_text(re.compile(r"state age\s*\d{4,} ms"))
     first.end(signal.SIGKILL)
     banner(page, "STOPPING", "STATE_STALE", stale=True)
-    expect(page.locator("#stale")).to_contain_text(re.compile(r"LOOP GONE: no data for \d+\.\d s"))
+    expect(page.locator("#stale")).to_contain_text(re.compile(r"^no data for \d+\.\d s"))
+    expect(page.locator("#headline")).to_have_text("LOOP GONE")
     publish("--route", "second")
     banner(page, "ENGAGED", "NOMINAL")
     expect(page.locator("#banner")).to_contain_text("route second")
@@ -83,7 +84,7 @@ def test_a_loop_that_is_silent_or_has_ended_greys_the_page(publish: Start, viewe
     banner(page, "ENGAGED", "NOMINAL", stale=True)
     expect(page.locator("#stale")).to_contain_text(re.compile(r"^no data for"))
     loop.order("quit")
-    expect(page.locator("#stale")).to_contain_text("LOOP ENDED")
+    expect(page.locator("#headline")).to_have_text("LOOP ENDED")
 
 
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
@@ -125,6 +126,33 @@ def test_fault_and_shadow_are_named(publish: Start, viewer: Viewer, page: Page) 
     expect(page.locator("#bus")).to_contain_text("shadow")
     loop.order("fault")
     banner(page, "FAULT", "DEVIATION")
+
+
+def test_an_override_is_no_longer_armed_and_has_the_way_on(publish: Start, viewer: Viewer, page: Page) -> None:
+    loop = publish()
+    page.goto(viewer.url)
+    loop.order("override")
+    banner(page, "STANDBY", "DRIVER_OVERRIDE")
+    expect(page.locator("#headline")).to_have_text("DRIVER DRIVES")
+    expect(page.locator("#bus")).to_contain_text("not armed any more")
+    expect(page.locator("#way-on")).to_contain_text(f"arm again: kill -USR1 {loop.pid}")
+    loop.order("broken")
+    expect(page.locator("#vehicle-fault")).to_have_text("VEHICLE: FAULT")
+
+
+def test_the_request_to_take_over_is_large_and_of_its_own_colour(publish: Start, viewer: Viewer, page: Page) -> None:
+    loop = publish()
+    page.goto(viewer.url)
+    loop.order("ending")
+    banner(page, "STOPPING", "SHUTDOWN")
+    request = page.locator("#handover")
+    expect(request).to_contain_text("TAKE OVER")
+    # In one call: each update replaces the element.
+    height = "document.querySelector('#handover div').getBoundingClientRect().height"
+    page.wait_for_function(f"() => {height} >= 50")
+    assert request.evaluate("each => getComputedStyle(each).backgroundColor") == "rgb(255, 230, 0)"
+    loop.order("engaged")
+    expect(request).to_have_count(0)
 
 
 def test_markup_in_names_is_shown_as_text(publish: Start, viewer: Viewer, page: Page) -> None:

@@ -169,7 +169,7 @@ def test_engaged_stopping_fault_shadow_and_old_differ_in_colour() -> None:
 @pytest.mark.parametrize(("left_ns", "when"), [(2_140_000_000, "in 2.1 s at the earliest"), (0, "at standstill")])
 def test_the_banner_shows_the_driver_when_to_take_over(left_ns: int, when: str) -> None:
     shown = driving(handover_pending=True, handover_in_ns=left_ns)
-    assert f"TAKE OVER: control is returned {when}" in _PageText(banner_html(view(shown))).text
+    assert f"TAKE OVER control is returned {when}" in _PageText(banner_html(view(shown))).text
     assert "TAKE OVER" not in _PageText(banner_html(view(shown, age_s=1.0))).text
     assert "TAKE OVER" not in _PageText(banner_html(view(driving(handover_in_ns=left_ns)))).text
 
@@ -185,7 +185,10 @@ def test_old_data_is_called_old() -> None:
     [(WriterState.ENDED, "LOOP ENDED"), (WriterState.DEAD, "LOOP GONE"), (WriterState.ABSENT, "NO LOOP")],
 )
 def test_a_loop_that_is_gone_is_called_gone(writer_state: WriterState, words: str) -> None:
-    assert f"{words}: no data for 0.0 s" in _PageText(banner_html(view(driving(), writer_state=writer_state))).text
+    gone = _PageText(banner_html(view(driving(), writer_state=writer_state))).text
+    assert gone.startswith(words)
+    assert "last known:  ENGAGED" in gone
+    assert "no data for 0.0 s" in gone
     assert words in _PageText(banner_html(view(None, writer_state=writer_state))).text
 
 

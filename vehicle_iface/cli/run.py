@@ -222,6 +222,7 @@ def _telemetry(options: argparse.Namespace, channels: Channels, database: Vehicl
         period_s=database.profile.timing.sample_period_s,
         recording=str(Path(options.record).absolute()) if options.record else "",
         shape=compose.vehicle_shape(database.profile),
+        pid=os.getpid(),
         limits=compose.driving_limits(database.profile),
     )
     with TelemetryWriter(options.telemetry, info) as writer:

@@ -156,6 +156,8 @@ class SessionInfo:
     arming: str = "shadow"
     """"armed" or "shadow"."""
     period_s: float = 0.01
+    pid: int = 0
+    """The loop's process; 0: unknown."""
     recording: str = ""
     """The folder of the recording; empty when the run is not recorded."""
     shape: VehicleShape = VehicleShape()

@@ -8,14 +8,19 @@ from msgspec import UNSET
 
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState
-from vehicle_iface.telemetry import WriterState
+from vehicle_iface.telemetry import Snapshot, WriterState
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.text import enum_name, plain
+from vehicle_iface_viewer.panels.words import Words, find_words, is_armed, vehicle_fault
 
 OLD_STATE_S = 0.1
 """An older state is marked. The loop stops at half of this; the rest allows for the delay of the page."""
-_GREEN, _AMBER, _RED, _BLUE, _TEAL, _GREY = "#2b8a3e", "#e67700", "#c92a2a", "#1864ab", "#0b7285", "#495057"
+# White on each has a contrast of at least 4.5, also where it is a little transparent.
+_GREEN, _AMBER, _RED, _BLUE, _TEAL, _GREY = "#237032", "#a04f00", "#b02525", "#1864ab", "#0a6475", "#495057"
+_VIOLET = "#862e9c"
+"""The driver drives."""
+_TAKE_OVER, _BLACK = "#ffe600", "#000000"
 _SMALL = "opacity:.85;font-size:12px"
 _MOST_NAMES = 6
 _PURPLE, _LILAC = "#43305c", "#d0b8f5"
@@ -28,31 +33,34 @@ _STATE_COLORS = {
     ControllerState.STARTING: _TEAL,
     ControllerState.STANDBY: _TEAL,
 }
-_GONE = {
-    WriterState.ABSENT: "NO LOOP",
-    WriterState.ENDED: "LOOP ENDED",
-    WriterState.DEAD: "LOOP GONE",
-    WriterState.OTHER_VERSION: "OTHER VERSION",
-    WriterState.UNREADABLE: "UNREADABLE",
-}
 
 
 def banner_html(view: View | None) -> str:
     """Return the banner; grey where the data is stale."""
-    if view is None or view.snapshot is None:
-        title = _GONE.get(view.writer_state, "WAITING") if view else "WAITING"
-        lines = [f"<div>{plain(view.problem or 'no snapshot yet')}</div>"] if view else []
-        if view and view.writer_state is WriterState.ABSENT:
-            lines.append(f"<div>waiting for a loop at {plain(view.address)}</div>")
-        return _recording_box(view) + _banner(_GREY, title, "", lines, state="", reason="", stale=True)
+    if view is None:
+        return _banner(_GREY, Words(headline="WAITING", sentence=""), [], state="", reason="", stale=True)
+    words = find_words(view)
     snapshot = view.snapshot
+    if snapshot is None:
+        lines = [f"<div>{plain(view.problem)}</div>"] if view.problem else []
+        if view.writer_state is WriterState.ABSENT:
+            lines.append(f"<div>waiting for a loop at {plain(view.address)}</div>")
+        return _recording_box(view) + _banner(_GREY, words, lines, state="", reason="", stale=True)
     state, reason = enum_name(ControllerState, snapshot.controller_state), enum_name(Reason, snapshot.reason)
-    color = _GREY if view.is_stale else _STATE_COLORS.get(snapshot.controller_state, _RED)  # type: ignore[call-overload]
-    if view.recording:
-        color = f"repeating-linear-gradient(135deg,{color} 0 16px,{_PURPLE} 16px 32px)"
-    lines = [*_staleness(view), *_handover(view), *_session_lines(view), _rates(view)]
-    banner = _banner(color, state, reason, lines, state=state, reason=reason, stale=view.is_stale)
-    return _recording_box(view) + banner
+    lines = [*_vehicle_fault(view), *_staleness(view), *_session_lines(view), _rates(view)]
+    banner = _banner(_color(view, snapshot), words, lines, state=state, reason=reason, stale=view.is_stale)
+    return _recording_box(view) + "".join(_handover(view)) + banner
+
+
+def _color(view: View, snapshot: Snapshot) -> str:
+    color = _STATE_COLORS.get(snapshot.controller_state, _RED)  # type: ignore[call-overload]
+    if view.is_stale:
+        color = _RED if view.writer_state is WriterState.DEAD else _GREY
+    elif snapshot.reason == Reason.SHUTDOWN:
+        color = _GREY
+    elif snapshot.reason == Reason.DRIVER_OVERRIDE:
+        color = _VIOLET
+    return f"repeating-linear-gradient(135deg,{color} 0 16px,{_PURPLE} 16px 32px)" if view.recording else color
 
 
 def _recording_box(view: View | None) -> str:
@@ -67,34 +75,52 @@ def _recording_box(view: View | None) -> str:
     )
 
 
-def _banner(color: str, title: str, subtitle: str, lines: list[str], *, state: str, reason: str, stale: bool) -> str:
+def _banner(color: str, words: Words, lines: list[str], *, state: str, reason: str, stale: bool) -> str:
+    way_on = f'<div id="way-on" style="font-size:14px;font-weight:600">{words.way_on}</div>' if words.way_on else ""
+    was = "last known: " if stale else ""
+    codes = (
+        f'<div style="{_SMALL}">{was}<span id="state">{plain(state)}</span> · <span id="reason">{plain(reason)}</span>'
+        "</div>"
+        if state
+        else ""
+    )
     return (
         f'<div id="banner" data-state="{plain(state)}" data-reason="{plain(reason)}" data-stale="{str(stale).lower()}"'
         f' style="background:{color};color:#fff;border-radius:8px;padding:10px 14px;margin:4px 14px 4px 8px;'
         'line-height:1.45;font-size:13px;font-variant-numeric:tabular-nums">'
-        f'<div style="display:flex;justify-content:space-between;align-items:baseline;gap:12px;flex-wrap:wrap">'
-        f'<span id="state" style="font-size:25px;font-weight:750;letter-spacing:.5px">{plain(title)}</span>'
-        f'<span id="reason" style="font-size:15px;font-weight:600">{plain(subtitle)}</span></div>'
-        f"{''.join(lines)}</div>"
+        f'<div id="headline" style="font-size:28px;line-height:1.2;font-weight:750">{words.headline}</div>'
+        f'<div id="sentence" style="font-size:15px;font-weight:600">{words.sentence}</div>'
+        f"{way_on}{codes}{''.join(lines)}</div>"
     )
 
 
 def _handover(view: View) -> Iterator[str]:
-    """Return the request to the driver to take over."""
+    """Return the request to the driver to take over, legible from across the car."""
     assert view.snapshot is not None
     if view.snapshot.handover_pending and not view.is_stale:
         left_s = view.snapshot.handover_in_ns / NS_PER_S
         when = f"in {left_s:.1f} s at the earliest" if left_s > 0.0 else "at standstill"
-        yield f'<div id="handover" style="font-weight:700;font-size:15px">TAKE OVER: control is returned {when}</div>'
+        yield (
+            f'<div id="handover" style="background:{_TAKE_OVER};color:{_BLACK};border:4px solid {_BLACK};border-radius:'
+            '8px;padding:10px 14px;margin:4px 14px 4px 8px;line-height:1.2;font-size:18px;font-weight:700">'
+            f'<div style="font-size:52px;font-weight:900">TAKE OVER</div>control is returned {when}</div>'
+        )
+
+
+def _vehicle_fault(view: View) -> Iterator[str]:
+    assert view.snapshot is not None
+    fault = vehicle_fault(view.snapshot)
+    if fault and not view.is_stale:
+        yield (
+            f'<div id="vehicle-fault" style="background:{_RED};border:2px solid #fff;border-radius:5px;padding:2px 8px;'
+            f'margin:4px 0;font-size:20px;font-weight:750">{fault}</div>'
+        )
 
 
 def _staleness(view: View) -> Iterator[str]:
     assert view.snapshot is not None
     if view.is_stale:
-        gone = f"{_GONE[view.writer_state]}: " if view.writer_state in _GONE else ""
-        yield (
-            f'<div id="stale" style="font-weight:700;font-size:15px">{gone}no data for {view.data_age_s:.1f} s</div>'
-        )
+        yield f'<div id="stale" style="font-weight:700;font-size:15px">no data for {view.data_age_s:.1f} s</div>'
         if view.problem:
             yield f"<div>{plain(view.problem)}</div>"
     path = view.trajectory
@@ -107,7 +133,9 @@ def _session_lines(view: View) -> Iterator[str]:
     info = view.info
     if info is None:
         return
-    yield f'<div id="bus"><b>{plain(info.arming)}</b> · {plain(info.bus)}</div>'
+    has_writer = view.writer_state is WriterState.LIVE
+    was_armed = info.arming == "armed" and not (has_writer and view.snapshot and is_armed(view.snapshot))
+    yield f'<div id="bus"><b>{"not armed any more" if was_armed else plain(info.arming)}</b> · {plain(info.bus)}</div>'
     yield from _link_lines(view)
     yield from _shadow_lines(view)
     if info.bus_hint:
@@ -181,7 +209,7 @@ def _rates(view: View) -> str:
 
 
 def _tile(name: str, value: str, *, is_bad: bool = False) -> str:
-    back = _RED if is_bad else "rgba(0,0,0,.22)"
+    back = f"{_RED};outline:2px solid #fff" if is_bad else "rgba(0,0,0,.22)"
     return (
         f'<div style="flex:1;background:{back};border-radius:5px;padding:3px 7px;white-space:nowrap">'
         f'<div style="font-size:11px;opacity:.85">{name}</div>'

@@ -6,6 +6,7 @@ which a CSS animation shows after a while; no script is needed.
 
 FROZEN_AFTER_S = 1.2
 STYLE = f"""<style>
+#way-on code {{ white-space: nowrap }}
 @keyframes frozen {{ to {{ visibility: visible }} }}
 #frozen {{ position: fixed; inset: 0; z-index: 10000; visibility: hidden; pointer-events: none;
   animation: frozen 0s {FROZEN_AFTER_S}s forwards; display: flex; flex-direction: column; justify-content: center;
