@@ -675,7 +675,7 @@ class Controller:
         named = {"standby": 1, "engaging": 2, "engaged": 4 if is_stop else 3, "out": 5}
         is_let_go = self.phase == "engaged" and not is_enabled
         state = 1 if is_let_go or self.latched == Reason.DRIVER_OVERRIDE else named[self.phase]
-        indices = max(0, self.route.place), self.route.index_at(self.driven_s(now_ns))
+        indices = max(0, self.route.furthest), self.route.index_at(self.driven_s(now_ns))
         self.send(CONTROLLER_STATUS, struct.pack("<BBHHB", state << 4, reason, *(min(65535, i) for i in indices), 0))
 
     def send(self, can_id: int, content: bytes, step: int = 1) -> bool:

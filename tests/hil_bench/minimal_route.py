@@ -47,13 +47,14 @@ class Route:
 
     def begin_again(self) -> None:
         """Forget the place on it."""
-        self.place = -1
+        self.place = self.furthest = -1
         self.share = self.off_m = self.off_rad = 0.0
         self.is_past = False
 
     def locate(self, pose: Pose) -> None:
         """The place nearest to the vehicle, sought near the one before and on the same leg."""
         self.place = min(self._candidates(), key=lambda i: self._cost(i, pose))
+        self.furthest = max(self.furthest, self.place)
         self.share, self.off_m, is_beyond = self._projected(self.place, pose)
         self.off_rad = math.remainder(pose.heading_rad - self.points[self.place][3], math.tau)
         self.is_past = self.place == self.segments - 1 and is_beyond

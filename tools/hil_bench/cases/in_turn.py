@@ -1,21 +1,22 @@
-"""Much of the catalogue in three short drives: one fault after the other, each only until it must show.
+"""Much of the catalogue in four short drives: one fault after the other, each only until it must show.
 
 They are what the quick run has instead of a case for each fault.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from hil_bench import routes
 from hil_bench.case import Case
 from hil_bench.cases.common import ANY, DROPPED, INVALID, STALE
 from hil_bench.cases.messages import REASONS, find_loss_s, from_start, make_impossible
-from hil_bench.cases.thresholds.common import Numbers, sequence_case, straight
-from hil_bench.cases.thresholds.deviation import LATERAL, leave_path
+from hil_bench.cases.thresholds.common import Numbers, backwards, sequence_case, straight
+from hil_bench.cases.thresholds.deviation import DRIFT_MPS, LATERAL, TURN_MPS, leave_path, roll_back, turn_away
 from hil_bench.cases.thresholds.driver import act_alone, override_and_wait
 from hil_bench.cases.thresholds.samples import step_counters
-from hil_bench.expect import Expectation, FallsSilent, HazardLights, LetsGo, StaysOut, Stops
-from hil_bench.faults import frames, signals, traffic, vehicle
+from hil_bench.expect import Expectation, FallsSilent, HazardLights, LetsGo, Standstill, StaysOut, Stops
+from hil_bench.faults import frames, growing, signals, traffic, vehicle
 from hil_bench.faults.base import Injection
 from hil_bench.parts import Part, parts_of
 from hil_bench.steps import Step
@@ -45,7 +46,7 @@ class _Damage:
 def in_turn_cases(wire: Wire) -> tuple[Case, ...]:
     """For one vehicle."""
     numbers = Numbers(wire)
-    return (_messages(numbers), _state(numbers), _vehicle(numbers))
+    return (_messages(numbers), _state(numbers), _reverse(numbers), _vehicle(numbers))
 
 
 def _messages(numbers: Numbers) -> Case:
@@ -65,9 +66,8 @@ def _messages(numbers: Numbers) -> Case:
         damage(f"{first}, identifier extended", frames.change_message(first, frames.make_extended), first)
     if Part.SHARED_COUNTER in parts:
         damage("messages of different cycles", frames.mix_cycles(), first)
-    impossible = next(_find_impossible(wire), None)
-    if impossible is not None:
-        damage(f"{impossible[0]} impossible", impossible[1], wire.part_of(impossible[0]))
+    for signal, inject in _find_impossible(wire):
+        damage(f"{signal} impossible", inject, wire.part_of(signal))
     if Part.CHECKSUM in parts:
         damage("damaged frames beside the sound ones", traffic.flood(traffic.damaged_sample, 10), first, 0.1)
     steps = [
@@ -96,10 +96,10 @@ def _messages(numbers: Numbers) -> Case:
 
 
 def _find_impossible(wire: Wire) -> Iterator[tuple[str, Injection]]:
-    for signal in (*SIGNAL_NAMES["status"].values(), *SIGNAL_NAMES["state"].values()):  # of state it also contradicts
-        inject = make_impossible(wire, signal)
-        if inject is not None:
-            yield signal, inject
+    """One of the status, and one of the state that contradicts another field only after a while."""
+    for names in (SIGNAL_NAMES["status"].values(), ("LATERAL_SPEED", *SIGNAL_NAMES["state"].values())):
+        found = ((signal, make_impossible(wire, signal)) for signal in names)
+        yield from islice(((signal, inject) for signal, inject in found if inject is not None), 1)
 
 
 def _state(numbers: Numbers) -> Case:
@@ -146,8 +146,14 @@ def _state(numbers: Numbers) -> Case:
         if applies
     ]
     if wire.has("LATERAL_SPEED") and Part.POSITION in parts and not numbers.lacks(LATERAL):
-        drifts = leave_path(numbers, 1.0, "to the left, in turn", true_mps=SLOW_MPS, limit_s=1.4)
-        steps.append(replace(drifts, at_mps=SLOW_MPS, see=(Stops(("DEVIATION",), within_s=1.4, until_end=False),)))
+        drifts = leave_path(numbers, 1.0, "to the left, in turn", true_mps=SLOW_MPS, limit_s=2.4)
+        and_back = growing.take_back(growing.drift_and_return(DRIFT_MPS, 0.95))
+        stays = Stops(("DEVIATION",), within_s=1.4)
+        steps.append(replace(drifts, at_mps=SLOW_MPS, inject=and_back, see=(stays,)))
+        steps += [
+            replace(step, at_mps=at_mps, see=(Stops(("DEVIATION",), within_s=step.for_s, until_end=False),))
+            for step, at_mps in ((turn_away(numbers, 1.0, limit_s=2.4), TURN_MPS), (roll_back(numbers), SLOW_MPS))
+        ]
     if Part.POSE_FRAME in parts:
         elsewhere = vehicle.change_vehicle(pose_frame="ODOM")
         steps.append(from_start(numbers, "pose in another frame from the start", elsewhere))
@@ -161,6 +167,30 @@ def _state(numbers: Numbers) -> Case:
         steps=steps,
         lacks="" if steps else "no field of the vehicle can be wrong so that it shows",
         allow=ANY | DROPPED | {"burst"},
+    )
+
+
+def _reverse(numbers: Numbers) -> Case:
+    wire = numbers.wire
+    step = Step(
+        name="POSE_VALID = 0 in reverse",
+        inject=vehicle.change_vehicle(pose_valid=False),
+        for_s=1.6,
+        at_mps=USUAL_MPS,
+        see=(Stops(INVALID), Standstill(2.0)),
+    )
+    has_pose = Part.POSE_VALID in parts_of(wire)
+    return sequence_case(
+        name="reverse-in-turn",
+        fault="S5",
+        tags=("state", "limits", "quick"),
+        proves="In reverse the vehicle is driven and stopped with the other sign.",
+        injected=step.name,
+        route=backwards(speed_mps=USUAL_MPS + 0.5),
+        at_mps=USUAL_MPS,
+        steps=(step,),
+        lacks="" if has_pose and wire.can_reverse else "the vehicle cannot be driven and made invalid in reverse",
+        allow=ANY | DROPPED,
     )
 
 

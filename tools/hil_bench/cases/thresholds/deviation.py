@@ -35,6 +35,7 @@ TURNED_SHARE = 0.6
 """Of the greatest heading error, when a vehicle that turns off is as far from its path as the profile allows."""
 ACROSS_MPS2 = 2.0
 """Lateral acceleration of a vehicle that turns off."""
+ROLLBACK, ROLL_MPS2 = "deviation.rollback_mps", 7.0
 NOISE = 0.02
 NO_STOP = "no signal says that a command is a stop, and the vehicle is braked for its speed anyway"
 
@@ -95,45 +96,55 @@ def _turn_off_radius_m(numbers: Numbers, true_mps: float) -> float:
 
 
 def _turns_too_wide(numbers: Numbers) -> str:
-    wheel_rad = TURN_SHARE * numbers["limits.front_wheel_angle_rad"]
     if numbers.wire.has("LATERAL_SPEED"):
         return ""
     bent_per_m = 1.0 / _turn_off_radius_m(numbers, 0.0) + 1.0 / (BEND_M * numbers.wire.length_share)
-    is_tight = bent_per_m * numbers["geometry.wheelbase_m"] > math.tan(wheel_rad)
+    is_tight = bent_per_m * numbers["geometry.wheelbase_m"] > math.tan(_wheel_rad(numbers))
     return "the vehicle turns so wide that it is stopped for its heading first" if is_tight else ""
 
 
 def _heading(numbers: Numbers, lost: str) -> Case:
-    key = HEADING
-    wheel_rad = TURN_SHARE * numbers["limits.front_wheel_angle_rad"]
-    wheelbase_m, stop_rad = numbers["geometry.wheelbase_m"], numbers.or_else(key, 0.8)
-    radius_m = wheelbase_m / math.tan(wheel_rad)
-    beside_m = radius_m * (1.0 - math.cos(stop_rad))
-    if beside_m > TURN_SHARE * numbers.or_else("deviation.lateral_stop_m", math.inf):
+    radius_m = _tightest_m(numbers)
+    beside_m = radius_m * (1.0 - math.cos(numbers.or_else(HEADING, 0.8)))
+    if beside_m > TURN_SHARE * numbers.or_else(LATERAL, math.inf):
         lost = lost or "the vehicle turns so wide that it is stopped for its distance from the path first"
-    steps = [
-        _step(
-            numbers,
-            key,
-            "heading error",
-            "rad",
-            heading_error_rad,
-            TURN_MPS / radius_m,
-            f"to the {side}",
-            growing.turn_away(way * wheel_rad, numbers["limits.front_wheel_rate_radps"]),
-            limit_s=4.0 * max(1.0, radius_m / 4.0),
-        )
-        for side, way in (("left", 1.0), ("right", -1.0))
-    ]
+    limit_s = 4.0 * max(1.0, radius_m / 4.0)
+    steps = [turn_away(numbers, way, limit_s=limit_s) for way in (1.0, -1.0)]
     proves = "A vehicle that turns away from its path is stopped at the profile's angle, to either side."
-    lacks = numbers.lacks(key) or lost
+    lacks = numbers.lacks(HEADING) or lost
     return _case("threshold-heading", "C9", proves, straight(speed_mps=TURN_MPS + 0.5), TURN_MPS, steps, lacks)
+
+
+def turn_away(numbers: Numbers, way: float, *, limit_s: float) -> Step:
+    """The vehicle turns away from its path to the left (`way` = 1) or right (−1) until it is stopped."""
+    wheel_rad, rate_radps = _wheel_rad(numbers), numbers["limits.front_wheel_rate_radps"]
+    place = "to the left" if way > 0.0 else "to the right"
+    grows_radps = TURN_MPS / _tightest_m(numbers)
+    inject = growing.turn_away(way * wheel_rad, rate_radps)
+    return _step(
+        numbers, HEADING, "heading error", "rad", heading_error_rad, grows_radps, place, inject, limit_s=limit_s
+    )
+
+
+def _wheel_rad(numbers: Numbers) -> float:
+    return TURN_SHARE * numbers["limits.front_wheel_angle_rad"]
+
+
+def _tightest_m(numbers: Numbers) -> float:
+    return numbers["geometry.wheelbase_m"] / math.tan(_wheel_rad(numbers))
+
+
+def roll_back(numbers: Numbers, place: str = "forwards") -> Step:
+    """The vehicle is pushed against its direction of travel until it is stopped."""
+    push = growing.push_against_travel(ROLL_MPS2)
+    name = "speed against the direction of travel"
+    return _step(numbers, ROLLBACK, name, "m/s", speed_mps, ROLL_MPS2, place, push, limit_s=1.5)
 
 
 def _along(numbers: Numbers, no_way_back: str) -> list[Case]:
     """Too fast, and against the direction of travel."""
     wire = numbers.wire
-    over, roll = "deviation.overspeed_mps", "deviation.rollback_mps"
+    over = "deviation.overspeed_mps"
     most_mps = numbers["limits.speed_max_mps"] + numbers.or_else(over, 0.0)
     no_stop = "" if wire.has_stop_signal else NO_STOP
     no_sign = "" if wire.measures_backwards else "the vehicle's measured speed has no sign"
@@ -146,18 +157,16 @@ def _along(numbers: Numbers, no_way_back: str) -> list[Case]:
             numbers, over, "speed", "m/s", speed_mps, wire.tow_mps2, where, growing.tow_along(), limit_s=3.0,
             stated=most_mps,
         )  # fmt: skip
-        rolls = _step(
-            numbers, roll, "speed against the direction of travel", "m/s", speed_mps, 7.0, where,
-            growing.push_against_travel(7.0), limit_s=1.5,
-        )  # fmt: skip
         lacks = no_stop or lacks
         proves = "A vehicle that is too fast for the profile is stopped."
         cases.append(
             _case(f"threshold-overspeed-{name}", "C7", proves, fast, 4.0, [too_fast], numbers.lacks(over) or lacks)
         )
         proves = "A vehicle that rolls against its direction of travel as fast as the profile says is stopped."
-        lacks = numbers.lacks(roll) or no_sign or lacks
-        cases.append(_case(f"threshold-rollback-{name}", "C8", proves, slow, SLOW_MPS, [rolls], lacks))
+        lacks = numbers.lacks(ROLLBACK) or no_sign or lacks
+        cases.append(
+            _case(f"threshold-rollback-{name}", "C8", proves, slow, SLOW_MPS, [roll_back(numbers, where)], lacks)
+        )
     return cases
 
 

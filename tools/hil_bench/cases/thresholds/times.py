@@ -5,7 +5,7 @@ from dataclasses import replace
 from vehicle_bus_contract.reference import S
 
 from hil_bench.case import Case, Need
-from hil_bench.cases.thresholds.common import JITTER_S, USUAL_MPS, Numbers, sequence_case, straight
+from hil_bench.cases.thresholds.common import ANYTHING, JITTER_S, USUAL_MPS, Numbers, sequence_case, straight
 from hil_bench.expect import NeverDrives, StaysOut
 from hil_bench.expect.limit import Limit
 from hil_bench.expect.stop_thresholds import SilentAfter, StopAfter, StopsUntilHeld
@@ -198,6 +198,7 @@ def _engaging(numbers: Numbers) -> Case:
             ),
         ),
         lacks=numbers.lacks(settle, timeout),
+        allow=ANYTHING - {"dynamics", "command"},
     )
 
 
