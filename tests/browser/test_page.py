@@ -118,6 +118,18 @@ def test_a_page_without_a_loop_is_updated_and_not_frozen(viewer: Viewer, page: P
     expect(cover).to_be_hidden()
 
 
+def test_on_a_phone_nothing_of_the_panel_is_cut_off(publish: Start, viewer: Viewer, page: Page) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    publish()
+    page.goto(viewer.url)
+    banner(page, "ENGAGED", "NOMINAL")
+    outside = """() => [...document.querySelectorAll("#banner *, #numbers td, #legend *")].filter(each => {
+        const box = each.getBoundingClientRect(); return box.left < 0 || box.right > 390; }).length"""
+    page.wait_for_function(f"() => document.querySelector('#numbers td') && ({outside})() === 0")
+    width = page.locator("#banner").evaluate("each => each.getBoundingClientRect().width")
+    assert width > 350
+
+
 def test_fault_and_shadow_are_named(publish: Start, viewer: Viewer, page: Page) -> None:
     loop = publish("--arming", "shadow")
     page.goto(viewer.url)

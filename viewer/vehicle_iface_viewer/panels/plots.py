@@ -26,8 +26,7 @@ _PLOT_POINTS = int(WINDOW_S * 10)
 _REQUESTED, _MEASURED, _SENT = "#fcc419", "#4dabf7", "#69db7c"
 _LAYOUT = "layout"
 """Scale and series without a curve. viser creates a plot without a width, and uPlot lays out the labels again only when
-a range changes; that of this scale does."""
-LAYOUT_STYLE = "<style>.uplot .u-legend .u-series:last-child{display:none}</style>"
+a range changes; that of this scale does. The style sheet hides its entry in the legend."""
 _TURNS_PER_LAYOUT = 10
 _MARGIN = 0.05
 """Part of the range beyond each limit, so that a curve at its limit is not drawn on the edge."""

@@ -7,10 +7,11 @@ import viser
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.banner import banner_html
 from vehicle_iface_viewer.panels.counters import counters_html
-from vehicle_iface_viewer.panels.frozen import STYLE, cover_html
+from vehicle_iface_viewer.panels.frozen import cover_html
 from vehicle_iface_viewer.panels.legend import legend_html
 from vehicle_iface_viewer.panels.numbers import numbers_html
-from vehicle_iface_viewer.panels.plots import LAYOUT_STYLE, Plots
+from vehicle_iface_viewer.panels.plots import Plots
+from vehicle_iface_viewer.panels.style import STYLE
 
 
 class SidePanel:
@@ -25,7 +26,6 @@ class SidePanel:
         self._banner = gui.add_html(banner_html(None), order=1.0)
         self._numbers = gui.add_html("", order=3.0)
         self._legend = gui.add_html(legend_html(None), order=4.0)
-        gui.add_html(LAYOUT_STYLE, order=9.0)
         self._plots = Plots(gui)
         with gui.add_folder("Counters", expand_by_default=False, order=20.0):
             self._counters = gui.add_html("")
