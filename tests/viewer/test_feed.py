@@ -54,7 +54,7 @@ def test_data_grows_old_and_keeps_being_shown(writer: TelemetryWriter, feed: Fee
     assert old.data_age_s == pytest.approx(1.2)
     assert old.state_age_s == pytest.approx(1.207)
     assert old.snapshot == young.snapshot
-    assert old.sample_rate_hz == 0.0
+    assert old.sample_rate_hz is None
 
 
 def test_a_snapshot_newer_than_the_pages_clock_reading_has_age_zero(writer: TelemetryWriter, feed: Feed) -> None:

@@ -301,3 +301,9 @@ def test_a_value_that_rounds_to_zero_has_no_sign() -> None:
     words = _PageText(numbers_html(view(small))).text
     assert "0.00 m" in words
     assert "-0" not in words
+
+
+def test_a_rate_that_is_not_known_is_a_dash_and_not_zero() -> None:
+    words = _PageText(banner_html(view(driving()))).text
+    assert "samples/s –" in words
+    assert "commands/s –" in words

@@ -101,6 +101,21 @@ def test_between_two_snapshots_and_where_some_are_lost_the_one_before_is_shown(r
     assert recording.newest() == snapshot(199)
 
 
+def test_the_history_has_one_snapshot_a_step_and_none_where_they_are_lost(recording: Playback) -> None:
+    found = recording.history(at_ns(190), at_ns(230), 50 * NS_PER_MS)
+    assert [each.published_ns for each in found] == [at_ns(k) for k in (195, 199, 220, 225, 230)]
+    assert recording.history(at_ns(50), at_ns(50), NS_PER_MS) == []
+
+
+def test_after_a_jump_while_paused_the_rates_are_those_of_the_second_before(recording: Playback) -> None:
+    feed = Feed(recording, recording.history)
+    feed.read(recording.advance(0))
+    recording.is_paused = True
+    recording.seek(3.5)
+    view = feed.read(recording.advance(1))
+    assert view.sample_rate_hz == pytest.approx(100.0)
+
+
 def test_playback_stays_at_its_end_and_shows_it(recording: Playback) -> None:
     recording.advance(0)
     assert recording.advance(10 * NS_PER_S) == at_ns(COUNT - 1)

@@ -108,6 +108,19 @@ def test_a_new_session_empties_the_plots(page: Page) -> None:
     assert page.curves["Speed"] == [[], []]
 
 
+def test_after_a_jump_in_a_recording_the_plots_are_filled_with_what_was_before(page: Page) -> None:
+    def history(begin_ns: int, end_ns: int, step_ns: int) -> list[Snapshot]:
+        times = range(end_ns, begin_ns, -step_ns)
+        return [driving(speed_mps=2.0, published_ns=at_ns) for at_ns in reversed(times)]
+
+    page.plots._history = history
+    page.show(30.0, driving(speed_mps=2.0))
+    assert page.curves["Speed"][1] == [2.0] * 200
+    page.show(60.0, driving(speed_mps=2.0), session=2)
+    assert page.curves["Speed"][1] == [2.0] * 200
+    assert page.ago_s[0] == pytest.approx(-19.9)
+
+
 def test_a_gap_is_sent_as_null() -> None:
     sent = []
 

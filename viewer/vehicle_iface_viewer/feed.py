@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -21,6 +22,10 @@ STALE_AFTER_S = 0.5
 _DETAILS_PERIOD_NS = NS_PER_S // 2
 _RATE_STEP_NS = NS_PER_S // 20
 _RATE_POINTS = 32
+
+
+History = Callable[[int, int, int], list[Snapshot]]
+"""Snapshots after one time and up to another, at most one in each step; all in ns."""
 
 
 class Source(Protocol):
@@ -56,8 +61,9 @@ class View:
     trajectory: DrawnTrajectory | None = None
     """The one that the snapshot's indices refer to."""
     details: LiveDetails | None = None
-    sample_rate_hz: float = 0.0
-    command_rate_hz: float = 0.0
+    sample_rate_hz: float | None = None
+    """None: not known (yet)."""
+    command_rate_hz: float | None = None
     recorder: RecorderHealth | None = None
     """None: the drive is not recorded."""
     recording: str = ""
@@ -82,8 +88,9 @@ class View:
 class Feed:
     """Reads only the newest data; a new session resets it."""
 
-    def __init__(self, reader: Source) -> None:
+    def __init__(self, reader: Source, history: History | None = None) -> None:
         self._reader = reader
+        self._history = history
         self._session = 0
         self._snapshot: Snapshot | None = None
         self._trajectory: DrawnTrajectory | None = None
@@ -99,6 +106,8 @@ class Feed:
             self._session = self._reader.session
             self._snapshot, self._trajectory, self._details_due_ns = None, None, 0
             self._counts.clear()
+            for past in self._history(now_ns - NS_PER_S, now_ns, _RATE_STEP_NS) if self._history else ():
+                self._note_counts(past)
         self._snapshot = self._reader.newest() or self._snapshot
         self._follow_trajectory()
         if now_ns >= self._details_due_ns:
@@ -132,8 +141,7 @@ class Feed:
     def _with_rates(self, view: View) -> View:
         snapshot = self._snapshot
         assert snapshot is not None
-        if not self._counts or snapshot.published_ns - self._counts[-1][0] >= _RATE_STEP_NS:
-            self._counts.append((snapshot.published_ns, snapshot.samples, snapshot.commands))
+        self._note_counts(snapshot)
         (first_ns, samples, commands), (last_ns, newer_samples, newer_commands) = self._counts[0], self._counts[-1]
         span_s = s_from_ns(last_ns - first_ns)
         if span_s <= 0.0:
@@ -143,3 +151,7 @@ class Feed:
             sample_rate_hz=(newer_samples - samples) / span_s,
             command_rate_hz=(newer_commands - commands) / span_s,
         )
+
+    def _note_counts(self, snapshot: Snapshot) -> None:
+        if not self._counts or snapshot.published_ns - self._counts[-1][0] >= _RATE_STEP_NS:
+            self._counts.append((snapshot.published_ns, snapshot.samples, snapshot.commands))

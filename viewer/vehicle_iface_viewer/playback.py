@@ -98,8 +98,19 @@ class Playback:
 
     def newest(self) -> Snapshot | None:
         """Return the last snapshot before the time that is shown."""
-        index = bisect_right(range(len(self._snapshots)), self._at_ns, lo=1, key=self._published_ns) - 1
-        return files.parse_snapshot(self._columns, self._snapshots.text(index))
+        return files.parse_snapshot(self._columns, self._snapshots.text(self._index(self._at_ns)))
+
+    def history(self, begin_ns: int, end_ns: int, step_ns: int) -> list[Snapshot]:
+        """Return the snapshots after `begin_ns` and up to `end_ns`, at most one in each step."""
+        found: list[Snapshot] = []
+        last = 0
+        for at_ns in range(end_ns - (end_ns - begin_ns - 1) // step_ns * step_ns, end_ns + 1, step_ns):
+            index = self._index(at_ns)
+            if index != last and self._published_ns(index) > begin_ns:
+                snapshot = files.parse_snapshot(self._columns, self._snapshots.text(index))
+                found += [snapshot] if snapshot is not None else []
+            last = index
+        return found
 
     def trajectory(self, version: int) -> DrawnTrajectory | None:
         """Return the trajectory of that version; None when it was lost."""
@@ -119,6 +130,10 @@ class Playback:
         """Close the files."""
         for lines in (self._snapshots, self._trajectories, self._counters):
             lines.close()
+
+    def _index(self, at_ns: int) -> int:
+        """Return the index of the last snapshot before that time."""
+        return bisect_right(range(len(self._snapshots)), at_ns, lo=1, key=self._published_ns) - 1
 
     def _published_ns(self, index: int) -> int:
         cells = self._snapshots.text(index).split(",", self._time_column + 1)

@@ -200,12 +200,16 @@ def _rates(view: View) -> str:
     state_age = f"{min(view.state_age_s, 9999.0) * 1e3:.0f} ms" if snapshot.has_state else "none"
     latency = f"{snapshot.latency_ns / 1e6:.2f} ms" if snapshot.sent else "–"
     tiles = (
-        _tile("samples/s", f"{view.sample_rate_hz:.0f}"),
-        _tile("commands/s", f"{view.command_rate_hz:.0f}"),
+        _tile("samples/s", _rate(view.sample_rate_hz)),
+        _tile("commands/s", _rate(view.command_rate_hz)),
         _tile("state age", state_age, is_bad=view.state_age_s > OLD_STATE_S),
         _tile("latency", latency),
     )
     return f'<div style="display:flex;gap:6px;margin-top:6px">{"".join(tiles)}</div>'
+
+
+def _rate(rate_hz: float | None) -> str:
+    return "–" if rate_hz is None else f"{rate_hz:.0f}"
 
 
 def _tile(name: str, value: str, *, is_bad: bool = False) -> str:

@@ -16,8 +16,8 @@ import viser
 from viser import uplot
 
 from vehicle_iface.telemetry import DrivingLimits, Snapshot
-from vehicle_iface.units import NS_PER_S, s_from_ns
-from vehicle_iface_viewer.feed import STALE_AFTER_S, View
+from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
+from vehicle_iface_viewer.feed import STALE_AFTER_S, History, View
 from vehicle_iface_viewer.panels.text import MAX_SHOWN
 
 WINDOW_S = 20.0
@@ -132,7 +132,9 @@ PLOTS = (
 class Plots:
     """Curves of the last seconds, in rings of a fixed length."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, gui: viser.GuiApi, history: History | None = None) -> None:
+        """`history`: what a recording has of the time before; without it, only the newest snapshots are shown."""
+        self._history = history
         self._due_ns = 0
         self._session = 0
         self._limits = DrivingLimits()
@@ -147,10 +149,14 @@ class Plots:
         if view.session != self._session:
             self._session, self._due_ns = view.session, 0
             self._reset(view.info.limits if view.info is not None else DrivingLimits())
-        if snapshot is None or view.is_stale or view.now_ns < self._due_ns:
+        is_old = view.is_stale and self._history is None  # a recording knows what was before
+        if snapshot is None or is_old or view.now_ns < self._due_ns:
             return
         self._due_ns = view.now_ns + _PLOT_STEP_NS
-        self._append(snapshot)
+        begin_ns = max(int(self._times_ns[-1]), view.now_ns - ns_from_s(WINDOW_S))
+        past = self._history(begin_ns, view.now_ns, _PLOT_STEP_NS) if self._history is not None else [snapshot]
+        for each in past:
+            self._append(each)
 
     def send(self, turn: int) -> None:
         """Send every other plot with new values: each sends whole arrays, and redrawing them is expensive."""

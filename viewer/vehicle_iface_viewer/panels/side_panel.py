@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import viser
 
-from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.feed import History, View
 from vehicle_iface_viewer.panels.banner import banner_html
 from vehicle_iface_viewer.panels.counters import counters_html
 from vehicle_iface_viewer.panels.frozen import cover_html
@@ -20,13 +20,13 @@ class SidePanel:
     FOLLOW_ORDER = 2.0
     """Position of the Follow switch: under the banner."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, gui: viser.GuiApi, history: History | None = None) -> None:
         gui.add_html(STYLE, order=0.1)
         self._cover = gui.add_html(cover_html(0), order=0.2)
         self._banner = gui.add_html(banner_html(None), order=1.0)
         self._numbers = gui.add_html("", order=3.0)
         self._legend = gui.add_html(legend_html(None), order=4.0)
-        self._plots = Plots(gui)
+        self._plots = Plots(gui, history)
         with gui.add_folder("Counters", expand_by_default=False, order=20.0):
             self._counters = gui.add_html("")
 
