@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState, VehicleMode
@@ -120,7 +120,8 @@ def find_words(view: View) -> Words:
             sentence="The loop reports nothing any more.",
             way_on=f"Watch the vehicle. Check the loop's process{look}.",
         )
-    return _driving_words(snapshot, "" if view.recording else _rearm_command(pid))
+    words = _driving_words(snapshot, _rearm_command(pid))
+    return replace(words, way_on="") if view.recording else words  # nothing can be done about the past
 
 
 def is_armed(snapshot: Snapshot) -> bool:
@@ -145,10 +146,10 @@ def _driving_words(snapshot: Snapshot, command: str) -> Words:
     if because is None:
         because = Words(sentence=f"This viewer does not know {plain(enum_name(Reason, reason))}.")
     steps = [because.way_on]
-    if state in (ControllerState.STOPPING, ControllerState.FAULT, ControllerState.STANDBY) and command:
-        if not is_armed(snapshot) and reason != Reason.SHUTDOWN:
+    if reason != Reason.SHUTDOWN:
+        if not is_armed(snapshot):
             steps.append(f"Then arm again: {command}.")
-        elif state == ControllerState.STOPPING and reason != Reason.SHUTDOWN:
+        elif state == ControllerState.STOPPING:
             steps.append(f"If the vehicle stays stopped, arm again: {command}.")
     is_plain = reason in (Reason.NOMINAL, Reason.NOT_ENGAGED) and of_state.sentence
     return Words(
