@@ -124,6 +124,7 @@ def _position_scaled() -> Case:
         needs=(Need.REARM,),
         exit_status=(0, 4),
         allow=WRONG,
+        answers_in_time=False,
     )
 
 
