@@ -126,8 +126,7 @@ def test_on_a_phone_nothing_of_the_panel_is_cut_off(publish: Start, viewer: View
     outside = """() => [...document.querySelectorAll("#banner *, #numbers td, #legend *")].filter(each => {
         const box = each.getBoundingClientRect(); return box.left < 0 || box.right > 390; }).length"""
     page.wait_for_function(f"() => document.querySelector('#numbers td') && ({outside})() === 0")
-    width = page.locator("#banner").evaluate("each => each.getBoundingClientRect().width")
-    assert width > 350
+    page.wait_for_function("() => document.querySelector('#banner').getBoundingClientRect().width > 350")
 
 
 def test_fault_and_shadow_are_named(publish: Start, viewer: Viewer, page: Page) -> None:
@@ -159,10 +158,11 @@ def test_the_request_to_take_over_is_large_and_of_its_own_colour(publish: Start,
     banner(page, "STOPPING", "SHUTDOWN")
     request = page.locator("#handover")
     expect(request).to_contain_text("TAKE OVER")
-    # In one call: each update replaces the element.
+    # Each in one call: an update replaces the element.
     height = "document.querySelector('#handover div').getBoundingClientRect().height"
     page.wait_for_function(f"() => {height} >= 50")
-    assert request.evaluate("each => getComputedStyle(each).backgroundColor") == "rgb(255, 230, 0)"
+    colour = "getComputedStyle(document.querySelector('#handover')).backgroundColor"
+    page.wait_for_function(f"() => {colour} === 'rgb(255, 230, 0)'")
     loop.order("engaged")
     expect(request).to_have_count(0)
 
