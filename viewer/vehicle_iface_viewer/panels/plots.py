@@ -159,11 +159,11 @@ class Plots:
             self._append(each)
 
     def send(self, turn: int) -> None:
-        """Send every other plot with new values: each sends whole arrays, and redrawing them is expensive."""
+        """Send one plot with new values, each turn another: it sends whole arrays, and redrawing it is expensive."""
         ago_s = (self._times_ns - self._times_ns[-1]) / NS_PER_S
         kept = (ago_s >= -WINDOW_S) & (self._times_ns > 0.0)
         for k, values in enumerate(self._values):
-            if k % 2 == turn % 2 and k in self._unsent:
+            if k == turn % len(PLOTS) and k in self._unsent:
                 self._unsent.remove(k)
                 _send_curves(self._handles[k], ago_s[kept], values[:, kept], turn // _TURNS_PER_LAYOUT)
 
