@@ -77,7 +77,8 @@ def test_a_time_without_a_reference_is_a_gap_in_its_curves_only(publish: Start, 
 
 
 _RANGES = """() => Object.values(window.__viserTestpoints.uplots).map(({chart}) => [
-    chart.scales.y.min.toFixed(1), chart.scales.y.max.toFixed(1), chart.axes[0]._values.join(" ")].join(", "))"""
+    chart.scales.y.min.toFixed(1), chart.scales.y.max.toFixed(1), (chart.axes[0]._values ?? []).join(" "),
+].join(", "))"""
 SECONDS = "-20 -15 -10 -5 0"
 
 
