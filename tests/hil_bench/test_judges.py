@@ -3,7 +3,7 @@
 import re
 import tempfile
 from bisect import bisect_right
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,19 +15,21 @@ from hil_bench.cases import CATALOGUE
 from hil_bench.cases.files import FILES
 from hil_bench.faults import frames
 from hil_bench.judges import protocol
-from hil_bench.judges.dynamics import jerky
+from hil_bench.judges.dynamics import beyond, jerky, rising
+from hil_bench.peer.build import open_wire
 from hil_bench.result import Verdict
 from hil_bench.wire import Wire
 from hypothesis import given
 from hypothesis import strategies as st
 from scenes import DRIVES, WIRE, at, find_case, observed, other_wire, pair, steady, stop
-from vehicle_bus_contract.judge import Pair, Record, examine
-from vehicle_bus_contract.reference import AUTONOMOUS, READY, Frame, S
+from vehicle_bus_contract.judge import Pair, Record, Sample, examine
+from vehicle_bus_contract.reference import AUTONOMOUS, READY, DecodedFrame, Frame, S
 from virtual_drive import VirtualDrive
 
 Values = dict[str, float]
 Lie = Callable[[str, int, Values], Sequence[Values]]
 """Message, tick, what is true → what is said: nothing, once, several times."""
+Judge = Callable[[Wire, Record], Iterable[str]]
 SPEED_MPS = 8.0
 STOPPED_FROM = 200
 """Tick from which the made-up device stops."""
@@ -337,3 +339,38 @@ def test_a_stop_may_continue_a_brake_whatever_it_ends_with() -> None:
     assert not list(jerky(WIRE, Record(pairs=[*braking, *stopping, *ends])))
     jumps = [pair(1.06 + 0.01 * tick, stop=1, accel=-2.5) for tick in range(4)]
     assert list(jerky(WIRE, Record(pairs=[*braking, *jumps])))
+
+
+VEHICLES = {name: open_wire(name) for name in ("pacmod3", "vbox_kart")}
+
+
+def found_by(judge: Judge, profile: str, *told: tuple[float, float, bool]) -> list[str]:
+    """What a judge finds in enabled commands 20 ms apart: each m/s², measured m/s, and whether it is a stop."""
+    record = Record()
+    for number, (accel_mps2, speed_mps, is_stop) in enumerate(told, start=50):
+        stamp_ns = number * S // 50
+        record.samples.append(Sample(stamp_ns, 0.0, 0.0, 0.0, speed_mps))
+        said = {"ENABLE": 1.0, "SAFE_STOP": float(is_stop), "ACCEL_REQUEST": accel_mps2}
+        frame = DecodedFrame(stamp_ns, "COMMAND", {**said, "FRONT_WHEEL_ANGLE_REQUEST": 0.0})
+        record.pairs.append(Pair(frame, frame))
+    return list(judge(VEHICLES[profile], record))
+
+
+AT_REST_MPS = (0.0, -0.004, 0.003, -0.01, 0.0)
+"""As measured, with noise."""
+BACKWARDS_MPS = (-0.06, -0.1)
+
+
+@pytest.mark.parametrize(("rate_mps3", "is_found"), [(19.0, False), (25.0, True)])
+def test_a_drive_backwards_from_rest_rises_from_what_was_commanded_at_rest(rate_mps3: float, is_found: bool) -> None:
+    told = [(-rate_mps3 * 0.02 * n, mps, False) for n, mps in enumerate(AT_REST_MPS + BACKWARDS_MPS)]
+    assert bool(found_by(rising, "pacmod3", *told)) is is_found
+
+
+@pytest.mark.parametrize(("is_stop", "is_found"), [(True, False), (False, True)])
+def test_at_rest_a_stop_brakes_the_motion_before_it_and_a_drive_begins_the_one_after_it(
+    is_stop: bool, is_found: bool
+) -> None:
+    told = [(-2.48, mps, is_stop) for mps in (*((0.3, 0.1) if is_stop else ()), -0.01, -0.03, -0.06, -0.1)]
+    found = found_by(beyond, "vbox_kart", *(told if not is_stop else told[:-2]))
+    assert bool(found) is is_found

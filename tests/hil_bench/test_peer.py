@@ -163,6 +163,16 @@ def test_modes_are_reported_by_the_values_of_conditions() -> None:
     assert not wire.can_report("EMERGENCY_STOP")
 
 
+def test_without_a_gear_what_drives_drives_forwards_whatever_speed_is_measured() -> None:
+    wire = open_wire("vbox_kart")
+    assert isinstance(wire, PeerWire)
+    accel_mps2 = [
+        wire.reader.read({wire.carriers(field)[0]: 1.0}, speed_mps=-0.3, direction=-1.0)["ACCEL_REQUEST"]
+        for field in ("drive_mps2", "brake_mps2")
+    ]
+    assert accel_mps2 == [1.0, 1.0]  # the brake acts against the measured motion
+
+
 @pytest.mark.parametrize(("slope_mps2", "is_stop"), [(0.0, False), (-0.3, False), (-1.2, True), (0.8, False)])
 def test_a_commanded_speed_that_falls_as_in_a_stop_counts_as_a_stop(slope_mps2: float, is_stop: bool) -> None:
     wire = open_wire("agilex_hunter")

@@ -35,7 +35,7 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
     speeds, wheels = recent_speeds(record), recent_wheels(wire, record)
     before: float | None = None
     braked = 0.0
-    for pair in record.pairs:
+    for pair, way in zip(record.pairs, _ways(record.pairs, record), strict=True):
         lately_mps, lately_rad = speeds.until(pair.stamp_ns), wheels.until(pair.stamp_ns)
         speed, slowest_mps = lately_mps[-1], _slowest_mps(lately_mps)
         if not pair.is_enabled:
@@ -56,7 +56,7 @@ def beyond(wire: Wire, record: Record) -> Iterable[str]:
         strongest = max(behavior["safe_deceleration_mps2"], 0.0)
         accel = pair.drive["ACCEL_REQUEST"]
         most_mps2 = max_accel_mps2(wire, slowest_mps) + wire.accel_slack_mps2
-        if accel * speed > 0.0 and most_mps2 < abs(accel) >= abs(braked):
+        if accel * way > 0.0 and most_mps2 < abs(accel) >= abs(braked):
             yield f"{at} {accel:.3f} m/s² at {speed:.2f} m/s"
         if wire.has_stop_signal and pair.is_stop and abs(accel) > max(strongest, abs(braked)) + wire.accel_slack_mps2:
             yield f"{at} a stop with {accel:.3f} m/s²"
@@ -144,11 +144,10 @@ def rising(wire: Wire, record: Record) -> Iterable[str]:
     rate, unit = (
         (limits["accel_rate_mps3"], "m/s³") if wire.commands_acceleration else (limits["accel_max_mps2"], "m/s²")
     )
-    speeds = recent_speeds(record)
     for stretch in _stretches(record):
         if wire.commands_acceleration:
-            along = [math.copysign(1.0, speeds.until(p.stamp_ns)[-1]) * p.drive["ACCEL_REQUEST"] for p in stretch]
-            values = [max(0.0, accel) for accel in along]
+            ways = _ways(stretch, record)
+            values = [max(0.0, way * pair.drive["ACCEL_REQUEST"]) for pair, way in zip(stretch, ways, strict=True)]
         else:
             values = [abs(pair.drive["SPEED_REQUEST"]) for pair in stretch]
         slack = wire.accel_slack_mps2 if wire.commands_acceleration else wire.speed_slack_mps
@@ -197,6 +196,24 @@ def recent_wheels(wire: Wire, record: Record) -> Recent:
         return Recent(())
     name = "FRONT_WHEEL_ANGLE"
     return Recent((told.stamp_ns, told[name]) for told in record.of(wire.part_of(name)) if name in told.signals)
+
+
+def _ways(pairs: Sequence[Pair], record: Record) -> list[float]:
+    """The direction of travel at each command: 1 or -1.
+
+    At rest the measured sign is noise: a stop belongs to the motion before it, what drives to the motion after it.
+    """
+    speeds = recent_speeds(record)
+    measured_mps = [speeds.until(pair.stamp_ns)[-1] for pair in pairs]
+    ways = [math.copysign(1.0, speed_mps) for speed_mps in measured_mps]
+    stands = [abs(speed_mps) < STANDS_MPS for speed_mps in measured_mps]
+    for place in range(1, len(pairs)):
+        if stands[place] and pairs[place].is_stop:
+            ways[place] = ways[place - 1]
+    for place in reversed(range(len(pairs) - 1)):
+        if stands[place] and not pairs[place].is_stop:
+            ways[place] = ways[place + 1]
+    return ways
 
 
 def _slowest_mps(speeds: Iterable[float]) -> float:

@@ -86,7 +86,8 @@ class CommandReader:
             drive = between(self._throttle, self._value("throttle", newest))
             brake = between(self._brake, self._value("brake", newest))
         travel = direction if abs(speed_mps) < STANDS_MPS else math.copysign(1.0, speed_mps)
-        return direction * drive - travel * brake
+        forward = direction if self.has_gear else 1.0
+        return forward * drive - travel * brake
 
     def _angle_rad(self, newest: Newest, speed_mps: float) -> float:
         if self.lateral == "wheel_angle":
