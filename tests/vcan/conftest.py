@@ -194,9 +194,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--all-defects", action="store_true", help="try every defect of the bench, not one of a kind")
     parser.addoption("--share", type=Path, metavar="FOLDER", help="leave out what another run has claimed there")
     parser.addoption("--from-the-end", action="store_true", help="begin with the last of the tests that are shared")
-    parser.addoption(
-        "--defer-to", type=Path, metavar="FILE", help="where tests go that failed on a machine standing still"
-    )
+    parser.addoption("--defer-to", type=Path, metavar="FILE", help="where failed tests go, to be run alone")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

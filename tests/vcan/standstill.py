@@ -1,7 +1,8 @@
 """A test that fails while the machine itself stands still is run again: then it shows nothing about the program.
 
-With `--defer-to FILE`, such a test is not reported but written to the file, a node id a line: `tools/test` runs those
-again when no other kernel runs, and that run decides.
+With `--defer-to FILE`, any test that fails is not reported but written to the file, a node id a line: `tools/test` runs
+those again when no other kernel runs, and that run decides. Two kernels on two processors hold each other up in more
+ways than a witness sees; what failed is printed in either case.
 
 In a kernel of `tools/vcan` a busy host takes the processor away: for 50 ms, and to stop is right; or for 12, and two
 samples come at once, of which the newer is answered. The witness is `witness.py`, which nothing in that kernel can hold
@@ -87,10 +88,10 @@ class Standstill:
         item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
         self._longest_s = max([self._longest_s, *self._take_delays_s()])
-        is_excused = any(report.failed for report in reports) and self._longest_s > 0.0
-        if is_excused and self._defer_to is not None:
+        has_failed = any(report.failed for report in reports)
+        if has_failed and self._defer_to is not None:
             self._defer(item, reports, self._defer_to)
-        elif is_excused and self._attempts < ATTEMPTS:
+        elif has_failed and self._longest_s > 0.0 and self._attempts < ATTEMPTS:
             self._run_again(item, reports)
         else:
             for report in reports:
@@ -110,7 +111,9 @@ class Standstill:
 
     def _note(self, what: str, item: pytest.Item, reports: list[pytest.TestReport]) -> None:
         reason = next(report.longreprtext for report in reports if report.failed)
-        self.again.append(f"{what}, the machine stood still for {self._longest_s * 1e3:.0f} ms: {item.nodeid}")
+        stood_still = f"the machine stood still for {self._longest_s * 1e3:.0f} ms"
+        beside = "beside another kernel, which did not stand still"
+        self.again.append(f"{what}, {stood_still if self._longest_s else beside}: {item.nodeid}")
         self.again += [f"  {line}" for line in reason.splitlines() if line.startswith("E ")]
 
     def _run_again(self, item: pytest.Item, reports: list[pytest.TestReport]) -> None:
