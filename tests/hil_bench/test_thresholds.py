@@ -10,6 +10,7 @@ import pytest
 from hil_bench.case import Case
 from hil_bench.cases import catalogue_for
 from hil_bench.cases.thresholds import threshold_cases
+from hil_bench.expect.base import check_measured
 from hil_bench.expect.limit import Limit
 from hil_bench.peer.build import open_wire
 from hil_bench.result import CaseResult, Verdict
@@ -184,3 +185,14 @@ def test_a_threshold_between_its_ends_is_kept_and_one_beyond_is_not() -> None:
     verdicts = [limit.at(value)[0].verdict for value in (2.8, 2.9, 3.2, 3.3, None)]
     assert verdicts == [Verdict.FAIL, Verdict.PASS, Verdict.PASS, Verdict.FAIL, Verdict.FAIL]
     assert replace(limit, lowest=None).at(0.0)[0].verdict is Verdict.PASS
+
+
+@pytest.mark.parametrize(
+    ("lowest", "highest", "where"),
+    [(2.9, 3.2, "between 2.9 and 3.2 m"), (2.9, None, "at 2.9 m or more"), (None, 3.2, "at 3.2 m or less")],
+)
+def test_the_check_of_a_threshold_says_where_it_must_act(
+    lowest: float | None, highest: float | None, where: str
+) -> None:
+    limit = Limit(key="", name="distance", unit="m", profile=3.0, lowest=lowest, highest=highest)
+    assert check_measured(limit.at(3.1)[0]).text == f"distance: acts {where} (profile 3)"

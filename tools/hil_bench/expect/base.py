@@ -93,20 +93,23 @@ def measure(measurements: Iterable[Measurement], observed: Observation) -> list[
 def check_measured(measured: Measured) -> Check:
     """A threshold as a requirement."""
     place = f", {measured.place}" if measured.place else ""
-    ends = [
-        f"{word} {end:.4g}"
-        for word, end in (("at least", measured.lowest), ("at most", measured.highest))
-        if end is not None
-    ]
     found = "it did not act" if measured.acts_at is None else f"acts at {measured.acts_at:.4g} {measured.unit}"
     return Check(
-        text=f"{measured.name}{place}: acts at {' and '.join(ends)} {measured.unit} (profile {measured.profile:.4g})",
+        text=f"{measured.name}{place}: acts {_where(measured)} (profile {measured.profile:.4g})",
         verdict=measured.verdict,
         measured=measured.acts_at,
         limit=measured.highest,
         unit=measured.unit,
         found=[] if measured.verdict is Verdict.PASS else [found],
     )
+
+
+def _where(measured: Measured) -> str:
+    """'between 2.9 and 3.2 m', 'at 2.9 m or more', 'at 3.2 m or less'."""
+    low, high, unit = measured.lowest, measured.highest, measured.unit
+    if low is not None and high is not None:
+        return f"between {low:.4g} and {high:.4g} {unit}"
+    return f"at {high:.4g} {unit} or less" if low is None else f"at {low:.4g} {unit} or more"
 
 
 def check(text: str, wrong: Iterable[str], measured: float | None = None, limit: float | None = None) -> Check:
