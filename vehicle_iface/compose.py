@@ -14,11 +14,14 @@ from vehicle_iface.control.pure_pursuit import PurePursuit, PurePursuitConfig
 from vehicle_iface.control.user_controller import load_controller
 from vehicle_iface.motion_sources import sources_of
 from vehicle_iface.profile import Profile
+from vehicle_iface.runtime.arming import ArmingRequests
 from vehicle_iface.runtime.arrival import ArrivalFilter
 from vehicle_iface.runtime.assembly import build_state_assembler
 from vehicle_iface.runtime.components import LoopComponents
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import ControlCycle
+from vehicle_iface.runtime.event_log import EventLog
+from vehicle_iface.runtime.event_watch import EventWatch
 from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.publisher import TelemetryPublisher
@@ -131,8 +134,29 @@ def build_loop(
         encoder, pace, transmit_filter, link, gate, engagement, counters, now_ns, read_context, former
     )
     handover = Handover(ns_from_s(profile.handover.warning_s), hold_until_warned=profile.handover.hold_until_warned)
-    publisher = TelemetryPublisher(telemetry, controller, counters)
+    trajectories = TrajectoryUpdater(source, controller, counters, limits=profile.limits, wheelbase_m=wheelbase_m)
+    publisher = TelemetryPublisher(telemetry, controller, counters, lap=lambda: trajectories.lap)
     shadow = None if armed or not database.commands else _shadow(database)
+    arming, shutdown = ArmingRequests(engagement), Shutdown(engagement, handover)
+    events = EventWatch(
+        EventLog(None if telemetry is None else telemetry.publish_event),
+        engagement=engagement,
+        cycle=cycle,
+        link=link,
+        counters=counters,
+        arming=arming,
+        shutdown=shutdown,
+        trajectories=trajectories,
+        limited=gate.limited,
+        causes={
+            "implausible": lambda: plausibility.counts,
+            "disagreement": lambda: motion.counts,
+            "deviation": lambda: cycle.deviation.counts,
+            "blocked": lambda: transmit_filter.refused,
+        },
+        drops=lambda: decoder.drops,
+        decided_ns=lambda: transmitter.decided_ns,
+    )
     names = {m.key: m.dbc_name for m in (*database.received, *database.sent)}
     return Loop(
         LoopComponents(
@@ -152,11 +176,9 @@ def build_loop(
                 lambda at_ns: read_context(at_ns).phases,
                 sample_period_ns=ns_from_s(timing.sample_period_s),
             ),
-            shutdown=Shutdown(engagement, handover),
+            shutdown=shutdown,
             handover=handover,
-            trajectories=TrajectoryUpdater(
-                source, controller, counters, limits=profile.limits, wheelbase_m=wheelbase_m
-            ),
+            trajectories=trajectories,
             shadow=shadow,
             publisher=publisher,
             counters=counters,
@@ -174,8 +196,12 @@ def build_loop(
                 timer=timer,
                 shadow=shadow,
                 names=names,
+                events=events,
+                tracking=publisher.tracking,
                 started_ns=started_ns,
             ),
+            events=events,
+            arming=arming,
             timer=timer,
             stale_ns=ns_from_s(timing.state_stale_s),
             max_command_age_ns=ns_from_s(timing.max_command_age_s),

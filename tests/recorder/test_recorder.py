@@ -17,12 +17,14 @@ from vehicle_iface.bus.receive import SO_TIMESTAMPNS
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import load_profile
 from vehicle_iface.recorder import frame_tap
-from vehicle_iface.recorder.files import SNAPSHOT_HEADER, parse_snapshot
+from vehicle_iface.recorder.files import SNAPSHOT_HEADER, parse_event, parse_snapshot
 from vehicle_iface.recorder.folder import RecordingRequest
 from vehicle_iface.recorder.frame_tap import FrameTaps
 from vehicle_iface.recorder.recorder import Recorder
 from vehicle_iface.telemetry import RING_LENGTH, SessionInfo, Snapshot, TelemetryWriter
 from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
+from vehicle_iface.telemetry.events import EventKind, LoopEvent
+from vehicle_iface.telemetry.layout import EVENT_SLOTS
 from vehicle_iface.units import NS_PER_S
 
 INFO = SessionInfo(channel="embedded", bus="embedded bus", profile="reference")
@@ -136,6 +138,25 @@ def test_counters_are_written_twice_a_second(
     lines = [json.loads(line) for line in (Path(recording.folder) / "counters.jsonl").read_text().splitlines()]
     assert [line["at_ns"] for line in lines] == [0, NS_PER_S // 2, NS_PER_S, 3 * NS_PER_S // 2]
     assert msgspec.convert(lines[0]["counters"], LiveDetails) == details
+
+
+def test_events_are_written_once_each_and_those_that_were_overwritten_are_counted(
+    writer: TelemetryWriter, recorder: Recorder, recording: RecordingRequest
+) -> None:
+    def publish(first: int, last: int) -> None:
+        for number in range(first, last + 1):
+            writer.publish_event(LoopEvent(number=number, at_ns=number, kind=EventKind.MODE, name="ENGAGED", text="é"))
+
+    publish(1, 3)
+    recorder.step(1)
+    publish(4, 4 + EVENT_SLOTS)
+    recorder.step(2)
+    recorder.step(3)
+    lines = (Path(recording.folder) / "events.jsonl").read_text().splitlines()
+    events = [parse_event(line) for line in lines]
+    assert [event.number for event in events if event is not None] == [1, 2, 3, *range(5, 5 + EVENT_SLOTS)]
+    assert recorder.status(3).lost["events"] == 1
+    assert parse_event(lines[0][:-1]) is None
 
 
 def test_another_run_at_the_same_address_is_not_mixed_in(

@@ -6,6 +6,7 @@
 | `frames.log` | every frame on the bus, in the format of `candump -L`, with the kernel's (wall-clock) timestamps |
 | `snapshots.csv` | every snapshot of the telemetry, one a line; a gap in `sequence` means lost snapshots |
 | `trajectories.jsonl` | every trajectory as it was drawn, to a micrometre, one a line |
+| `events.jsonl` | every event (`telemetry.events.LoopEvent`), one a line |
 | `counters.jsonl` | all counters, twice a second, one object a line |
 | `recorder.json` | status of the recorder: what was written and lost so far; updated each second |
 | `summary.json` | the loop's summary of the run |
@@ -25,13 +26,14 @@ import numpy as np
 
 from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot
 from vehicle_iface.telemetry.details import LiveDetails
+from vehicle_iface.telemetry.events import LoopEvent
 
 STATUS_BYTES = 4096
 """Fixed size of `recorder.json`: each status overwrites the one before, which works on a full disk, too."""
 STATUS_PERIOD_S = 1.0
 META, STATUS, SUMMARY, PROFILE = "meta.json", "recorder.json", "summary.json", "profile"
 FRAMES, SNAPSHOTS = "frames.log", "snapshots.csv"
-TRAJECTORIES, COUNTERS = "trajectories.jsonl", "counters.jsonl"
+TRAJECTORIES, COUNTERS, EVENTS = "trajectories.jsonl", "counters.jsonl", "events.jsonl"
 FORMAT = 1
 
 _DECIMALS = 6
@@ -172,6 +174,19 @@ def parse_counters(line: str) -> LiveDetails | None:
     try:
         renamed = _OLD_COUNTER.sub(lambda found: f'"{_RENAMED_COUNTERS[found[1]]}":', line)
         return msgspec.json.decode(renamed, type=CountersLine).counters
+    except msgspec.MsgspecError:
+        return None
+
+
+def format_event(event: LoopEvent) -> bytes:
+    """Format a line of `events.jsonl`."""
+    return msgspec.json.encode(event) + b"\n"
+
+
+def parse_event(line: str) -> LoopEvent | None:
+    """Return the event of a line; None when the line is damaged."""
+    try:
+        return msgspec.json.decode(line, type=LoopEvent)
     except msgspec.MsgspecError:
         return None
 

@@ -32,6 +32,7 @@ class Recorder:
                 "snapshots": Sink(folder / files.SNAPSHOTS, notify, files.SNAPSHOT_HEADER),
                 "trajectories": Sink(folder / files.TRAJECTORIES, notify),
                 "counters": Sink(folder / files.COUNTERS, notify),
+                "events": Sink(folder / files.EVENTS, notify),
             }
             if self._frames is not None:
                 self._sinks["frames"] = Sink(folder / files.FRAMES, notify)
@@ -50,6 +51,7 @@ class Recorder:
         self._sinks["snapshots"].write(lines.snapshots, now_ns)
         self._sinks["trajectories"].write(lines.trajectories, now_ns)
         self._sinks["counters"].write(lines.counters, now_ns)
+        self._sinks["events"].write(lines.events, now_ns)
         if now_ns >= self._status_due_ns:
             self._status_due_ns = now_ns + ns_from_s(files.STATUS_PERIOD_S)
             self._save(self.status(now_ns))
@@ -82,6 +84,7 @@ class Recorder:
         return of_bus | {
             "snapshots": self._telemetry.snapshots_lost,
             "trajectories": self._telemetry.trajectories_lost,
+            "events": self._telemetry.events_lost,
         }
 
     def _report_losses(self) -> None:

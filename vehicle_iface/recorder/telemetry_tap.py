@@ -1,9 +1,9 @@
-"""The telemetry of one run as lines: every snapshot, every trajectory, the counters twice a second."""
+"""The telemetry of one run as lines: every snapshot, trajectory and event, the counters twice a second."""
 
 from dataclasses import dataclass, field
 
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.recorder.files import format_counters, format_snapshot, format_trajectory
+from vehicle_iface.recorder.files import format_counters, format_event, format_snapshot, format_trajectory
 from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryReader
 from vehicle_iface.units import NS_PER_S
 
@@ -17,6 +17,7 @@ class NewLines:
     snapshots: list[bytes] = field(default_factory=list)
     trajectories: list[bytes] = field(default_factory=list)
     counters: list[bytes] = field(default_factory=list)
+    events: list[bytes] = field(default_factory=list)
 
 
 class TelemetryTap:
@@ -32,8 +33,10 @@ class TelemetryTap:
         self._sequence = 0
         self._version = 0
         self._counters_due_ns = 0
+        self._event = 0
         self.snapshots_lost = 0
         """Number of snapshots overwritten before they were read."""
+        self.events_lost = 0
         self.trajectories_lost = 0
 
     def read(self, now_ns: int) -> NewLines:
@@ -48,6 +51,10 @@ class TelemetryTap:
             self._add_trajectories(snapshot, lines)
             lines.snapshots.append(format_snapshot(snapshot))
             self._sequence = snapshot.sequence
+        for event in self._reader.events(self._event):
+            self.events_lost += event.number - self._event - 1
+            self._event = event.number
+            lines.events.append(format_event(event))
         if now_ns >= self._counters_due_ns:
             self._counters_due_ns = now_ns + COUNTERS_NS
             counters = self._reader.details()

@@ -21,6 +21,10 @@ class ArmingRequests:
         self._engagement = engagement
         self._is_requested = False
         self._refusals, self._refused_ns = 0, 0
+        self.answers = 0
+        """Number of requests that were applied, or rejected and logged."""
+        self.answer = ""
+        """What became of the newest of them."""
 
     def request(self) -> None:
         """Arm with the next tick. Safe in a signal handler."""
@@ -36,6 +40,7 @@ class ArmingRequests:
         elif not self._engagement.apply(Event.ARMED, now_ns):
             self._refuse(self._engagement.refusal_to_arm(status), now_ns)
         else:
+            self._answer("accepted")
             return self._engagement.mode.computes
         return False
 
@@ -46,4 +51,8 @@ class ArmingRequests:
             return
         more = f" ({self._refusals - 1} more refusals since the last)" if self._refusals > 1 else ""
         log.warning("not armed: %s%s", why, more)
+        self._answer(f"rejected: {why}")
         self._refusals, self._refused_ns = 1, now_ns
+
+    def _answer(self, text: str) -> None:
+        self.answers, self.answer = self.answers + 1, text

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.frame import FrameKey
+from vehicle_iface.runtime.arming import ArmingRequests
 from vehicle_iface.runtime.arrival import ArrivalFilter
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import ControlCycle
+from vehicle_iface.runtime.event_watch import EventWatch
 from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.publisher import TelemetryPublisher
 from vehicle_iface.runtime.reports import Reports
@@ -48,6 +50,8 @@ class LoopComponents:
     publisher: TelemetryPublisher
     counters: Counters
     statistics: RunStatistics
+    events: EventWatch
+    arming: ArmingRequests
     timer: PeriodicTimer
     """Ticks at the command period."""
     stale_ns: int

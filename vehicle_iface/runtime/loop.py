@@ -8,7 +8,6 @@ import logging
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.reason import Reason
 from vehicle_iface.runtime import realtime
-from vehicle_iface.runtime.arming import ArmingRequests
 from vehicle_iface.runtime.arrival import Arrival
 from vehicle_iface.runtime.components import LoopComponents
 from vehicle_iface.runtime.cycle import Decision
@@ -33,7 +32,7 @@ class Loop:
     def __init__(self, components: LoopComponents) -> None:
         parts = components
         self.link, self.timer, self.shutdown = parts.link, parts.timer, parts.shutdown
-        self.arming = ArmingRequests(parts.engagement)
+        self.arming, self.events = parts.arming, parts.events
         self._decoder, self._assembler, self._arrival = parts.decoder, parts.assembler, parts.arrival
         self._plausibility, self._motion, self._cycle = parts.plausibility, parts.motion, parts.cycle
         self._engagement, self._transmitter, self._reports = parts.engagement, parts.transmitter, parts.reports
@@ -257,6 +256,7 @@ class Loop:
             self._publish(now_ns, self._cycle.last)
         self._publisher.publish_details(now_ns, self.details)
         self.shutdown.finish_if_released(now_ns, self._assembler.status)
+        self.events.poll(now_ns)
 
     def _stop_on_stale_state(self, now_ns: int) -> None:
         """Stop an engaged vehicle from its last state, at the command period, while no plausible sample arrives.

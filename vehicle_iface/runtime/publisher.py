@@ -10,6 +10,7 @@ from vehicle_iface.reason import Reason
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import Decision
 from vehicle_iface.runtime.timer import PeriodicTimer
+from vehicle_iface.runtime.tracking_stats import TrackingStats
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import ControllerState, Gear, VehicleMode, VehicleStatus
 from vehicle_iface.telemetry import Snapshot, TelemetryWriter
@@ -32,7 +33,15 @@ _NO_STATUS = VehicleStatus(stamp_ns=0, mode=VehicleMode.MANUAL, gear=None)
 class TelemetryPublisher:
     """Builds and publishes telemetry; without a writer it does nothing."""
 
-    def __init__(self, writer: TelemetryWriter | None, controller: ControllerBase, counters: Counters) -> None:
+    def __init__(
+        self,
+        writer: TelemetryWriter | None,
+        controller: ControllerBase,
+        counters: Counters,
+        *,
+        lap: Callable[[], int | None] = lambda: None,
+    ) -> None:
+        """`lap` returns the number of the lap on a closed route, otherwise None."""
         self._writer = writer
         self._controller = controller
         self._counters = counters
@@ -41,6 +50,7 @@ class TelemetryPublisher:
         self._details_timer: PeriodicTimer | None = None
         self._path: _Path | None = None
         self._lookahead_failed = False
+        self.tracking, self._lap, self._tracked_ns = TrackingStats(), lap, 0
 
     def publish_snapshot(
         self,
@@ -79,6 +89,10 @@ class TelemetryPublisher:
             requested, permitted = decision.requested, decision.permitted
             requested_accel_mps2, requested_rad = requested.accel_mps2, requested.front_wheel_angle_rad
             sent_accel_mps2, sent_rad = permitted.accel_mps2, permitted.front_wheel_angle_rad
+            drives = sent and permitted.enable and not permitted.safe_stop
+            if drives and path is not None and shown.stamp_ns != self._tracked_ns:
+                self._tracked_ns = shown.stamp_ns
+                self.tracking.add(lateral_m, heading_error_rad, lap=self._lap())
         self._writer.publish(
             Snapshot(
                 published_ns=now_ns,

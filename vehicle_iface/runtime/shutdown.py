@@ -22,7 +22,10 @@ class Shutdown:
         self._engagement, self._handover = engagement, handover
         self._requests = 0
         self._is_due = False
-        self._has_begun = False
+        self.has_begun = False
+        """Whether the shutdown has begun: on schedule, or on request."""
+        self.is_released_at_once = False
+        """Whether a second request released the vehicle."""
         self._released_ns: int | None = None
         self.is_done = False
         self.ended_in_fault = False
@@ -40,6 +43,11 @@ class Shutdown:
         self._is_due = True
 
     @property
+    def cause(self) -> str:
+        """What the shutdown was begun by."""
+        return "by request" if self._requests else "on schedule"
+
+    @property
     def must_release_now(self) -> bool:
         """Whether it was requested twice."""
         return self._requests > 1 and not self.is_done
@@ -51,9 +59,9 @@ class Shutdown:
 
     def begin_if_due(self, now_ns: int) -> None:
         """Begin the shutdown when it is due or was requested; it is done at once where nothing may be sent."""
-        if self._has_begun or not (self._is_due or self._requests):
+        if self.has_begun or not (self._is_due or self._requests):
             return
-        self._has_begun = True
+        self.has_begun = True
         self.ended_in_fault = self._engagement.ends_in_fault
         self._engagement.apply(Event.END, now_ns)
         self.is_done = not self._engagement.mode.may_send
@@ -66,14 +74,14 @@ class Shutdown:
 
     def release_now(self, now_ns: int) -> bool:
         """End without waiting for standstill; return whether ENABLE = 0 must still be sent once."""
-        self.is_done = True
+        self.is_done = self.is_released_at_once = True
         self._engagement.apply(Event.STANDSTILL, now_ns)
         return self._engagement.is_released
 
     def finish_if_released(self, now_ns: int, status: VehicleStatus | None) -> None:
         """Finish when the vehicle reports its release, ENABLE = 0 was sent long enough, or nothing may be sent."""
         engagement = self._engagement
-        if not self._has_begun:
+        if not self.has_begun:
             return
         if not engagement.mode.may_send:
             self.ended_in_fault = self.ended_in_fault or engagement.ends_in_fault

@@ -12,9 +12,11 @@ from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.frame import FrameKey
 from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.runtime.cycle import ControlCycle
+from vehicle_iface.runtime.event_watch import EventWatch
 from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.runtime.timer import PeriodicTimer
+from vehicle_iface.runtime.tracking_stats import TrackingStats
 from vehicle_iface.safety.engagement import Engagement
 from vehicle_iface.safety.motion import MotionCheck
 from vehicle_iface.safety.plausibility import PlausibilityCheck
@@ -22,6 +24,7 @@ from vehicle_iface.safety.transmit_filter import TransmitFilter
 from vehicle_iface.state_assembler import StateAssembler
 from vehicle_iface.telemetry.details import (
     Causes,
+    EventSummary,
     LinkChange,
     LinkDetails,
     LinkSummary,
@@ -31,6 +34,7 @@ from vehicle_iface.telemetry.details import (
     ShadowSummary,
     Transition,
 )
+from vehicle_iface.telemetry.events import LoopEvent
 from vehicle_iface.units import s_from_ns
 
 
@@ -52,6 +56,8 @@ class RunStatistics:
         timer: PeriodicTimer,
         shadow: Shadow | None,
         names: Mapping[FrameKey, str],
+        events: EventWatch,
+        tracking: TrackingStats,
         started_ns: int,
     ) -> None:
         """`names` are those of the frames that the profile knows."""
@@ -59,6 +65,7 @@ class RunStatistics:
         self._cycle, self._engagement, self._transmit_filter = cycle, engagement, transmit_filter
         self._plausibility, self._motion, self._counters = plausibility, motion, counters
         self._link, self._timer, self._shadow, self._names = link, timer, shadow, names
+        self._events, self._tracking = events, tracking
         self._started_ns = started_ns
 
     def details(self) -> LiveDetails:
@@ -99,11 +106,20 @@ class RunStatistics:
                 Transition(at_s=self._since_start_s(at_ns), mode=mode.name, reason=reason.name)
                 for at_ns, mode, reason in self._engagement.transitions
             ],
+            stops=self._events.stops(self._started_ns, now_ns),
+            limits=self._events.limits(),
+            tracking=self._tracking.summary(),
+            events=[self._summarize(event) for event in self._events.log.kept],
+            events_left_out=self._events.log.count - len(self._events.log.kept),
             part_ages_s=self._part_ages_s(),
             odometry_m=self._odometry_m(),
             shadow=self._shadow_summary(),
             **self._causes(),
         )
+
+    def _summarize(self, event: LoopEvent) -> EventSummary:
+        at_s = self._since_start_s(event.at_ns)
+        return EventSummary(at_s=at_s, kind=event.kind, name=event.name, phase=event.phase, text=event.text)
 
     def _part_ages_s(self) -> dict[str, float] | UnsetType:
         ages_s = {name: s_from_ns(age_ns) for name, age_ns in self._assembler.oldest_ns.items()}

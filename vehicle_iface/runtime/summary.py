@@ -4,7 +4,17 @@ import msgspec
 from msgspec import UNSET
 
 from vehicle_iface.bus.link_state import LinkState
-from vehicle_iface.telemetry.details import ByCause, LatencySummary, LinkSummary, RunSummary, ShadowSummary
+from vehicle_iface.telemetry.details import (
+    ByCause,
+    ErrorSummary,
+    LatencySummary,
+    LimitSummary,
+    LinkSummary,
+    RunSummary,
+    ShadowSummary,
+    StopSummary,
+    TrackingSummary,
+)
 
 SHOWN_COUNTS = (
     "samples_before_engagement",
@@ -18,6 +28,9 @@ SHOWN_COUNTS = (
     "link_losses",
 )
 """Counters of the loop that the table shows where they are not zero."""
+
+SHOWN_STOPS, SHOWN_LAPS = 10, 20
+"""Rows of the table; JSON has all."""
 
 _LOST = (LinkState.DOWN.name, LinkState.GONE.name)
 
@@ -36,6 +49,7 @@ def table(summary: RunSummary) -> str:
         ("ended", f"{summary.controller_state}, {summary.reason}"),
         *([("review", summary.review)] if summary.review is not UNSET else []),
         *([("latched fault", summary.latched_fault)] if summary.latched_fault else []),
+        *_stops(summary.stops),
         ("duration", f"{summary.duration_s:.1f} s"),
         ("samples", f"{summary.samples} complete, {summary.incomplete_samples} incomplete"),
         ("commands", f"{summary.commands} sent"),
@@ -48,9 +62,12 @@ def table(summary: RunSummary) -> str:
         rows.append(("odometry", f"{summary.odometry_m:.1f} m driven; its error grows with the distance"))
     if summary.latency.count:
         rows.append(("latency state→command", "  ".join(_quantiles(summary.latency))))
+    if summary.tracking is not UNSET:
+        rows += _tracking(summary.tracking)
+    rows += [(f"limit: {name}", _limit(limit)) for name, limit in summary.limits.items()]
     if summary.shadow is not UNSET and summary.shadow.takeovers:
         rows += _shadow(summary.shadow)
-    for name in ("drops", "lost", "implausible", "limited", "deviations", "tx_blocked"):
+    for name in ("drops", "lost", "implausible", "deviations", "tx_blocked"):
         counts: ByCause = getattr(summary, name)
         rows += [(f"{name}: {cause}", str(count)) for cause, count in counts.items() if count]
     for name in SHOWN_COUNTS:
@@ -60,6 +77,35 @@ def table(summary: RunSummary) -> str:
         rows.append(("recorder", summary.recorder.text))
     width = max(len(name) for name, _ in rows)
     return "\n".join(f"  {name:<{width}}  {value}" for name, value in rows)
+
+
+def _stops(stops: list[StopSummary]) -> list[tuple[str, str]]:
+    """The first `SHOWN_STOPS` stops, and the number of the others."""
+    rows = [("stop", _stop(stop)) for stop in stops[:SHOWN_STOPS]]
+    more = len(stops) - len(rows)
+    return [*rows, ("stops", f"{more} more, see --summary")] if more else rows
+
+
+def _stop(stop: StopSummary) -> str:
+    how = f"{stop.reaction}, latched" if stop.latched else stop.reaction
+    return f"{stop.reason} at {stop.at_s:.1f} s, for {stop.duration_s:.1f} s: {how}"
+
+
+def _limit(limit: LimitSummary) -> str:
+    return f"{limit.commands} commands changed, {limit.times} times, {limit.duration_s:.1f} s in all"
+
+
+def _tracking(tracking: TrackingSummary) -> list[tuple[str, str]]:
+    rows = [("lateral error", _error(tracking.lateral_m, "m")), ("heading error", _error(tracking.heading_rad, "rad"))]
+    if len(tracking.laps) > 1:
+        for number, lap in enumerate(tracking.laps[:SHOWN_LAPS], start=1):
+            errors = f"{_error(lap.lateral_m, 'm')}; {_error(lap.heading_rad, 'rad')}"
+            rows.append((f"lap {number}: lateral; heading", errors))
+    return rows
+
+
+def _error(error: ErrorSummary, unit: str) -> str:
+    return f"RMS {error.rms:.3f}  95 % {error.p95:.3f}  max {error.max:.3f} {unit}"
 
 
 def _link(link: LinkSummary) -> str:

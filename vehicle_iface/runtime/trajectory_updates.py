@@ -9,7 +9,7 @@ from vehicle_iface.runtime.counters import Counters
 from vehicle_iface.safety.feasibility import find_violation
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectories.cleaning import find_backward_step
-from vehicle_iface.trajectories.source import TrajectorySource
+from vehicle_iface.trajectories.source import SupportsLaps, TrajectorySource
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface.units import NS_PER_S, s_from_ns
 
@@ -36,6 +36,20 @@ class TrajectoryUpdater:
         self._limits, self._wheelbase_m = limits, wheelbase_m
         self._feasible: FloatArray | None = None
         self._has_raised = False
+        self._laps = source if isinstance(source, SupportsLaps) else None
+        self.rejection = ""
+        """Why the newest trajectory that was rejected was."""
+
+    @property
+    def points(self) -> int:
+        """Number of points of the trajectory in force."""
+        trajectory = self._controller.trajectory
+        return 0 if trajectory is None else len(trajectory)
+
+    @property
+    def lap(self) -> int | None:
+        """Number of the lap where the source drives a closed route; otherwise None."""
+        return None if self._laps is None else self._laps.lap
 
     def poll(self, now_ns: int, state: VehicleState, *, restart: bool) -> bool:
         """Pass on a new trajectory; return whether the controller took one. `restart` restarts the source now."""
@@ -65,12 +79,14 @@ class TrajectoryUpdater:
             self._controller.set_trajectory(trajectory)
         except TrajectoryRejectedError as error:
             self._counters.trajectories_rejected += 1
+            self.rejection = str(error)
             log.warning("trajectory rejected, the old one stays in force: %s", error)
             return False
         except KeyboardInterrupt:
             raise
         except BaseException:  # source and controller are the user's code: they may raise anything
             self._counters.trajectories_rejected += 1
+            self.rejection = "source or controller raised an exception, see the log"
             if not self._has_raised:
                 self._has_raised = True
                 log.exception("no new trajectory; the old one stays in force (further ones are counted)")

@@ -7,6 +7,8 @@ field. A field that may be unset is left out of the JSON.
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from vehicle_iface.telemetry.events import EventKind, Phase
+
 ByCause = dict[str, int]
 """Number of events by cause."""
 
@@ -127,6 +129,63 @@ class Transition(msgspec.Struct, frozen=True, kw_only=True):
     reason: str
 
 
+class StopSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """One stop, in seconds since the start of the run."""
+
+    at_s: float
+    reason: str
+    reaction: str
+    """`stopped`, `released` to the driver, or `silent`."""
+    duration_s: float
+    """Until the loop drove on, the reason or the reaction changed, or the run ended."""
+    latched: bool
+    """Whether only arming or a new trajectory ended it."""
+
+
+class LimitSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """One limit of the gate that acted."""
+
+    commands: int
+    """Commands that it changed."""
+    times: int
+    """How often it began to act, after at least 0.5 s without."""
+    duration_s: float
+    """Sum of the times from its first to its last command."""
+
+
+class ErrorSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """An error of tracking in its unit, regardless of its sign."""
+
+    rms: float
+    p95: float
+    max: float
+
+
+class LapSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """Errors of tracking of one lap."""
+
+    samples: int
+    lateral_m: ErrorSummary
+    heading_rad: ErrorSummary
+
+
+class TrackingSummary(LapSummary, frozen=True, kw_only=True):
+    """Errors of tracking over the run: of each sample that was answered with a command to drive."""
+
+    laps: list[LapSummary]
+    """On a closed route the errors of each lap, the first and the last one perhaps incomplete."""
+
+
+class EventSummary(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One event, in seconds since the start of the run."""
+
+    at_s: float
+    kind: EventKind
+    name: str
+    phase: Phase = Phase.ONCE
+    text: str = ""
+
+
 class RecorderSummary(msgspec.Struct, frozen=True, kw_only=True):
     """The recorder's final status."""
 
@@ -155,6 +214,16 @@ class RunSummary(Causes, frozen=True, kw_only=True):
     bus_counters: ByCause
     link: LinkSummary
     transitions: list[Transition]
+    stops: list[StopSummary] = msgspec.field(default_factory=list)
+    """The first stops of the run, at most 1000; also that of its end."""
+    limits: dict[str, LimitSummary] = msgspec.field(default_factory=dict)
+    """The limits that acted, by name as in `limited`."""
+    tracking: TrackingSummary | UnsetType = UNSET
+    """Unset where nothing was driven."""
+    events: list[EventSummary] = msgspec.field(default_factory=list)
+    """The newest events of the run, at most 1000."""
+    events_left_out: int = 0
+    """Number of events before them."""
     part_ages_s: dict[str, float] | UnsetType = UNSET
     """By message, the greatest age of a part of a sample by time."""
     odometry_m: float | UnsetType = UNSET

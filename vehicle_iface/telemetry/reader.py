@@ -17,6 +17,7 @@ import numpy as np
 
 from vehicle_iface.telemetry.address import paths_of
 from vehicle_iface.telemetry.details import LiveDetails
+from vehicle_iface.telemetry.events import LoopEvent
 from vehicle_iface.telemetry.layout import (
     BAD_JSON,
     COLUMNS,
@@ -25,6 +26,10 @@ from vehicle_iface.telemetry.layout import (
     DETAILS_AT,
     DETAILS_STRIDE,
     ENDED_AT,
+    EVENT,
+    EVENT_BYTES,
+    EVENT_SLOTS,
+    EVENTS_AT,
     FILE_BYTES,
     HEAD_AT,
     HEADER,
@@ -124,6 +129,19 @@ class TelemetryReader:
         both = (self._read(DETAILS_AT + k * DETAILS_STRIDE, DETAILS_STRIDE) for k in (0, 1))
         return max((unpack_details(area) for area in both), key=lambda found: found[0])[1]
 
+    def events(self, after: int = 0) -> list[LoopEvent]:
+        """Return the events with a number above `after` that are still kept, oldest first, up to a missing one."""
+        found: list[LoopEvent] = []
+        first = self._event(after + 1)
+        if first is None:  # overwritten, or not there yet
+            area = self._read(EVENTS_AT, EVENT_SLOTS * EVENT_BYTES)
+            slots = (unpack_event(area[at : at + EVENT_BYTES]) for at in range(0, len(area), EVENT_BYTES))
+            first = min((one for one in slots if one is not None and one.number > after), key=_number, default=None)
+        while first is not None:
+            found.append(first)
+            first = self._event(first.number + 1)
+        return found
+
     def close(self) -> None:
         """Close the file."""
         if self._file >= 0:
@@ -217,6 +235,10 @@ class TelemetryReader:
         slot = self._read(RING_AT + sequence % RING_LENGTH * SLOT_BYTES, SLOT_BYTES)
         return unpack_snapshot(slot, sequence)
 
+    def _event(self, number: int) -> LoopEvent | None:
+        slot = self._read(EVENTS_AT + number % EVENT_SLOTS * EVENT_BYTES, EVENT_BYTES)
+        return unpack_event(slot, number)
+
     def _all_slots(self) -> list[Snapshot]:
         ring = self._read(RING_AT, RING_LENGTH * SLOT_BYTES)
         found = (unpack_snapshot(ring[at : at + SLOT_BYTES]) for at in range(0, len(ring), SLOT_BYTES))
@@ -233,6 +255,26 @@ def unpack_snapshot(slot: bytes, sequence: int | None = None) -> Snapshot | None
     if values[-1] <= 0 or sequence not in (None, values[-1]):
         return None
     return Snapshot._make((*values[:-2], _text(values[-2]), values[-1]))
+
+
+def unpack_event(slot: bytes, number: int | None = None) -> LoopEvent | None:
+    """Return the event in a slot; None when it is empty, partly written, or not the requested one."""
+    if len(slot) < EVENT.size:
+        return None
+    found, length = EVENT.unpack_from(slot)
+    end = EVENT.size + min(length, EVENT_BYTES)
+    if found <= 0 or number not in (None, found) or len(slot) < end + CRC.size:
+        return None
+    if zlib.crc32(slot[:end]) != CRC.unpack_from(slot, end)[0]:
+        return None
+    try:
+        return msgspec.json.decode(slot[EVENT.size : end], type=LoopEvent)
+    except BAD_JSON:
+        return None
+
+
+def _number(event: LoopEvent) -> int:
+    return event.number
 
 
 def _text(padded: bytes) -> str:

@@ -22,6 +22,7 @@ from vehicle_iface import clock
 from vehicle_iface.errors import ConfigError, InvalidValueError
 from vehicle_iface.telemetry.address import paths_of
 from vehicle_iface.telemetry.details import LiveDetails
+from vehicle_iface.telemetry.events import LoopEvent
 from vehicle_iface.telemetry.layout import (
     COLUMNS,
     CRC,
@@ -29,6 +30,10 @@ from vehicle_iface.telemetry.layout import (
     DETAILS_AT,
     DETAILS_STRIDE,
     ENDED_AT,
+    EVENT,
+    EVENT_BYTES,
+    EVENT_SLOTS,
+    EVENTS_AT,
     FILE_BYTES,
     FRAME_BYTES,
     HEAD_AT,
@@ -102,6 +107,18 @@ class TelemetryWriter:
         number = self._details_number = self._details_number + 1
         body = DETAILS.pack(number, len(text)) + text
         at = DETAILS_AT + number % 2 * DETAILS_STRIDE
+        self._view[at : at + len(body) + CRC.size] = body + CRC.pack(zlib.crc32(body))
+
+    def publish_event(self, event: LoopEvent) -> None:
+        """Publish an event; its text is shortened where its JSON does not fit into `EVENT_BYTES`."""
+        text, room = msgspec.json.encode(event), EVENT_BYTES - EVENT.size - CRC.size
+        if len(text) > room:
+            kept = event.text[: max(0, len(event.text) - (len(text) - room) - 1)]
+            while len(text) > room:
+                text = msgspec.json.encode(msgspec.structs.replace(event, name=event.name[:64], text=kept + "…"))
+                kept = kept[: len(kept) // 2]
+        body = EVENT.pack(event.number, len(text)) + text
+        at = EVENTS_AT + event.number % EVENT_SLOTS * EVENT_BYTES
         self._view[at : at + len(body) + CRC.size] = body + CRC.pack(zlib.crc32(body))
 
     def close(self) -> None:

@@ -89,6 +89,11 @@ class RecedingRoute:
         return self._laps
 
     @property
+    def lap(self) -> int | None:
+        """As `laps` on a closed route; None on an open one."""
+        return self._laps if self.route.closed else None
+
+    @property
     def finished(self) -> bool:
         """Whether the vehicle has reached the end of an open route."""
         return self._leg_index == len(self._legs)

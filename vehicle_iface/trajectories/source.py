@@ -1,7 +1,7 @@
 """The interface of the loop to its source of trajectories, and the source that gives one trajectory once."""
 
 import copy
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
@@ -16,6 +16,16 @@ class TrajectorySource(Protocol):
 
     def restart(self) -> None:
         """Start over: the next call of `next` gives the first trajectory again, as at the instant of engagement."""
+        ...
+
+
+@runtime_checkable
+class SupportsLaps(Protocol):
+    """A source that knows where a lap ends."""
+
+    @property
+    def lap(self) -> int | None:
+        """Number of the present lap of a closed route; None on an open one."""
         ...
 
 
