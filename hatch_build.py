@@ -1,0 +1,71 @@
+"""Builds `vehicle_iface/_wire.c` into the wheel where there is a C compiler; without one the wheel is pure Python.
+
+An editable installation gets the library beside its source. The environment: `CC`, `CFLAGS` and `LDFLAGS` as usual;
+`VEHICLE_IFACE_WIRE=python` builds none, and `VEHICLE_IFACE_WIRE=c` makes it an error that it cannot be built.
+"""
+
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+SOURCE, LIBRARY = "vehicle_iface/_wire.c", "vehicle_iface/_wire.abi3.so"
+
+
+class WireBuildHook(BuildHookInterface):  # type: ignore[type-arg]
+    """The hook that hatchling calls for a wheel."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile the library, if it can be done, and add it to the wheel."""
+        choice = os.environ.get("VEHICLE_IFACE_WIRE", "")
+        is_editable = version == "editable"
+        self._folder = tempfile.TemporaryDirectory()
+        library = Path(self.root, LIBRARY) if is_editable else Path(self._folder.name, "_wire.abi3.so")
+        library.unlink(missing_ok=True)
+        if choice == "python":
+            return
+        if problem := find_problem() or compile_library(Path(self.root, SOURCE), library):
+            if choice == "c":
+                raise RuntimeError(f"VEHICLE_IFACE_WIRE=c: {SOURCE} cannot be built: {problem}")
+            self.app.display_warning(f"{SOURCE} is not built, its Python twin is used: {problem}")
+        elif not is_editable:
+            build_data["force_include"][str(library)] = LIBRARY
+            build_data["pure_python"] = False
+            build_data["tag"] = f"cp311-abi3-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:  # noqa: ARG002
+        """Remove the compiled library, which is in the wheel."""
+        self._folder.cleanup()
+
+
+def find_problem() -> str:
+    """Return why this machine can build no library; empty if it can."""
+    if sys.platform != "linux":
+        return "SocketCAN is on Linux only"
+    if platform.python_implementation() != "CPython" or sysconfig.get_config_var("Py_GIL_DISABLED"):
+        return "this Python does not have CPython's stable ABI"
+    return "" if shutil.which(_compiler()[0]) else f"no C compiler ({_compiler()[0]})"
+
+
+def _compiler() -> list[str]:
+    return shlex.split(os.environ.get("CC", "")) or ["cc"]
+
+
+def compile_library(source: Path, library: Path, *flags: str) -> str:
+    """Compile `source` to `library`; return the compiler's output if it fails."""
+    sha256 = hashlib.sha256(source.read_bytes()).hexdigest()
+    command = [*_compiler(), "-O2", "-std=c11", "-Wall", "-Wextra", "-fPIC", "-shared", "-fvisibility=hidden"]
+    command += [f'-DSOURCE_SHA256="{sha256}"', f"-I{sysconfig.get_path('include')}"]
+    command += [*flags, *shlex.split(os.environ.get("CFLAGS", "")), str(source), "-o", str(library)]
+    command += shlex.split(os.environ.get("LDFLAGS", ""))
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    return "" if done.returncode == 0 else done.stderr.strip() or f"{command[0]} ended with {done.returncode}"
