@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("vehicle_iface", "viewer")
 
-BASE = {"errors", "units", "clock", "checks", "command_line", "standstill", "interpolation", "value"}
+BASE = {"errors", "units", "clock", "checks", "command_line", "standstill", "interpolation", "value", "wire", "_wire"}
 DATA = {"frame", "reason", "status", "state", "trajectory", "command", "decoded", "profile", "motion_sources", "pose"}
 DATA |= {"row", "command_forms"}
 CORE = {"bus", "codec", "control", "safety", "telemetry", "state_assembler", "trajectories"}
@@ -146,6 +146,7 @@ def test_the_source_keeps_the_rules() -> None:
 
 def test_every_package_is_on_a_layer() -> None:
     packages = {_package(path.relative_to(ROOT).as_posix()) for path in (ROOT / "vehicle_iface").rglob("*.py")}
+    packages |= {path.stem for path in (ROOT / "vehicle_iface").glob("*.c")}
     assert packages - {"__init__"} == set(LAYER_OF)
 
 

@@ -1,6 +1,7 @@
 """The wheel, installed into an environment of its own: its contents, its commands, and a user's typed controller."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -24,24 +25,31 @@ class Creep(ControllerBase):
 """
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel as a release builds it."""
-    folder = tmp_path_factory.mktemp("dist")
+def build_wheel(folder: Path, **environment: str) -> Path:
+    """The wheel as a release builds it, with these environment variables."""
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True, env=os.environ | environment)
     (file,) = folder.glob("*.whl")
     return file
 
 
 @pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of a machine with a C compiler."""
+    return build_wheel(tmp_path_factory.mktemp("dist"), VEHICLE_IFACE_WIRE="c")
+
+
+@pytest.fixture(scope="module")
 def user_python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return install(wheel, tmp_path_factory.mktemp("environment"))
+
+
+def install(wheel: Path, folder: Path) -> Path:
     """An environment with the wheel; its dependencies are those of the tests' environment."""
-    folder = tmp_path_factory.mktemp("environment")
     venv.create(folder)
     python = folder / "bin" / "python"
-    install = ["-m", "pip", "--python", str(python), "install", "--quiet", "--no-index", "--no-deps", str(wheel)]
-    subprocess.run([sys.executable, *install], check=True, capture_output=True)
+    command = ["-m", "pip", "--python", str(python), "install", "--quiet", "--no-index", "--no-deps", str(wheel)]
+    subprocess.run([sys.executable, *command], check=True, capture_output=True)
     (packages,) = folder.glob("lib/python*/site-packages")
     (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     return python
@@ -85,6 +93,36 @@ def run_installed(python: Path, *command: str, at: Path) -> str:
     done = subprocess.run([python.parent / command[0], *command[1:]], cwd=at, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+SAYS_WIRE = "from vehicle_iface import wire; print(wire.describe(), wire.find_problem())"
+
+
+@pytest.mark.timeout(300)
+def test_the_wheel_of_a_machine_with_a_compiler_has_the_c_code_for_every_python_from_3_11_on(
+    wheel: Path, user_python: Path, tmp_path: Path
+) -> None:
+    assert re.search(r"-cp311-abi3-linux_\w+\.whl$", wheel.name)
+    names = set(zipfile.ZipFile(wheel).namelist())
+    assert "vehicle_iface/_wire.abi3.so" in names
+    assert "vehicle_iface/_wire.c" not in names
+    assert run_installed(user_python, "python", "-c", SAYS_WIRE, at=tmp_path).split() == ["C"]
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("compiler", ["/no/such/cc", "false"])
+def test_the_wheel_of_a_machine_without_a_compiler_is_pure_and_works(compiler: str, tmp_path: Path) -> None:
+    pure = build_wheel(tmp_path, CC=compiler)
+    assert pure.name.endswith("-py3-none-any.whl")
+    assert not any(name.endswith((".so", ".c")) for name in zipfile.ZipFile(pure).namelist())
+    said = run_installed(install(pure, tmp_path / "venv"), "python", "-c", SAYS_WIRE, at=tmp_path)
+    assert said.startswith("Python vehicle_iface/_wire.c is not built")
+
+
+def test_a_wheel_that_must_have_the_c_code_is_not_built_without_a_compiler(tmp_path: Path) -> None:
+    with pytest.raises(subprocess.CalledProcessError) as caught:
+        build_wheel(tmp_path, CC="/no/such/cc", VEHICLE_IFACE_WIRE="c")
+    assert b"cannot be built: no C compiler (/no/such/cc)" in caught.value.stderr
 
 
 @pytest.mark.timeout(300)

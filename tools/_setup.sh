@@ -102,9 +102,26 @@ install_lock() { # PYTHON
     printf '%s\n' "$stamp" >"$venv/.lock"
 }
 
+# A C compiler and Python's headers, which Debian splits out of python3.
+has_compiler() { # PYTHON
+    command -v cc >/dev/null && [ -e "$("$1" -c 'import sysconfig; print(sysconfig.get_path("include"))')/Python.h" ]
+}
+
+# For what tests the C code; everything else runs without it.
+need_compiler() {
+    local python version
+    python=$(find_python)
+    has_compiler "$python" && return
+    version=$(version_of "$python")
+    install_packages gcc libc6-dev "libpython${version%.*}-dev"
+    has_compiler "$python" || die "no C compiler, or no headers of $python; run: sudo apt-get install -y gcc python3-dev"
+}
+
+# Again when the C code changes, or when a compiler has come that can build it.
 install_project() {
     local stamp
-    stamp=$(sha256sum <"$root/pyproject.toml")
+    stamp=$(cat "$root/pyproject.toml" "$root/hatch_build.py" "$root/vehicle_iface/_wire.c" | sha256sum)
+    stamp="$stamp $(has_compiler "$venv/bin/python" && printf 'with' || printf 'without') a compiler"
     is_stamped project "$stamp" && return
     say "Installing vehicle-iface into .venv (editable: changes to the source take effect at once)"
     pip_install --no-deps --no-build-isolation -e "$root" || die "pip failed, see above; when mended, run this again"

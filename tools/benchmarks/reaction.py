@@ -1,9 +1,10 @@
 """State sample in, command pair out: the whole program beside a bare socket loop and the usual python-can loops.
 
 Contestants: an echo (frames in, fixed frames out); a bare socket loop (hand-packed bytes, the same pure pursuit, no
-gate, no telemetry); ours, as `vehicle-iface run --arm` builds it; python-can with cantools in a loop, its controller
-looking for the nearest point on the whole course (567 points) as PythonRobotics does, or onwards from the last one;
-python-can's Notifier with a queue and a timer of 10 ms. All but the echo check and make the CRCs, with one C function.
+gate, no telemetry); ours, as `vehicle-iface run --arm` builds it, and in the first part the same without the C code of
+the wire; python-can with cantools in a loop, its controller looking for the nearest point on the whole course (567
+points) as PythonRobotics does, or onwards from the last one; python-can's Notifier with a queue and a timer of 10 ms.
+All but the echo check and make the CRCs, with one C function.
 
 Three parts: one whole pass in one process; the reaction of whole processes on vcan by kernel stamps; system calls of a
 sample, clock reads left out. The last two need SocketCAN: where there is none they run within `tools/vcan`, whose

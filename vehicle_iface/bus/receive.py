@@ -25,6 +25,7 @@ MMSGHDR = struct.Struct("@PIPNPNi0PI0P")
 _CMSGHDR = struct.Struct("@Nii")
 _TIMESPEC = struct.Struct("@ll")
 _UINT32 = struct.Struct("@I")
+_STAMP_BYTES = _CMSGHDR.size + _TIMESPEC.size
 _CONTROL_BYTES = 64
 """Room for the stamp and the drop counter, each with its header and padding."""
 _STRIDE = CANFD_MTU + _CONTROL_BYTES
@@ -77,7 +78,7 @@ class BatchReceiver:
         places = _PLACE.iter_unpack(self._places_view[: count * _STRIDE])
         for _, _, _, _, _, control, flags, length in MMSGHDR.iter_unpack(self._headers_view[:used]):
             can_id, size, room, told, level, kind, seconds, nanoseconds = next(places)
-            if control == told and level == SOL_SOCKET and kind == SO_TIMESTAMPNS:  # the stamp is all there is
+            if control == told == _STAMP_BYTES and level == SOL_SOCKET and kind == SO_TIMESTAMPNS:  # all there is
                 wall_ns, dropped = seconds * NS_PER_S + nanoseconds, 0
             else:
                 wall_ns, dropped = self._ancillary(len(packets) * _STRIDE + CANFD_MTU, control)
@@ -91,14 +92,16 @@ class BatchReceiver:
         return self._places[place * _STRIDE + _FLAGS_AT]
 
     def _ancillary(self, start: int, length: int) -> tuple[int, int]:
-        """Return stamp and drop counter from the control messages; 0 for a missing one."""
-        wall_ns, dropped, place, end = 0, 0, start, start + length
+        """Return stamp and drop counter from the control messages; 0 for one that is missing or cut off."""
+        wall_ns, dropped, place, end = 0, 0, start, start + min(length, _CONTROL_BYTES)
         while place + _CMSGHDR.size <= end:
             size, level, kind = _CMSGHDR.unpack_from(self._places, place)
-            if level == SOL_SOCKET and kind == SO_TIMESTAMPNS:
+            if not _CMSGHDR.size <= size <= end - place:
+                break
+            if level == SOL_SOCKET and kind == SO_TIMESTAMPNS and size >= _STAMP_BYTES:
                 seconds, nanoseconds = _TIMESPEC.unpack_from(self._places, place + _CMSGHDR.size)
                 wall_ns = seconds * NS_PER_S + nanoseconds
-            elif level == SOL_SOCKET and kind == SO_RXQ_OVFL:
+            elif level == SOL_SOCKET and kind == SO_RXQ_OVFL and size >= _CMSGHDR.size + _UINT32.size:
                 dropped = _UINT32.unpack_from(self._places, place + _CMSGHDR.size)[0]
             place += (size + _ALIGN - 1) & -_ALIGN
         return wall_ns, dropped

@@ -13,21 +13,12 @@ from contextlib import ExitStack
 from vehicle_iface import clock
 from vehicle_iface.bus.base import add_bus_name
 from vehicle_iface.bus.controller_events import ControllerEvent, parse_error_frame
-from vehicle_iface.bus.raw_socket import (
-    ERR_FLAG,
-    ERR_MASK,
-    SFF_MASK,
-    count_unsent_bytes,
-    gone_error,
-    open_socket,
-    pack_frame,
-    unpack_frame,
-)
+from vehicle_iface.bus.frame_io import open_receiver, open_sender
+from vehicle_iface.bus.raw_socket import ERR_FLAG, ERR_MASK, count_unsent_bytes, gone_error, open_socket
 from vehicle_iface.bus.receive import BATCH, BatchReceiver, Packet
 from vehicle_iface.bus.traffic_monitor import TrafficMonitor, TrafficSample
-from vehicle_iface.bus.transmit import BatchSender
 from vehicle_iface.errors import BusError
-from vehicle_iface.frame import CanFrame, IdFilter, unchecked_frame
+from vehicle_iface.frame import CanFrame, IdFilter
 from vehicle_iface.units import NS_PER_MS
 
 RECEIVE_BUFFER_BYTES = 1 << 20
@@ -72,7 +63,7 @@ class SocketCanBus:
         it, `wait` ends within 1 ms after `until_ns`.
         """
         self.channel = channel
-        self._name, self._number = name, number
+        self._name = name
         self.description = f"SocketCAN {channel}"
         self._counters = {
             "received": 0,
@@ -85,7 +76,6 @@ class SocketCanBus:
             "error_frames": 0,
         }
         self._offset_ns = clock.monotonic_ns() - clock.wall_ns()
-        self._kernel_drops = 0
         self._inbox: list[CanFrame] = []
         self._waits_in_receive = receive_timeout_ns is not None
         self._to_confirm, self._to_confirm_since_ns = 0, clock.monotonic_ns()
@@ -99,9 +89,10 @@ class SocketCanBus:
             self._traffic = TrafficMonitor(
                 channel, bus=number, bitrate=bitrate, data_bitrate=data_bitrate, now_ns=clock.monotonic_ns()
             )
+            self._sender = open_sender(self._socket.fileno())
+            self._receiver = open_receiver(self._socket.fileno(), number)
+            self._watcher = BatchReceiver(self._watch.fileno())
             unless_all_open.pop_all()
-        self._sender = BatchSender(self._socket.fileno())
-        self._receiver, self._watcher = BatchReceiver(self._socket.fileno()), BatchReceiver(self._watch.fileno())
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
         if receive_timeout_ns is not None:
@@ -142,7 +133,7 @@ class SocketCanBus:
     def send(self, *frames: CanFrame) -> int:
         """Hand frames to the kernel's transmit queue in one call, without waiting; return how many it accepted."""
         try:
-            sent = self._sender.send([pack_frame(frame) for frame in frames])
+            sent = self._sender.send(frames)
         except OSError as error:
             raise self._gone(error) from error
         self._counters["sent"] += sent
@@ -156,7 +147,7 @@ class SocketCanBus:
         `CONFIRMED_WITHIN_NS`.
         """
         events: list[ControllerEvent] = []
-        packets = self._receive(self._watcher, wait=False)
+        packets = self._receive_watched()
         while packets:
             for can_id, data, _, _, _, is_local in packets:
                 if can_id & ERR_FLAG:
@@ -164,7 +155,7 @@ class SocketCanBus:
                     events += parse_error_frame(can_id & ERR_MASK, data)
                 elif is_local:
                     self._counters["send_confirmed"] += 1
-            packets = self._receive(self._watcher, wait=False) if len(packets) == BATCH else []
+            packets = self._receive_watched() if len(packets) == BATCH else []
         self._count_missed(clock.monotonic_ns())
         return events
 
@@ -194,31 +185,21 @@ class SocketCanBus:
 
     def _take(self, *, wait: bool) -> None:
         """Receive into the inbox until the kernel has no more."""
-        packets, number = self._receive(self._receiver, wait=wait), self._number
-        while packets:
-            now_ns = clock.monotonic_ns()
-            self._follow_wall_clock(now_ns - clock.wall_ns())
-            offset_ns, inbox = self._offset_ns, self._inbox
-            for packet in packets:
-                word, data, is_fd, wall_ns, dropped, _ = packet
-                # Never later than now: a wall clock set forwards between the stamp and our reading of it would make
-                # an old frame look fresh.
-                stamp_ns = wall_ns + offset_ns if wall_ns else now_ns
-                if stamp_ns > now_ns:
-                    stamp_ns = now_ns
-                if word <= SFF_MASK:  # the usual case: a standard data frame
-                    inbox.append(unchecked_frame((word, data, stamp_ns, False, False, is_fd, False, number)))
-                else:
-                    inbox.append(unpack_frame(packet, stamp_ns, number))
-                if dropped:
-                    self._counters["receive_overflow"] += (dropped - self._kernel_drops) & 0xFFFFFFFF
-                    self._kernel_drops = dropped
-            self._counters["received"] += len(packets)
-            packets = self._receive(self._receiver, wait=False) if len(packets) == BATCH else []
-
-    def _receive(self, receiver: BatchReceiver, *, wait: bool) -> list[Packet]:
+        receiver = self._receiver
         try:
-            return receiver.receive(wait=wait)
+            count = receiver.receive(wait)
+            while count:
+                now_ns = clock.monotonic_ns()
+                self._follow_wall_clock(now_ns - clock.wall_ns())
+                self._counters["receive_overflow"] += receiver.take(self._inbox, self._offset_ns, now_ns)
+                self._counters["received"] += count
+                count = receiver.receive(False) if count == BATCH else 0
+        except OSError as error:
+            raise self._gone(error) from error
+
+    def _receive_watched(self) -> list[Packet]:
+        try:
+            return self._watcher.receive(wait=False)
         except OSError as error:
             raise self._gone(error) from error
 

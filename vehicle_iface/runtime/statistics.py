@@ -6,6 +6,7 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from vehicle_iface import wire
 from vehicle_iface.bus.link_state import LinkState
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.encoder import Encoder
@@ -92,6 +93,7 @@ class RunStatistics:
             controller_state=self._cycle.wire_state.name,
             reason=self._cycle.reason.name,
             bus=self._link.description,
+            wire=wire.describe(),
             latched_fault=fault.name if fault is not None else None,
             duration_s=self._since_start_s(now_ns),
             samples=self._assembler.completed - self._counters.samples_before_engagement,

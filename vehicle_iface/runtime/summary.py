@@ -44,6 +44,7 @@ def table(summary: RunSummary) -> str:
     """The summary for the terminal: one line for each thing that is not zero."""
     rows = [
         ("bus", summary.bus),
+        ("wire", summary.wire),
         ("link", _link(summary.link)),
         *[("link lost", change.why) for change in summary.link.transitions if change.state in _LOST][-1:],
         ("ended", f"{summary.controller_state}, {summary.reason}"),

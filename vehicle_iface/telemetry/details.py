@@ -203,6 +203,8 @@ class RunSummary(Causes, frozen=True, kw_only=True):
     controller_state: str
     reason: str
     bus: str
+    wire: str
+    """Which code handled the frames: C or Python."""
     latched_fault: str | None
     duration_s: float
     samples: int

@@ -8,13 +8,14 @@ the same system calls (recvmmsg, kernel stamps, time-outs), so that they cost wh
 import json
 import logging
 import math
+import os
 import socket
 import sys
 import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from unittest import mock
 
@@ -25,7 +26,7 @@ from vehicle_bus_contract.socketcan import decode
 
 from benchmarks.parts.reaction_contestants import Bare, Contestant, Echo, PythonCan
 from benchmarks.parts.reaction_vehicle import Course, RailVehicle, figure_of_eight
-from vehicle_iface import compose, opening
+from vehicle_iface import compose, opening, wire
 from vehicle_iface.bus import socketcan, traffic_monitor
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.profile import load_profile
@@ -201,20 +202,24 @@ def open_runners() -> Iterator[list[Runner]]:
     course = figure_of_eight()
     with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:
         info = SessionInfo(channel="socket pair", bus="AF_UNIX")
-        with TelemetryWriter(f"{folder}/telemetry", info) as telemetry:
-            found = [_runner(name, course, telemetry) for name in NAMES]
-            yield found
+        with ExitStack() as writers:
+            telemetry = [writers.enter_context(TelemetryWriter(f"{folder}/{name}", info)) for name in NAMES]
+            yield [_runner(name, course, writer) for name, writer in zip(NAMES, telemetry, strict=True)]
 
 
-NAMES = ("echo", "bare", "ours", "python-can", "python-can, incremental search")
+OURS, OURS_IN_PYTHON = "ours", "ours, wire in Python"
+"""The second without the C code for the wire, whatever is built."""
+NAMES = ("echo", "bare", OURS, OURS_IN_PYTHON, "python-can", "python-can, incremental search")
 
 
 def _runner(name: str, course: Course, telemetry: TelemetryWriter) -> Runner:
     wires = Wires()
     rest: Callable[[], None] = lambda: None  # noqa: E731
     contestant: Contestant
-    if name == "ours":
-        contestant = loop = build_ours(wires, course, telemetry)
+    if name in (OURS, OURS_IN_PYTHON):
+        choice = {wire.VARIABLE: "python"} if name == OURS_IN_PYTHON else {}
+        with mock.patch.dict(os.environ, choice):
+            contestant = loop = build_ours(wires, course, telemetry)
 
         def keep_time() -> None:
             """Its own time grid is served between the samples, as on a bus."""
@@ -278,7 +283,7 @@ def prove_fair(found: list[Runner]) -> None:
         time.sleep(PROOF_S)
     angles_rad = {name: runner.front_wheel_angle_rad for name, runner in judged.items()}
     for name, angle_rad in angles_rad.items():
-        if not abs(angle_rad - angles_rad["bare"]) <= (SAME_RAD if name == "ours" else SIMILAR_RAD):
+        if not abs(angle_rad - angles_rad["bare"]) <= (SAME_RAD if name.startswith(OURS) else SIMILAR_RAD):
             raise RuntimeError(f"contestants steer differently at the same place: {angles_rad}")
 
 

@@ -18,6 +18,7 @@ from vehicle_iface.cli.doctor.system import (
     check_realtime,
     check_software,
     check_throttling,
+    check_wire,
     describe_other_system,
     read_number,
 )
@@ -58,5 +59,6 @@ def examine(buses: Mapping[str, Bus], *, system: str = sys.platform) -> list[Dia
             )
         ),
         *check_memory_files(telemetry_path("default").parent),
+        *check_wire(),
         *check_software(),
     ]

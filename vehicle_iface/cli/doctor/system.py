@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from vehicle_iface import wire
 from vehicle_iface.cli.doctor.findings import Diagnostic, missing, ok, read_text, warn
 from vehicle_iface.runtime import realtime
 
@@ -20,6 +21,7 @@ TESTED = {
 }
 """The package versions with which the tests run, as in requirements.txt."""
 TELEMETRY_BYTES = 4 << 20
+FIX_WIRE = "sudo apt-get install -y gcc python3-dev; python3 -m pip install --force-reinstall --no-deps SOURCE-FOLDER"
 SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies", "refined-jiffies", "pit")
 FAST_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock")
 
@@ -102,6 +104,16 @@ def check_memory_files(folder: Path) -> Iterator[Diagnostic]:
         yield missing(subject, f"{free_bytes} bytes free of {TELEMETRY_BYTES} needed", f"ls -lS {subject}")
     else:
         yield ok(subject, f"writable, {free_bytes >> 20} MiB free")
+
+
+def check_wire() -> Iterator[Diagnostic]:
+    """Check which code handles the frames."""
+    if wire.uses_c():
+        yield ok("wire", "C")
+    elif problem := wire.find_problem():
+        yield warn("wire", f"Python, slower than C: {problem}", FIX_WIRE)
+    else:
+        yield ok("wire", f"Python, by {wire.VARIABLE}")
 
 
 def check_software() -> Iterator[Diagnostic]:

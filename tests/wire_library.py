@@ -1,0 +1,56 @@
+"""The C code of `_wire.c`, compiled for the tests from the source as it is now, whatever is installed."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+from importlib.machinery import ExtensionFileLoader
+from pathlib import Path
+from types import ModuleType
+
+import hatch_build
+
+ROOT = Path(__file__).resolve().parents[1]
+LIBRARY = "TEST_WIRE_LIBRARY"
+"""The environment variable with the path of the library that `load_wire` loads."""
+SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-fno-omit-frame-pointer", "-g")
+
+
+def build_wire(folder: Path, *flags: str) -> Path:
+    """Compile the library; fails where there is no C compiler, because the C code is then not tested."""
+    library = folder / "_wire.abi3.so"
+    source = ROOT / hatch_build.SOURCE
+    problem = hatch_build.find_problem() or hatch_build.compile_library(source, library, "-Werror", *flags)
+    assert not problem, f"the C code is not tested: {problem} (tools/test installs what is missing)"
+    return library
+
+
+def load_wire(library: str = "") -> ModuleType:
+    """Load a library as `vehicle_iface._wire`; without one that of the environment."""
+    path = library or os.environ[LIBRARY]
+    spec = importlib.util.spec_from_loader("vehicle_iface._wire", ExtensionFileLoader("vehicle_iface._wire", path))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def find_runtime(name: str) -> str:
+    """Path of a runtime library of the compiler, like libasan.so."""
+    found = subprocess.run(["cc", f"-print-file-name={name}"], check=True, capture_output=True, text=True)
+    return found.stdout.strip()
+
+
+def run_tests(file: Path, library: Path, *preload: str) -> None:
+    """Run the tests of `file` in a process of their own, with these libraries preloaded."""
+    environment = os.environ | {
+        LIBRARY: str(library),
+        "LD_PRELOAD": " ".join(preload),
+        "PYTHONMALLOC": "malloc",  # so that the address sanitizer sees every object
+        "ASAN_OPTIONS": "detect_leaks=0",  # the interpreter never frees everything
+        "PYTHONPATH": str(ROOT),
+    }
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", str(file)]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
