@@ -22,8 +22,8 @@ from hil_bench.wire import Wire
 from hypothesis import given
 from hypothesis import strategies as st
 from scenes import DRIVES, WIRE, at, find_case, observed, other_wire, pair, steady, stop
-from vehicle_bus_contract.judge import Pair, Record, Sample, examine
-from vehicle_bus_contract.reference import AUTONOMOUS, READY, DecodedFrame, Frame, S
+from vehicle_bus_contract.judge import Pair, Record, Sample, examine, find_pairs_beside
+from vehicle_bus_contract.reference import AUTONOMOUS, MS, READY, DecodedFrame, Frame, S
 from virtual_drive import VirtualDrive
 
 Values = dict[str, float]
@@ -374,3 +374,15 @@ def test_at_rest_a_stop_brakes_the_motion_before_it_and_a_drive_begins_the_one_a
     told = [(-2.48, mps, is_stop) for mps in (*((0.3, 0.1) if is_stop else ()), -0.01, -0.03, -0.06, -0.1)]
     found = found_by(beyond, "vbox_kart", *(told if not is_stop else told[:-2]))
     assert bool(found) is is_found
+
+
+@pytest.mark.parametrize(("apart_ns", "reasons"), [(0, [0, 1]), (2 * MS, [1])])
+def test_a_report_belongs_to_every_command_that_came_at_the_same_time(apart_ns: int, reasons: list[int]) -> None:
+    def pair_at(stamp_ns: int, reason: int) -> Pair:
+        said = DecodedFrame(stamp_ns, "COMMAND", {"REASON": float(reason)})
+        return Pair(said, said)
+
+    pairs = [pair_at(S - apart_ns, 0), pair_at(S, 1)]
+    assert [pair.drive["REASON"] for pair in find_pairs_beside(pairs, S)] == reasons
+    assert [pair.drive["REASON"] for pair in find_pairs_beside(pairs, S - 5 * MS)] == [0]
+    assert find_pairs_beside([], S) == []

@@ -1,7 +1,7 @@
 """Judges a record of frames by the bus contract: decodes it and lists what is wrong with it."""
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -36,6 +36,8 @@ SILENCE_NS = 200 * MS
 SETTLING_NS = 200 * MS
 """At a beginning, frames may have queued up before the first answer."""
 
+AT_ONCE_NS = MS
+"""What comes within this time has no order."""
 LEAST_LOSS_NS = 40 * MS
 """After so long without a sample, as the observer sees it, a stop needs none."""
 JITTER_NS = 20 * MS
@@ -436,16 +438,26 @@ def judge_wheel_rates(record: Record, limits: Limits, more_rad: float = 1e-4) ->
         lowest, highest = min(lowest, rising), max(highest, falling)
 
 
+def find_pairs_beside(pairs: Sequence[Pair], stamp_ns: int) -> Sequence[Pair]:
+    """The pair before and the pair after a time, and all that came at that time.
+
+    After a pause of the machine frames have one stamp that were sent one after another.
+    """
+    after = bisect_right(pairs, stamp_ns, key=_stamp_ns)
+    at_once = bisect_left(pairs, stamp_ns - AT_ONCE_NS, key=_stamp_ns)
+    return pairs[max(0, min(at_once, after - 1)) : after + 1]
+
+
+def _stamp_ns(pair: Pair) -> int:
+    return pair.stamp_ns
+
+
 def _judge_lights_and_reports(record: Record) -> None:
-    """Hazard lights and CONTROLLER_STATUS fit the pair before or the pair after them."""
-    before: Pair | None = None
-    pairs = deque(record.pairs)
+    """Hazard lights and CONTROLLER_STATUS fit a pair beside them."""
     for decoded in record.decoded:
-        while pairs and pairs[0].stamp_ns <= decoded.stamp_ns:
-            before = pairs.popleft()
         if decoded.name not in ("BODY_COMMAND", "CONTROLLER_STATUS"):
             continue
-        near = [pair for pair in (before, pairs[0] if pairs else None) if pair is not None]
+        near = find_pairs_beside(record.pairs, decoded.stamp_ns)
         fits = _lights_fit if decoded.name == "BODY_COMMAND" else _report_fits
         if near and not any(fits(decoded, pair) for pair in near):
             what = ", ".join(f"{name} {value:.0f}" for name, value in decoded.signals.items() if name != "COUNTER")

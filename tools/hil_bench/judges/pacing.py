@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from itertools import pairwise
 
-from vehicle_bus_contract.judge import SILENCE_NS, Record
+from vehicle_bus_contract.judge import SILENCE_NS, Record, find_pairs_beside
 from vehicle_bus_contract.reference import MS, S
 
 from hil_bench.wire import Wire
@@ -60,11 +60,8 @@ def find_wrong_periods(wire: Wire, record: Record) -> Iterable[str]:
 
 def find_contradictions(record: Record) -> Iterable[str]:
     """Reports whose reason is not that of a command at the same time."""
-    pairs, place = record.pairs, 0
     for report in record.of("CONTROLLER_STATUS"):
-        while place < len(pairs) and pairs[place].stamp_ns <= report.stamp_ns:
-            place += 1
-        beside = {pair.reason for pair in pairs[max(0, place - 1) : place + 1]}
+        beside = {pair.reason for pair in find_pairs_beside(record.pairs, report.stamp_ns)}
         if beside and "REASON" in report.signals and report.reason not in beside:
             at = f"{(report.stamp_ns - record.begin_ns) / S:.3f} s:"
             yield f"{at} CONTROLLER_STATUS has {report.reason}, the commands {' and '.join(sorted(beside))}"
