@@ -106,11 +106,21 @@ def build_loop(
         wheelbase_m=wheelbase_m,
         stop=stop_shape(profile, controller.behavior),
     )
+    deviation = DeviationMonitor(profile.deviation, speed_max_mps=profile.limits.speed_max_mps)
+    trajectories = TrajectoryUpdater(
+        source,
+        controller,
+        counters,
+        deviation=deviation,
+        limits=profile.limits,
+        wheelbase_m=wheelbase_m,
+        now_ns=now_ns,
+    )
     cycle = ControlCycle(
         controller,
         gate,
         engagement,
-        deviation=DeviationMonitor(profile.deviation, speed_max_mps=profile.limits.speed_max_mps),
+        deviation=deviation,
         motion=motion,
         gear_check=GearCheck(profile.limits.gear_change_speed_mps),
         stop_hold=StopHold(profile.recovery),
@@ -134,7 +144,6 @@ def build_loop(
         encoder, pace, transmit_filter, link, gate, engagement, counters, now_ns, read_context, former
     )
     handover = Handover(ns_from_s(profile.handover.warning_s), hold_until_warned=profile.handover.hold_until_warned)
-    trajectories = TrajectoryUpdater(source, controller, counters, limits=profile.limits, wheelbase_m=wheelbase_m)
     publisher = TelemetryPublisher(telemetry, controller, counters, lap=lambda: trajectories.lap)
     shadow = None if armed or not database.commands else _shadow(database)
     arming, shutdown = ArmingRequests(engagement), Shutdown(engagement, handover)
@@ -187,6 +196,7 @@ def build_loop(
                 encoder=encoder,
                 assembler=assembler,
                 cycle=cycle,
+                trajectories=trajectories,
                 engagement=engagement,
                 transmit_filter=transmit_filter,
                 plausibility=plausibility,

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle_iface.control.stop_schedule import StopSchedule
+from vehicle_iface.control.stop_schedule import StopSchedule, find_stops
 from vehicle_iface.control.tracking import PathProgress
+from vehicle_iface.pieces import finish
 from vehicle_iface.trajectory import Trajectory
 
 POINTS = st.tuples(st.sampled_from([-2.0, 0.0, 1e-4, 0.5, 2.0]), st.booleans(), st.booleans())
@@ -34,7 +35,7 @@ def stops_on(
         )
     )
     progress.spatial_index = index
-    return StopSchedule(progress)
+    return StopSchedule(progress, finish(find_stops(progress.trajectory)))
 
 
 def stop_of(stops: StopSchedule) -> tuple[int, int, bool]:

@@ -14,7 +14,9 @@ from hypothesis import strategies as st
 from tests.harness import Drive, reference, straight
 from vehicle_iface import Trajectory, drivable
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.safety.feasibility import SLACK, find_violation, max_curvature
+from vehicle_iface.pieces import slices
+from vehicle_iface.safety import feasibility
+from vehicle_iface.safety.feasibility import SLACK, find_violation, find_violation_in_pieces, max_curvature
 from vehicle_iface.trajectories import ROUTES, make_route, save_csv
 from vehicle_iface.trajectories.source import FixedTrajectory
 
@@ -278,3 +280,48 @@ def test_rear_wheels_that_turn_as_well_make_the_sharpest_curve_sharper() -> None
     rear = msgspec.structs.replace(LIMITS, rear_wheel_angle_rad=0.1)
     both_per_m = (math.tan(LIMITS.front_wheel_angle_rad) + math.tan(0.1)) / WHEELBASE_M
     assert max_curvature(np.array([1.0]), rear, WHEELBASE_M) == pytest.approx(both_per_m)
+
+
+@pytest.mark.parametrize("size", [1, 2, 7, 64])
+@pytest.mark.parametrize("seed", range(30))
+def test_the_size_of_the_pieces_does_not_change_what_is_found(
+    size: int, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = wandering(np.random.default_rng(seed))
+    whole = judged(drawn)
+    monkeypatch.setattr(feasibility, "slices", lambda count, _=0: slices(count, size))
+    assert judged(drawn) == whole
+
+
+def test_wandering_paths_are_feasible_and_not() -> None:
+    found = [judged(wandering(np.random.default_rng(seed))) for seed in range(30)]
+    assert "" in found
+    assert any("the path turns" in text for text in found)
+
+
+def wandering(random: np.random.Generator) -> Trajectory:
+    """A path of up to 200 points that turns at random, with stretches backwards and at rest."""
+    n = int(random.integers(3, 200))
+    speed_mps = np.repeat(random.choice([1.0, -2.0, 0.0, 9.0], n), 9)[:n]
+    spacing_m = random.choice([0.02, 0.3, 1.0])
+    heading_rad = np.cumsum(random.normal(0.0, random.choice([0.01, 0.1, 0.5]), n) * spacing_m)
+    return path(
+        time_from_start_ns=np.arange(n) * 10**8,
+        x_m=np.cumsum(np.cos(heading_rad) * spacing_m * np.sign(speed_mps)),
+        y_m=np.cumsum(np.sin(heading_rad) * spacing_m * np.sign(speed_mps)),
+        heading_rad=heading_rad,
+        speed_mps=speed_mps,
+    )
+
+
+def test_a_path_through_a_point_far_away_is_checked_in_many_short_pieces() -> None:
+    """All windows but the last ones begin at the point before the gap."""
+    x_m = np.append(np.arange(9_999) * 0.01, 3_000.0)
+    drawn = path(
+        **dict.fromkeys(("y_m", "heading_rad"), np.zeros(10_000)),
+        time_from_start_ns=np.arange(10_000),
+        x_m=x_m,
+        speed_mps=np.ones(10_000),
+    )
+    pieces = sum(1 for _ in find_violation_in_pieces(drawn, LIMITS, WHEELBASE_M))
+    assert pieces > 3_000.0 / (feasibility.STEP_WHEELBASES * WHEELBASE_M) / feasibility._WINDOWS

@@ -502,13 +502,13 @@ def test_a_place_near_the_path_ends_a_search(looked_at: list[int]) -> None:
 
 def test_the_boxes_of_a_path_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     computed: list[int] = []
-    boxes = path_distance._Boxes
+    compute_boxes = path_distance.compute_boxes
 
     def counted(x_m: FloatArray, y_m: FloatArray) -> object:
         computed.append(len(x_m))
-        return boxes(x_m, y_m)
+        return compute_boxes(x_m, y_m)
 
-    monkeypatch.setattr(path_distance, "_Boxes", counted)
+    monkeypatch.setattr(path_distance, "compute_boxes", counted)
     found = locator(circle(1000))
     assert is_near(found, on_circle(0.0))
     assert computed == []

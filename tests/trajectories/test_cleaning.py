@@ -13,6 +13,7 @@ from tests.harness import reference
 from vehicle_iface import Trajectory, VehicleState, drivable
 from vehicle_iface.control.tracking import PathProgress
 from vehicle_iface.errors import BackwardStepError, ConfigError
+from vehicle_iface.pieces import slices
 from vehicle_iface.safety.feasibility import find_violation
 from vehicle_iface.trajectories import (
     RecedingRoute,
@@ -540,3 +541,35 @@ def test_a_cleaned_file_is_judged_as_it_will_be_driven(tmp_path: Path, monkeypat
     with pytest.raises(ConfigError, match="too sharp"):
         drivable.load_trajectory(str(tmp_path / "lap.csv"), reference().profile)
     assert judged == [200, 199]
+
+
+@pytest.mark.parametrize("size", [1, 2, 7, 64])
+@pytest.mark.parametrize("seed", range(40))
+def test_the_size_of_the_pieces_does_not_change_which_step_back_is_found(
+    size: int, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = random_path(np.random.default_rng(seed))
+    whole = find_backward_step(drawn)
+    monkeypatch.setattr(cleaning, "slices", lambda count: slices(count, size))
+    assert find_backward_step(drawn) == whole
+
+
+def test_noisy_paths_have_steps_back_and_not() -> None:
+    found = [find_backward_step(random_path(np.random.default_rng(seed))) for seed in range(40)]
+    assert None in found
+    assert any(found)
+
+
+def random_path(random: np.random.Generator) -> Trajectory:
+    """A straight path of up to 100 points with noise, stretches backwards and rests."""
+    n = int(random.integers(2, 100))
+    speed_mps = np.repeat(random.choice([1.0, -2.0, 0.0], n), 9)[:n]
+    noise_m = random.choice([0.0, 1e-4, 0.02])
+    return Trajectory(
+        stamp_ns=0,
+        time_from_start_ns=np.arange(n) * 10**8,
+        x_m=np.cumsum(0.05 * np.sign(speed_mps)) + random.normal(0.0, noise_m, n),
+        y_m=np.zeros(n),
+        heading_rad=np.zeros(n),
+        speed_mps=speed_mps,
+    )

@@ -3,6 +3,7 @@
 import logging
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import final
@@ -63,8 +64,9 @@ class BehaviorConfig:
 class ControllerBase(ABC):
     """Follows a trajectory, or stops.
 
-    A subclass implements `compute_command_impl`, and may override the hooks `check_new_trajectory`,
-    `handle_new_trajectory` and `stop_steering_impl`. On every `compute_command(state)`, in this order:
+    A subclass implements `compute_command_impl`, and may override the hooks `prepare_new_trajectory`,
+    `check_new_trajectory`, `handle_new_trajectory` and `stop_steering_impl`. On every `compute_command(state)`, in this
+    order:
 
     1. No trajectory, or one without points: stop command, in any frame.
     2. State and trajectory in different frames: `FrameMismatchError`; the indices do not change.
@@ -209,6 +211,15 @@ class ControllerBase(ABC):
     def handle_new_trajectory(self, trajectory: Trajectory) -> Trajectory:
         """The trajectory to follow instead of the given one, after the check has passed; the same by default."""
         return trajectory
+
+    def prepare_new_trajectory(self, trajectory: Trajectory) -> Iterator[None]:  # noqa: ARG002  # a hook
+        """Compute what following `trajectory` needs, in pieces; nothing by default.
+
+        The loop calls this before `set_trajectory`. It goes on with the iterator by one piece or a few a pass, and
+        drives meanwhile: no piece should take longer than 0.3 ms. The work may be cut short when a newer trajectory
+        comes. `set_trajectory` does not call this, so a controller must do without.
+        """
+        return iter(())
 
     def stop_steering_impl(self, state: VehicleState) -> tuple[float, float]:  # noqa: ARG002  # a hook
         """Front and rear road-wheel angle (rad, positive to the left) of a stop with `StopSteering.TRACK`.

@@ -7,7 +7,7 @@ after the other.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -17,12 +17,14 @@ from vehicle_iface.command import Command
 from vehicle_iface.control.base import BehaviorConfig, ControllerBase
 from vehicle_iface.control.lookahead import ArcLength, search_target
 from vehicle_iface.control.prediction import predict
-from vehicle_iface.control.stop_schedule import StopSchedule
+from vehicle_iface.control.stop_schedule import Stops, StopSchedule, find_stops
 from vehicle_iface.control.tracking import PathProgress
 from vehicle_iface.errors import InvalidValueError
+from vehicle_iface.pieces import finish
 from vehicle_iface.reason import Reason
 from vehicle_iface.standstill import CREEPING_MPS
 from vehicle_iface.state import VehicleState
+from vehicle_iface.trajectory import FloatArray, Trajectory
 from vehicle_iface.units import s_from_ns
 
 LEAST_DISTANCE_M = 0.01
@@ -108,6 +110,9 @@ class PurePursuit(ControllerBase):
         super().__init__(behavior)
         self.config = PurePursuitConfig() if config is None else config
         self._clock = clock
+        self._found = Stops()
+        self._found_in: FloatArray | None = None
+        """The locked array `x_m` of the trajectory with these stops."""
         self._stops_of: PathProgress | None = None
         self._stops: StopSchedule
         self._arc_length: ArcLength
@@ -140,6 +145,11 @@ class PurePursuit(ControllerBase):
             speed_mps=self._reference_speed(progress),
         )
 
+    def prepare_new_trajectory(self, trajectory: Trajectory) -> Iterator[None]:
+        """Find the trajectory's stops."""
+        if len(trajectory):
+            yield from self._find_stops(trajectory)
+
     def stop_steering_impl(self, state: VehicleState) -> tuple[float, float]:
         """On at the target while there is one; straight otherwise, and in another frame."""
         progress = self._progress
@@ -163,8 +173,15 @@ class PurePursuit(ControllerBase):
     def _take_up(self, progress: PathProgress) -> None:
         """Compute stops and arc length of a new trajectory."""
         if self._stops_of is not progress:
-            self._stops, self._arc_length = StopSchedule(progress), ArcLength(progress.xs_m, progress.ys_m)
+            trajectory = progress.trajectory
+            if trajectory.x_m is not self._found_in:
+                finish(self._find_stops(trajectory))
+            self._stops, self._arc_length = StopSchedule(progress, self._found), ArcLength(progress.xs_m, progress.ys_m)
             self._stops_of = progress
+
+    def _find_stops(self, trajectory: Trajectory) -> Generator[None]:
+        found = yield from find_stops(trajectory)
+        self._found, self._found_in = found, trajectory.x_m
 
     def _go_on_from_stops(self, progress: PathProgress, state: VehicleState) -> None:
         """Goes on from the present stop when it is done, and knows the direction of travel afterwards."""

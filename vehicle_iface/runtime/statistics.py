@@ -18,6 +18,7 @@ from vehicle_iface.runtime.link import Link
 from vehicle_iface.runtime.shadow import Shadow
 from vehicle_iface.runtime.timer import PeriodicTimer
 from vehicle_iface.runtime.tracking_stats import TrackingStats
+from vehicle_iface.runtime.trajectory_updates import TrajectoryUpdater
 from vehicle_iface.safety.engagement import Engagement
 from vehicle_iface.safety.motion import MotionCheck
 from vehicle_iface.safety.plausibility import PlausibilityCheck
@@ -48,6 +49,7 @@ class RunStatistics:
         encoder: Encoder,
         assembler: StateAssembler,
         cycle: ControlCycle,
+        trajectories: TrajectoryUpdater,
         engagement: Engagement,
         transmit_filter: TransmitFilter,
         plausibility: PlausibilityCheck,
@@ -64,6 +66,7 @@ class RunStatistics:
         """`names` are those of the frames that the profile knows."""
         self._decoder, self._encoder, self._assembler = decoder, encoder, assembler
         self._cycle, self._engagement, self._transmit_filter = cycle, engagement, transmit_filter
+        self._trajectories = trajectories
         self._plausibility, self._motion, self._counters = plausibility, motion, counters
         self._link, self._timer, self._shadow, self._names = link, timer, shadow, names
         self._events, self._tracking = events, tracking
@@ -82,6 +85,7 @@ class RunStatistics:
             ),
             part_ages_s=self._part_ages_s(),
             odometry_m=self._odometry_m(),
+            trajectory_being_checked=self._trajectory_being_checked(),
             bus=self._link.counters(),
             **self._causes(),
         )
@@ -130,6 +134,10 @@ class RunStatistics:
     def _odometry_m(self) -> float | UnsetType:
         driven_m = self._assembler.locator.driven_m
         return UNSET if driven_m is None else driven_m
+
+    def _trajectory_being_checked(self) -> str | UnsetType:
+        points = self._trajectories.points_in_check
+        return UNSET if points is None else f"{points} points"
 
     def _loop_counters(self) -> dict[str, int]:
         return self._counters.as_dict() | {"grid_overruns": self._timer.overruns}

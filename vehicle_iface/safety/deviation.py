@@ -2,14 +2,15 @@
 
 import logging
 import math
+from collections.abc import Iterator
 from enum import Enum
 
 from vehicle_iface.profile import Deviation
 from vehicle_iface.safety.limits import LimitViolation
-from vehicle_iface.safety.path_distance import PathLocator, PathPlace
+from vehicle_iface.safety.path_distance import Boxes, PathLocator, PathPlace, compute_boxes
 from vehicle_iface.standstill import STANDING_MPS
 from vehicle_iface.state import VehicleState
-from vehicle_iface.trajectory import Trajectory
+from vehicle_iface.trajectory import FloatArray, Trajectory
 
 log = logging.getLogger(__name__)
 
@@ -39,10 +40,18 @@ class DeviationMonitor:
         self._limits = limits
         self._greatest_mps = speed_max_mps + limits.overspeed_mps
         self._path: PathLocator | None = None
+        self._boxes: Boxes | None = None
+        self._boxes_of: FloatArray | None = None
+        """The locked array `x_m` of the trajectory that they belong to."""
         self._left: Trajectory | None = None
         """The one that the vehicle was last found off, while that stops it."""
         self.counts = dict.fromkeys((finding.value for finding in DeviationKind), 0)
         """How often each was seen."""
+
+    def prepare(self, trajectory: Trajectory) -> Iterator[None]:
+        """Compute, in pieces, what a search of this trajectory's whole path needs."""
+        boxes = yield from compute_boxes(trajectory.x_m, trajectory.y_m)
+        self._boxes, self._boxes_of = boxes, trajectory.x_m
 
     def update(
         self,
@@ -64,7 +73,8 @@ class DeviationMonitor:
             greatest_mps = abs(state.speed_mps)
         path = self._path
         if path is None or path.trajectory is not trajectory:
-            path = self._path = PathLocator(trajectory, self._limits, index=index)
+            boxes = self._boxes if trajectory.x_m is self._boxes_of else None
+            path = self._path = PathLocator(trajectory, self._limits, index=index, boxes=boxes)
         speed_mps = state.speed_mps
         is_near = path.is_near(index, state.x_m, state.y_m, state.heading_rad)
         if is_near and self._left is None and greatest_mps <= self._greatest_mps and speed_mps * direction_mps >= 0.0:

@@ -15,16 +15,17 @@ The segment is found in up to three steps. The cost of none of them grows with t
    `WALK` segments at most. Is the vehicle near it? Plain floats; two products where it is there already.
 2. Which of the `WINDOW` segments before and after the one found last is it?
 3. Which of all segments is it? They are grouped in blocks of `BLOCK`. No segment is nearer than the bounding box of its
-   block, so only the blocks with the nearest boxes are looked at. The boxes are computed once for a trajectory, when it
-   is first searched (2 ms for a million points).
+   block, so only the blocks with the nearest boxes are looked at. The boxes are computed once for a trajectory: of a
+   long one before it comes into force, of another one when it is first searched.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from vehicle_iface.pieces import PIECE, finish, slices
 from vehicle_iface.profile import Deviation
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import FloatArray, IntArray, Trajectory
@@ -78,8 +79,9 @@ class PathLocator:
         "trajectory",
     )
 
-    def __init__(self, trajectory: Trajectory, limits: Deviation, *, index: int) -> None:
-        """`index` is the trajectory point near which the vehicle is looked for first."""
+    def __init__(self, trajectory: Trajectory, limits: Deviation, *, index: int, boxes: "Boxes | None" = None) -> None:
+        """`index` is the trajectory point near which the vehicle is looked for first. Without `boxes` of the trajectory
+        they are computed when they are needed."""
         self.trajectory = trajectory
         arrays = (trajectory.x_m, trajectory.y_m, trajectory.heading_rad)
         if len(trajectory) == 1:
@@ -91,7 +93,7 @@ class PathLocator:
         self._limits = limits
         self._near_square = limits.lateral_warn_m * limits.lateral_warn_m
         self._searched_ns: int | None = None
-        self._boxes: _Boxes | None = None
+        self._boxes = boxes
         self.segment = min(index, self._last)
         """Where the vehicle was found last."""
 
@@ -209,7 +211,7 @@ class PathLocator:
     def _search(self, state: VehicleState) -> PathPlace:
         """`_nearest` of the whole path."""
         if self._boxes is None:
-            self._boxes = _Boxes(self._x_m, self._y_m)
+            self._boxes = finish(compute_boxes(self._x_m, self._y_m))
         at_best = self._boxes.squares(state.x_m, state.y_m)  # (blocks,)
         best = self._nearest(np.array([BLOCK * at_best.argmin()]), BLOCK, state)
         # Beyond that there is neither a nearer segment nor one that the vehicle is on.
@@ -230,16 +232,29 @@ def _as_floats(array: FloatArray) -> Sequence[float]:
     return memoryview(array)  # type: ignore[arg-type]  # arrays are buffers at run time
 
 
-class _Boxes:
+def compute_boxes(x_m: FloatArray, y_m: FloatArray) -> Generator[None, None, "Boxes"]:
+    """The bounding boxes of the blocks of a path through these points (m + 1,), in pieces."""
+    last = len(x_m) - 1
+    blocks = -(-last // BLOCK)
+    low_m, high_m = np.empty((2, blocks)), np.empty((2, blocks))
+    for part in slices(blocks, PIECE // BLOCK):
+        begin = part.start * BLOCK
+        first = np.arange(begin, part.stop * BLOCK, BLOCK)
+        behind = np.minimum(first + BLOCK, last)  # the last segment's second end
+        for row, values in enumerate((x_m, y_m)):
+            of_part = values[begin : part.stop * BLOCK]
+            low_m[row, part] = np.minimum(np.minimum.reduceat(of_part, first - begin), values[behind])
+            high_m[row, part] = np.maximum(np.maximum.reduceat(of_part, first - begin), values[behind])
+        yield
+    return Boxes(low_m, high_m)
+
+
+class Boxes:
     """The bounding boxes of a path's blocks."""
 
-    def __init__(self, x_m: FloatArray, y_m: FloatArray) -> None:
-        first = np.arange(0, len(x_m) - 1, BLOCK)
-        behind = np.minimum(first + BLOCK, len(x_m) - 1)  # the last segment's second end
-        self._low_m, self._high_m = (
-            np.stack([each(each.reduceat(values, first), values[behind]) for values in (x_m, y_m)])
-            for each in (np.minimum, np.maximum)
-        )  # (2, blocks) each
+    def __init__(self, low_m: FloatArray, high_m: FloatArray) -> None:
+        """Least and greatest coordinates (2, blocks): x, y."""
+        self._low_m, self._high_m = low_m, high_m
 
     def squares(self, x_m: float, y_m: float) -> FloatArray:
         """(blocks,) the squares of the distances from a position to the boxes in m², 0 inside."""

@@ -108,6 +108,8 @@ class LiveDetails(Causes, frozen=True, kw_only=True):
     """By message, the greatest age of a part of a sample by time."""
     odometry_m: float | UnsetType = UNSET
     """The distance of dead reckoning, with which its error grows."""
+    trajectory_being_checked: str | UnsetType = UNSET
+    """The number of its points, while a new trajectory is checked and so not driven yet."""
     bus: ByCause = msgspec.field(default_factory=dict)
 
     def shortened(self) -> "LiveDetails":

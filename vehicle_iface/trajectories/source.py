@@ -33,7 +33,7 @@ class FixedTrajectory:
     """One trajectory, given once; its time 0 is the instant of the first call."""
 
     def __init__(self, trajectory: Trajectory) -> None:
-        self._trajectory = trajectory
+        self.trajectory = trajectory
         self._given = False
 
     def next(self, now_ns: int, state: VehicleState) -> Trajectory | None:  # noqa: ARG002
@@ -41,14 +41,14 @@ class FixedTrajectory:
         if self._given:
             return None
         self._given = True
-        return _restamp(self._trajectory, now_ns)
+        return restamp(self.trajectory, now_ns)
 
     def restart(self) -> None:
         """Give the trajectory once more."""
         self._given = False
 
 
-def _restamp(trajectory: Trajectory, stamp_ns: int) -> Trajectory:
+def restamp(trajectory: Trajectory, stamp_ns: int) -> Trajectory:
     """Return the same points at another time, without copying the arrays, which are locked and may be shared.
 
     A new `Trajectory` would check a million points again, in the loop's thread.
