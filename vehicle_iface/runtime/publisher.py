@@ -84,6 +84,7 @@ class TelemetryPublisher:
             _, lateral_m = to_body_axes(shown.x_m - spatial_x_m, shown.y_m - spatial_y_m, heading_rad)
             heading_error_rad = wrapped_rad(shown.heading_rad - heading_rad)
             lookahead = self._lookahead_m()
+        lookahead_x_m, lookahead_y_m = lookahead or (0.0, 0.0)
         requested_accel_mps2 = requested_rad = sent_accel_mps2 = sent_rad = 0.0
         if decision is not None:
             requested, permitted = decision.requested, decision.permitted
@@ -93,55 +94,25 @@ class TelemetryPublisher:
             if drives and path is not None and shown.stamp_ns != self._tracked_ns:
                 self._tracked_ns = shown.stamp_ns
                 self.tracking.add(lateral_m, heading_error_rad, lap=self._lap())
-        self._writer.publish(
-            Snapshot(
-                published_ns=now_ns,
-                controller_state=controller_state,
-                reason=reason,
-                has_state=state is not None,
-                stamp_ns=shown.stamp_ns,
-                x_m=shown.x_m,
-                y_m=shown.y_m,
-                heading_rad=shown.heading_rad,
-                speed_mps=shown.speed_mps,
-                accel_mps2=shown.accel_mps2,
-                yaw_rate_radps=shown.yaw_rate_radps,
-                lateral_speed_mps=shown.lateral_speed_mps,
-                front_wheel_angle_rad=shown.front_wheel_angle_rad,
-                rear_wheel_angle_rad=shown.rear_wheel_angle_rad,
-                has_status=status is not None,
-                vehicle_mode=report.mode,
-                gear=Gear.NO_REQUEST if report.gear is None else report.gear,
-                trajectory_version=self._trajectory_version if path is not None else 0,
-                has_reference=path is not None,
-                spatial_index=spatial,
-                temporal_index=temporal,
-                spatial_reference_x_m=spatial_x_m,
-                spatial_reference_y_m=spatial_y_m,
-                temporal_reference_x_m=temporal_x_m,
-                temporal_reference_y_m=temporal_y_m,
-                reference_speed_mps=reference_mps,
-                lateral_error_m=lateral_m,
-                heading_error_rad=heading_error_rad,
-                has_lookahead=lookahead is not None,
-                lookahead_x_m=lookahead[0] if lookahead is not None else 0.0,
-                lookahead_y_m=lookahead[1] if lookahead is not None else 0.0,
-                has_requested=decision is not None,
-                requested_accel_mps2=requested_accel_mps2,
-                requested_front_wheel_angle_rad=requested_rad,
-                sent=sent,
-                sent_accel_mps2=sent_accel_mps2,
-                sent_front_wheel_angle_rad=sent_rad,
-                latency_ns=latency_ns,
-                samples=counters.samples,
-                commands=counters.commands,
-                drops=drops,
-                deadline_misses=counters.deadline_misses,
-                handover_pending=handover_pending,
-                handover_in_ns=handover_in_ns,
-                frame_id=shown.frame_id,
-            )
-        )
+        # By position: by keyword, so many values cost 8 µs more. A test compares each with its name.
+        # fmt: off
+        self._writer.publish(Snapshot(
+            now_ns, controller_state, reason,
+            state is not None, shown.stamp_ns, shown.x_m, shown.y_m, shown.heading_rad, shown.speed_mps,
+            shown.accel_mps2, shown.yaw_rate_radps, shown.lateral_speed_mps,
+            shown.front_wheel_angle_rad, shown.rear_wheel_angle_rad,
+            status is not None, report.mode, Gear.NO_REQUEST if report.gear is None else report.gear,
+            self._trajectory_version if path is not None else 0,
+            path is not None, spatial, temporal, spatial_x_m, spatial_y_m, temporal_x_m, temporal_y_m,
+            reference_mps, lateral_m, heading_error_rad,
+            lookahead is not None, lookahead_x_m, lookahead_y_m,
+            decision is not None, requested_accel_mps2, requested_rad,
+            sent, sent_accel_mps2, sent_rad, latency_ns,
+            counters.samples, counters.commands, drops, counters.deadline_misses,
+            handover_pending, handover_in_ns,
+            shown.frame_id,
+        ))
+        # fmt: on
 
     def is_quiet(self, now_ns: int) -> bool:
         """Whether nothing was published for a while."""
