@@ -340,3 +340,46 @@ def test_damage_before_a_reset_widens_nothing_after_it() -> None:
     check.reset()
     assert check.step(0) is Sequence.INITIAL
     assert check.step(4) is Sequence.WRONG
+
+
+DAMAGED, RESET = "damaged", "reset"
+
+
+@example([3, 4, DAMAGED, *[4] * 16, 5, 6])
+@example([13, 14, 0, 1, 1, 2, 9, 10, 15, 11, DAMAGED, 12, 13, RESET, 5, 6, 7, 11, 12])
+@given(st.lists(st.one_of(st.integers(0, 15), st.just(DAMAGED), st.just(RESET)), max_size=60))
+def test_the_expected_counter_without_step_comes_to_the_same_as_with_it(frames: list[int | str]) -> None:
+    check, judging = CounterCheck(15, 3), CounterCheck(15, 3)
+    for frame in frames:
+        if isinstance(frame, str):
+            for each in (check, judging):
+                each.note_damaged() if frame is DAMAGED else each.reset()
+            continue
+        verdict = judging.step(frame)
+        if frame == check.expected:
+            check.expected = check.following[frame]
+            assert verdict is Sequence.OK
+        else:
+            assert check.step(frame) is verdict
+        assert (check.expected, check.lost) == (judging.expected, judging.lost)
+
+
+def test_the_next_counter_is_expected_while_all_frames_are_intact() -> None:
+    check = CounterCheck(15, 3)
+    assert check.expected is None
+    for counter in (13, 14, 0):
+        check.step(counter)
+        assert check.expected == (counter + 1) % 15
+    check.note_damaged()
+    assert check.expected is None
+    for count in range(1, WINDOW):
+        check.step(count % 15)
+        assert check.expected is None
+    check.step(WINDOW % 15)
+    assert check.expected == WINDOW % 15 + 1
+
+
+def test_without_a_counter_none_is_expected() -> None:
+    check = DamageCheck()
+    check.step(-1)
+    assert check.expected is None

@@ -136,10 +136,13 @@ class Decoder:
                 self._drop(DropCause.BAD_CRC, entry.name)
                 return None
             counter = entry.read_counter(data)
-            verdict = counters.step(counter)
-            if verdict not in _ACCEPTED:
-                self._drop(_SEQUENCE_DROPS[verdict], entry.name)
-                return None
+            if counter == counters.expected:
+                counters.expected = counters.following[counter]
+            else:
+                verdict = counters.step(counter)
+                if verdict not in _ACCEPTED:
+                    self._drop(_SEQUENCE_DROPS[verdict], entry.name)
+                    return None
         try:
             values = entry.decode(data)
         except SignalError:

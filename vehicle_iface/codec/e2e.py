@@ -153,18 +153,21 @@ class Sequence(Enum):
     """The frame is intact, but most recent frames were not; dropped."""
 
 
-_OK = Sequence.OK  # enumerations are slow to read
-
-
 class DamageCheck:
     """The rule for a message without a counter: while most of its last frames were damaged, none is accepted (AUTOSAR's
     E2E state machine, with a window of `WINDOW` checks). With enough noise, some damaged frames have a valid checksum.
     """
 
-    __slots__ = ("_history",)
+    __slots__ = ("_history", "expected", "following")
+
+    following: tuple[int, ...]
+    """The counter after each; only where there is one."""
 
     def __init__(self) -> None:
         self._history = _ALL_GOOD
+        self.expected: int | None = None
+        """The counter that an intact frame may have without `step`, by `expected = following[expected]`: the usual case
+        costs no call. None where each frame has to be judged."""
 
     def step(self, _counter: int) -> Sequence:
         """Judge the next intact frame."""
@@ -199,6 +202,7 @@ class CounterCheck(DamageCheck):
         super().__init__()
         self._states = states
         self._max_step = max_step
+        self.following = (*range(1, states), 0)
         self._last = -1
         self._damaged = 0
         self.lost = 0
@@ -206,10 +210,18 @@ class CounterCheck(DamageCheck):
 
     def step(self, counter: int) -> Sequence:
         """Judge the next frame by its counter, and remember the counter."""
+        self._expect_nothing()
+        verdict = self._judge(counter)
+        if self._last >= 0 and self._history == _ALL_GOOD and not self._damaged:
+            self.expected = self.following[self._last]
+        return verdict
+
+    def _expect_nothing(self) -> None:
+        if self.expected is not None:
+            self._last, self.expected = (self.expected - 1) % self._states, None
+
+    def _judge(self, counter: int) -> Sequence:
         last = self._last
-        if self._history == _ALL_GOOD and counter == last + 1 < self._states and last >= 0:  # the usual case
-            self._last, self._damaged = counter, 0
-            return _OK
         if not 0 <= counter < self._states:
             return Sequence.INVALID
         self._last = counter
@@ -229,11 +241,13 @@ class CounterCheck(DamageCheck):
 
     def note_damaged(self) -> None:
         """Count a frame whose checksum was wrong, so that its counter is unknown."""
+        self._expect_nothing()
         super().note_damaged()
         self._damaged = min(self._damaged + 1, MOST_WIDENED)
 
     def reset(self) -> None:
         """Forget the last frame: the next one is accepted as the first."""
         super().reset()
+        self.expected = None
         self._last = -1
         self._damaged = 0
