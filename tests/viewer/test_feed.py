@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from vehicle_iface import Trajectory
-from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryReader, TelemetryWriter, WriterState
+from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryWriter, WriterState
 from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
 from vehicle_iface.units import NS_PER_MS, NS_PER_S
-from vehicle_iface_viewer.feed import Feed
+from vehicle_iface_viewer.feed import Feed, LiveTelemetry
 
 INFO = SessionInfo(channel="vcan0", bus="SocketCAN vcan0")
 ZEROS = np.zeros(3)
@@ -28,12 +28,12 @@ def writer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TelemetryWriter
 
 @pytest.fixture
 def feed(writer: TelemetryWriter) -> Iterator[Feed]:
-    with TelemetryReader(writer.address) as reader:
+    with LiveTelemetry(writer.address) as reader:
         yield Feed(reader)
 
 
 def test_without_a_loop_the_view_reports_it(tmp_path_factory: pytest.TempPathFactory) -> None:
-    with TelemetryReader(str(tmp_path_factory.mktemp("feed") / "loop")) as reader:
+    with LiveTelemetry(str(tmp_path_factory.mktemp("feed") / "loop")) as reader:
         view = Feed(reader).read(5)
     assert (view.writer_state, view.snapshot, view.is_stale) == (WriterState.ABSENT, None, True)
 
@@ -94,3 +94,24 @@ def test_details_are_read_now_and_then(writer: TelemetryWriter, feed: Feed) -> N
     writer.publish_details(counted(2))
     assert feed.read(1).details == counted(1)
     assert feed.read(NS_PER_S).details == counted(2)
+
+
+def test_a_viewer_that_is_started_late_has_the_last_seconds(writer: TelemetryWriter, feed: Feed) -> None:
+    for k in range(1, 701):
+        writer.publish(Snapshot(k * 10 * NS_PER_MS, 3, 0, speed_mps=k / 10))
+    feed.read(7 * NS_PER_S)
+    rows = feed.recent.between(0, 8 * NS_PER_S)
+    assert rows["speed_mps"].tolist() == [k / 10 for k in range(700 - 511, 701)]
+
+
+def test_every_snapshot_is_kept_once_and_a_new_session_begins_with_none(writer: TelemetryWriter, feed: Feed) -> None:
+    for k in range(1, 31):
+        writer.publish(Snapshot(k * 10 * NS_PER_MS, 3, 0, speed_mps=k / 10))
+        if k % 3 == 0:
+            feed.read(k * 10 * NS_PER_MS)
+    assert len(feed.recent.between(0, NS_PER_S)) == 30
+    writer.close()
+    with TelemetryWriter(writer.address, INFO) as successor:
+        successor.publish(Snapshot(2 * NS_PER_S, 1, 0))
+        feed.read(2 * NS_PER_S)
+        assert len(feed.recent.between(0, 3 * NS_PER_S)) == 1

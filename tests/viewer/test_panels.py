@@ -24,6 +24,7 @@ from vehicle_iface_viewer.panels.legend import legend_html
 from vehicle_iface_viewer.panels.numbers import numbers_html
 from vehicle_iface_viewer.panels.plots import PLOTS
 from vehicle_iface_viewer.panels.text import plain
+from vehicle_iface_viewer.recent import RecentSnapshots
 
 
 class _PageText(HTMLParser):
@@ -281,8 +282,13 @@ def test_every_number_and_curve_of_the_page_shows_the_field_that_it_names() -> N
     assert shown["lateral-error"] == f"{fields['lateral_error_m']:.3f} m"
     assert shown["heading-error"] == f"{math.degrees(fields['heading_error_rad']):.2f} °"
     assert (shown["commands"], shown["frames-dropped"], shown["deadlines-missed"]) == ("93", "94", "95")
-    curves = {(plot.title, curve.label): curve.read(snapshot) for plot in PLOTS for curve in plot.curves}
+    recent = RecentSnapshots(length_s=1.0)
+    recent.extend([snapshot])
+    rows = recent.between(0, snapshot.published_ns)
+    curves = {(plot.title, curve.label): float(curve.read(rows)[0]) for plot in PLOTS for curve in plot.curves}
     assert curves == {
+        ("Front wheels, ° (left positive)", "limited"): math.degrees(fields["sent_front_wheel_angle_rad"]),
+        ("Acceleration, m/s²", "limited"): fields["sent_accel_mps2"],
         ("Speed, m/s", "reference"): fields["reference_speed_mps"],
         ("Speed, m/s", "vehicle"): fields["speed_mps"],
         ("Lateral error, m (left positive)", "vehicle"): fields["lateral_error_m"],
@@ -307,3 +313,12 @@ def test_a_rate_that_is_not_known_is_a_dash_and_not_zero() -> None:
     words = _PageText(banner_html(view(driving()))).text
     assert "samples/s –" in words
     assert "commands/s –" in words
+
+
+def test_what_the_loop_limited_is_shown_as_soon_as_it_limits() -> None:
+    link = LinkDetails(state="UP")
+    counted = LiveDetails(link=link, limited={"front_wheel_angle": 460, "<b>": 3, "accel": 0})
+    words = _PageText(numbers_html(replace(view(driving()), details=counted))).text
+    assert "commands limited: front_wheel_angle 460, <b> 3 " in words
+    none = LiveDetails(link=link, limited={"accel": 0})
+    assert "limited" not in numbers_html(replace(view(driving()), details=none))

@@ -101,14 +101,14 @@ def test_between_two_snapshots_and_where_some_are_lost_the_one_before_is_shown(r
     assert recording.newest() == snapshot(199)
 
 
-def test_the_history_has_one_snapshot_a_step_and_none_where_they_are_lost(recording: Playback) -> None:
-    found = recording.history(at_ns(190), at_ns(230), 50 * NS_PER_MS)
-    assert [each.published_ns for each in found] == [at_ns(k) for k in (195, 199, 220, 225, 230)]
-    assert recording.history(at_ns(50), at_ns(50), NS_PER_MS) == []
+def test_the_snapshots_between_two_times_are_all_that_were_not_lost(recording: Playback) -> None:
+    found = recording.between(at_ns(195), at_ns(222))
+    assert [each.published_ns for each in found] == [at_ns(k) for k in (196, 197, 198, 199, 220, 221, 222)]
+    assert recording.between(at_ns(50), at_ns(50)) == []
 
 
 def test_after_a_jump_while_paused_the_rates_are_those_of_the_second_before(recording: Playback) -> None:
-    feed = Feed(recording, recording.history)
+    feed = Feed(recording)
     feed.read(recording.advance(0))
     recording.is_paused = True
     recording.seek(3.5)

@@ -5,43 +5,55 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import viser
 from viser import uplot
 
 from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry import DrivingLimits, SessionInfo, Snapshot, WriterState
-from vehicle_iface.units import NS_PER_S, ns_from_s
+from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.access import Access, open_server
-from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.feed import RECENT_S, View
 from vehicle_iface_viewer.panels import plots as module
 from vehicle_iface_viewer.panels.plots import PLOTS, Plots
+from vehicle_iface_viewer.recent import RecentSnapshots
 
 TITLES = [plot.title.partition(",")[0] for plot in PLOTS]
 LIMITS = DrivingLimits(speed_max_mps=8.0, accel_min_mps2=-5.0, accel_max_mps2=2.0, front_wheel_angle_rad=0.5)
+NOW_NS = 1000 * NS_PER_S
 INFO = SessionInfo(channel="vcan0", bus="SocketCAN vcan0", limits=LIMITS)
 
 
 class Page:
     """Plots, and what was last sent to the page."""
 
-    def __init__(self, plots: Plots) -> None:
-        self.plots = plots
-        self.curves: dict[str, list[list[float]]] = {}
-        self.ago_s: list[float] = []
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self.recent = RecentSnapshots(length_s=RECENT_S)
+        self.plots = Plots(gui, self.recent)
+        self.curves: dict[str, dict[str, list[float]]] = {}
+        self.lines: dict[str, tuple[float, float]] = {}
+        self.times_s: list[float] = []
 
-    def show(self, at_s: float, snapshot: Snapshot | None = None, *, session: int = 1) -> None:
-        now_ns = ns_from_s(at_s)
-        self.plots.extend(
-            View(
-                now_ns=now_ns,
-                address="a",
-                writer_state=WriterState.LIVE,
-                session=session,
-                info=INFO,
-                snapshot=snapshot and snapshot._replace(published_ns=now_ns),
-            )
-        )
-        self.plots.send(0)
-        self.plots.send(1)
+    def show(self, *snapshots: Snapshot) -> None:
+        """Send all plots, with these snapshots in addition."""
+        self.recent.extend(snapshots)
+        view = View(now_ns=NOW_NS, address="a", writer_state=WriterState.LIVE, session=1, info=INFO)
+        for turn in range(len(PLOTS)):
+            self.plots.show(view, turn)
+
+    def note(
+        self, handle: object, times_s: np.ndarray, curves: list[np.ndarray], lines: tuple[float, float], _: int
+    ) -> None:
+        place = [id(each) for each in self.plots._handles].index(id(handle))
+        labels = [curve.label for curve in PLOTS[place].curves]
+        self.curves[TITLES[place]] = dict(zip(labels, (curve.tolist() for curve in curves), strict=True))
+        self.lines[TITLES[place]] = lines
+        self.times_s = times_s.tolist()
+
+    def ends(self, title: str, label: str = "vehicle") -> tuple[float, float]:
+        """The first and the last known time of a curve, s."""
+        values = self.curves[title][label]
+        known_s = [at_s for at_s, value in zip(self.times_s, values, strict=True) if not math.isnan(value)]
+        return known_s[0], known_s[-1]
 
     def range(self, title: str) -> tuple[float, float]:
         """The vertical range in the browser, without its margin."""
@@ -56,25 +68,30 @@ class Page:
 @pytest.fixture
 def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
     server = open_server(Access(port=0))
-    shown = Page(Plots(server.gui))
-
-    def note(handle: object, ago_s: np.ndarray, values: np.ndarray, _: int) -> None:
-        title = TITLES[[id(each) for each in shown.plots._handles].index(id(handle))]
-        shown.curves[title], shown.ago_s = values.tolist(), ago_s.tolist()
-
-    monkeypatch.setattr(module, "_send_curves", note)
+    shown = Page(server.gui)
+    monkeypatch.setattr(module, "_send_curves", shown.note)
     yield shown
     server.stop()
 
 
-def driving(**changes: object) -> Snapshot:
-    return Snapshot(NS_PER_S, ControllerState.SHADOW, 0, has_state=True)._replace(
-        **changes  # type: ignore[arg-type]
-    )
+def drive(seconds: float = 2.0, **changes: object) -> list[Snapshot]:
+    """Snapshots at 100 Hz up to now."""
+    count = round(seconds * 100)
+    times = [NOW_NS - k * NS_PER_S // 100 for k in reversed(range(count))]
+    return [
+        Snapshot(at_ns, ControllerState.SHADOW, 0, has_state=True, stamp_ns=at_ns)._replace(
+            **changes  # type: ignore[arg-type]
+        )
+        for at_ns in times
+    ]
+
+
+def known(values: list[float]) -> set[float]:
+    return {value for value in values if not math.isnan(value)}
 
 
 def test_the_ranges_are_the_limits_of_the_profile(page: Page) -> None:
-    page.show(1.0, driving(speed_mps=3.0))
+    page.show(*drive(speed_mps=3.0))
     assert page.range("Speed") == (0.0, 8.0)
     assert page.range("Acceleration") == (-5.0, 2.0)
     assert page.range("Front wheels") == (round(-math.degrees(0.5), 6), round(math.degrees(0.5), 6))
@@ -82,51 +99,78 @@ def test_the_ranges_are_the_limits_of_the_profile(page: Page) -> None:
     assert page.range("Heading error") == (round(-math.degrees(0.2), 6), round(math.degrees(0.2), 6))
 
 
+def test_the_limits_are_lines_and_a_speed_of_zero_is_none(page: Page) -> None:
+    page.show(*drive())
+    assert page.lines["Acceleration"] == (-5.0, 2.0)
+    assert page.lines["Lateral error"] == (-1.0, 1.0)
+    assert page.lines["Speed"] == pytest.approx((math.nan, 8.0), nan_ok=True)
+    assert all(math.isnan(line) for line in page.lines["Heading error"])
+
+
+def test_where_a_command_is_not_what_was_requested_it_is_marked(page: Page) -> None:
+    limited = drive(has_requested=True, sent=True, requested_accel_mps2=1.5, sent_accel_mps2=0.5)
+    free = [each._replace(sent_accel_mps2=1.48) for each in limited]
+    page.show(*limited[:100], *free[100:])
+    marked = page.curves["Acceleration"]["limited"]
+    assert known(marked) == {0.5}
+    assert page.ends("Acceleration", "limited")[1] == pytest.approx(-1.0, abs=0.2)
+    assert known(page.curves["Front wheels"]["limited"]) == set()
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])
 def test_a_value_that_cannot_be_drawn_is_a_gap(page: Page, bad: float) -> None:
-    page.show(1.0, driving(speed_mps=bad))
-    assert math.isnan(page.curves["Speed"][1][-1])
+    page.show(*drive(speed_mps=3.0)[:100], *drive(speed_mps=bad)[100:])
+    assert known(page.curves["Speed"]["vehicle"]) == {3.0}
+    assert page.ends("Speed")[1] == pytest.approx(-1.0, abs=0.2)
 
 
 def test_without_a_reference_its_curve_has_a_gap(page: Page) -> None:
-    for k, known in enumerate((True, False, True)):
-        page.show(1.0 + k / 5, driving(has_reference=known, lateral_error_m=0.25))
-    (lateral,) = page.curves["Lateral error"]
-    assert lateral == pytest.approx([0.25, math.nan, 0.25], nan_ok=True)
+    page.show(
+        *(each._replace(has_reference=not 80 <= k < 110) for k, each in enumerate(drive(lateral_error_m=0.25))),
+    )
+    values = page.curves["Lateral error"]["vehicle"]
+    assert math.isnan(values[page.times_s.index(min(page.times_s, key=lambda at_s: abs(at_s + 1.05)))])
+    assert known(values) == {0.25}
+    assert page.ends("Lateral error")[1] == 0.0
 
 
-def test_between_data_half_a_second_apart_is_a_gap(page: Page) -> None:
-    for at_s in (1.0, 1.5, 2.1):
-        page.show(at_s, driving(speed_mps=3.0))
-    assert page.curves["Speed"][1] == pytest.approx([3.0, 3.0, math.nan, 3.0], nan_ok=True)
-    assert page.ago_s == pytest.approx([-1.1, -0.6, 0.0, 0.0], abs=1e-6)
+def test_two_tenths_of_a_second_without_data_are_a_gap(page: Page) -> None:
+    all_of_it = drive(seconds=4.0, speed_mps=3.0)
+    page.show(*all_of_it[:200], *all_of_it[220:])
+    values = page.curves["Speed"]["vehicle"]
+    first, last = (page.times_s.index(at_s) for at_s in page.ends("Speed"))
+    assert any(math.isnan(value) for value in values[first:last])
+
+
+def test_a_state_that_grows_old_is_not_drawn_on(page: Page) -> None:
+    fresh = drive(speed_mps=3.0, has_reference=True)
+    page.show(*(each._replace(stamp_ns=min(each.stamp_ns, NOW_NS - NS_PER_S)) for each in fresh))
+    assert page.ends("Speed")[1] == pytest.approx(-0.9, abs=0.2)
+    assert page.ends("Lateral error")[1] == pytest.approx(-0.9, abs=0.2)
 
 
 def test_a_new_session_empties_the_plots(page: Page) -> None:
-    page.show(1.0, driving(speed_mps=3.0))
-    page.show(2.0, None, session=2)
-    assert page.curves["Speed"] == [[], []]
+    page.show(*drive(speed_mps=3.0))
+    page.recent.clear()
+    page.show()
+    assert known(page.curves["Speed"]["vehicle"]) == set()
 
 
-def test_after_a_jump_in_a_recording_the_plots_are_filled_with_what_was_before(page: Page) -> None:
-    def history(begin_ns: int, end_ns: int, step_ns: int) -> list[Snapshot]:
-        times = range(end_ns, begin_ns, -step_ns)
-        return [driving(speed_mps=2.0, published_ns=at_ns) for at_ns in reversed(times)]
-
-    page.plots._history = history
-    page.show(30.0, driving(speed_mps=2.0))
-    assert page.curves["Speed"][1] == [2.0] * 200
-    page.show(60.0, driving(speed_mps=2.0), session=2)
-    assert page.curves["Speed"][1] == [2.0] * 200
-    assert page.ago_s[0] == pytest.approx(-19.9)
+def test_a_plot_without_new_values_is_not_sent_again(page: Page) -> None:
+    page.show(*drive(speed_mps=3.0))
+    page.curves.clear()
+    page.show()
+    assert page.curves == {}
 
 
-def test_a_gap_is_sent_as_null() -> None:
+def test_a_gap_is_sent_as_null_and_a_line_by_its_ends() -> None:
     sent = []
 
     class _Handle:
         def _queue_update(self, name: str, value: tuple[list[float | None], ...]) -> None:
             sent.append((name, value))
 
-    module._send_curves(_Handle(), np.array([-1.0, 0.0]), np.array([[2.0, math.nan]]), 7)  # type: ignore[arg-type]
-    assert sent == [("data", ([-1.0, 0.0], [2.0, None], [None, 7]))]
+    times_s, curve = np.array([-1.0, -0.5, 0.0]), np.array([2.0, math.nan, 1.0])
+    module._send_curves(_Handle(), times_s, [curve], (math.nan, 5.0), 7)  # type: ignore[arg-type]
+    lines = [[None, None, None], [5.0, None, 5.0], [None, None, 7]]
+    assert sent == [("data", ([-1.0, -0.5, 0.0], [2.0, None, 1.0], *lines))]

@@ -16,8 +16,9 @@ from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.access import Access, open_server
-from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.feed import RECENT_S, View
 from vehicle_iface_viewer.panels.side_panel import SidePanel
+from vehicle_iface_viewer.recent import RecentSnapshots
 from vehicle_iface_viewer.scene.scene import Scene
 from vehicle_iface_viewer.scene.trajectory_path import select_drawable
 
@@ -64,13 +65,15 @@ def view(k: int, x_m: float, y_m: float, trajectory: DrawnTrajectory | None = No
 
 
 def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserServer) -> None:
-    scene, panel = Scene(server), SidePanel(server.gui)
+    recent = RecentSnapshots(length_s=RECENT_S)
+    scene, panel = Scene(server), SidePanel(server.gui, recent)
     sizes = []
     for k in range(1, 1501):
         along = path(np.arange(600.0) + k, np.zeros(600), version=k // 50)
         changes = {"has_reference": True, "has_lookahead": True, "lookahead_x_m": k + 5.0}
         now = view(k, 2.0 * k, math.sin(k), along if k % 50 == 0 else None, **changes)
         scene.draw(now)
+        recent.extend([now.snapshot] if now.snapshot else [])
         panel.show(now, k)
         if k % 500 == 0:
             buffer = server._websock_server._broadcast_buffer
@@ -80,6 +83,7 @@ def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserSe
     for k in range(1501, 2501):  # round and round one place, where nothing is forgotten for being far away
         scene.draw(view(k, 3000.0 + 50.0 * math.cos(0.04 * k), 50.0 * math.sin(0.04 * k)))
     assert 250 < len(scene._trail._line.points) < 400
+    assert 200 < len(scene._track._line.points) < 601
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e12, 1e300])

@@ -6,8 +6,7 @@ Law: the page is drawn whatever is in the file, and nothing in the file becomes 
 from html.parser import HTMLParser
 
 from fuzzing.engine import tampered
-from vehicle_iface.telemetry import TelemetryReader
-from vehicle_iface_viewer.feed import Feed, View
+from vehicle_iface_viewer.feed import Feed, LiveTelemetry, View
 from vehicle_iface_viewer.panels.banner import banner_html
 from vehicle_iface_viewer.panels.counters import counters_html
 from vehicle_iface_viewer.panels.legend import legend_html
@@ -27,7 +26,7 @@ class _Tags(HTMLParser):
 
 
 def run(data: bytes) -> None:
-    with TelemetryReader(str(tampered.tampered(data))) as reader:
+    with LiveTelemetry(str(tampered.tampered(data))) as reader:
         feed = Feed(reader)
         for now_ns in (_NOW_NS, _NOW_NS + 10**9):
             _draw(feed.read(now_ns))

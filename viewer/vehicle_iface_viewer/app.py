@@ -8,10 +8,9 @@ from dataclasses import replace
 import viser
 
 from vehicle_iface import clock
-from vehicle_iface.telemetry import TelemetryReader
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.access import Access, handle_checkbox, open_server
-from vehicle_iface_viewer.feed import Feed, View
+from vehicle_iface_viewer.feed import Feed, LiveTelemetry, View
 from vehicle_iface_viewer.panels.side_panel import SidePanel
 from vehicle_iface_viewer.playback import Playback
 from vehicle_iface_viewer.playback_controls import PlaybackControls
@@ -28,16 +27,15 @@ class App:
 
     def __init__(self, access: Access, source: str | Playback) -> None:
         self._playback = source if isinstance(source, Playback) else None
-        self._reader = source if isinstance(source, Playback) else TelemetryReader(source)
-        history = self._playback.history if self._playback is not None else None
-        self._feed = Feed(self._reader, history)
+        self._reader = source if isinstance(source, Playback) else LiveTelemetry(source)
+        self._feed = Feed(self._reader)
         self.server = open_server(access)
         self.server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self.server.gui.set_panel_label("vehicle-iface" if self._playback is None else "vehicle-iface: RECORDING")
         self.server.gui.main_panel.dock_right()
         self.server.gui.main_panel.set_width(_PANEL_WIDTH_PX)
         self._scene = Scene(self.server, is_recording=self._playback is not None)
-        self._side_panel = SidePanel(self.server.gui, history)
+        self._side_panel = SidePanel(self.server.gui, self._feed.recent)
         self._controls = PlaybackControls(self.server.gui, self._playback) if self._playback is not None else None
         self._clients: dict[int, _Client] = {}
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -11,25 +9,25 @@ from vehicle_iface.telemetry import (
     DrawnTrajectory,
     SessionInfo,
     Snapshot,
+    TelemetryReader,
     WriterState,
 )
 from vehicle_iface.telemetry.details import LiveDetails
-from vehicle_iface.units import NS_PER_S, s_from_ns
+from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
+from vehicle_iface_viewer.recent import RecentSnapshots
 from vehicle_iface_viewer.recorder_monitor import RecorderHealth, RecorderMonitor
 
 STALE_AFTER_S = 0.5
 """Older data is shown as stale."""
 _DETAILS_PERIOD_NS = NS_PER_S // 2
-_RATE_STEP_NS = NS_PER_S // 20
-_RATE_POINTS = 32
-
-
-History = Callable[[int, int, int], list[Snapshot]]
-"""Snapshots after one time and up to another, at most one in each step; all in ns."""
+_RATE_NS = 3 * NS_PER_S // 2
+"""Rates are those of this time."""
+RECENT_S = 25.0
+"""Snapshots of this time are kept for the plots."""
 
 
 class Source(Protocol):
-    """A `TelemetryReader`, or a `Playback`."""
+    """A `LiveTelemetry`, or a `Playback`."""
 
     @property
     def address(self) -> str: ...
@@ -41,6 +39,7 @@ class Source(Protocol):
     def info(self) -> SessionInfo | None: ...
     def poll(self) -> WriterState: ...
     def newest(self) -> Snapshot | None: ...
+    def between(self, begin_ns: int, end_ns: int) -> list[Snapshot]: ...
     def trajectory(self, version: int) -> DrawnTrajectory | None: ...
     def details(self) -> LiveDetails | None: ...
 
@@ -85,19 +84,35 @@ class View:
         return self.snapshot is None or self.writer_state is not WriterState.LIVE or self.data_age_s > STALE_AFTER_S
 
 
-class Feed:
-    """Reads only the newest data; a new session resets it."""
+class LiveTelemetry(TelemetryReader):
+    """A reader that has each snapshot once."""
 
-    def __init__(self, reader: Source, history: History | None = None) -> None:
+    def __init__(self, address: str) -> None:
+        super().__init__(address)
+        self._read_of = (0, 0)
+        """Session and number of the newest one."""
+
+    def between(self, _begin_ns: int, _end_ns: int) -> list[Snapshot]:
+        """Return the snapshots since the last call: those of the last seconds at the first one of a session."""
+        session, sequence = self._read_of
+        found = self.since(sequence if session == self.session else 0)
+        if found:
+            self._read_of = (self.session, found[-1].sequence)
+        return found
+
+
+class Feed:
+    """Reads the newest data; a new session resets it."""
+
+    def __init__(self, reader: Source) -> None:
+        self.recent = RecentSnapshots(length_s=RECENT_S)
         self._reader = reader
-        self._history = history
         self._session = 0
         self._snapshot: Snapshot | None = None
         self._trajectory: DrawnTrajectory | None = None
         self._details: LiveDetails | None = None
         self._details_due_ns = 0
         self._recorder = RecorderMonitor()
-        self._counts: deque[tuple[int, int, int]] = deque(maxlen=_RATE_POINTS)
 
     def read(self, now_ns: int) -> View:
         """Read the telemetry; the data of the page at `now_ns`."""
@@ -105,9 +120,8 @@ class Feed:
         if self._reader.session != self._session:
             self._session = self._reader.session
             self._snapshot, self._trajectory, self._details_due_ns = None, None, 0
-            self._counts.clear()
-            for past in self._history(now_ns - NS_PER_S, now_ns, _RATE_STEP_NS) if self._history else ():
-                self._note_counts(past)
+            self.recent.clear()
+        self.recent.extend(self._reader.between(self.recent.newest_ns or now_ns - ns_from_s(RECENT_S), now_ns))
         self._snapshot = self._reader.newest() or self._snapshot
         self._follow_trajectory()
         if now_ns >= self._details_due_ns:
@@ -139,19 +153,13 @@ class Feed:
             self._trajectory = self._reader.trajectory(version) or self._trajectory
 
     def _with_rates(self, view: View) -> View:
-        snapshot = self._snapshot
-        assert snapshot is not None
-        self._note_counts(snapshot)
-        (first_ns, samples, commands), (last_ns, newer_samples, newer_commands) = self._counts[0], self._counts[-1]
-        span_s = s_from_ns(last_ns - first_ns)
-        if span_s <= 0.0:
+        rows = self.recent.between(self.recent.newest_ns - _RATE_NS, self.recent.newest_ns)
+        if len(rows) < 2:
             return view
+        first, last = rows[0], rows[-1]
+        span_s = s_from_ns(int(last["published_ns"] - first["published_ns"]))
         return replace(
             view,
-            sample_rate_hz=(newer_samples - samples) / span_s,
-            command_rate_hz=(newer_commands - commands) / span_s,
+            sample_rate_hz=(int(last["samples"]) - int(first["samples"])) / span_s,
+            command_rate_hz=(int(last["commands"]) - int(first["commands"])) / span_s,
         )
-
-    def _note_counts(self, snapshot: Snapshot) -> None:
-        if not self._counts or snapshot.published_ns - self._counts[-1][0] >= _RATE_STEP_NS:
-            self._counts.append((snapshot.published_ns, snapshot.samples, snapshot.commands))

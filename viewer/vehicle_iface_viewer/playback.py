@@ -100,17 +100,11 @@ class Playback:
         """Return the last snapshot before the time that is shown."""
         return files.parse_snapshot(self._columns, self._snapshots.text(self._index(self._at_ns)))
 
-    def history(self, begin_ns: int, end_ns: int, step_ns: int) -> list[Snapshot]:
-        """Return the snapshots after `begin_ns` and up to `end_ns`, at most one in each step."""
-        found: list[Snapshot] = []
-        last = 0
-        for at_ns in range(end_ns - (end_ns - begin_ns - 1) // step_ns * step_ns, end_ns + 1, step_ns):
-            index = self._index(at_ns)
-            if index != last and self._published_ns(index) > begin_ns:
-                snapshot = files.parse_snapshot(self._columns, self._snapshots.text(index))
-                found += [snapshot] if snapshot is not None else []
-            last = index
-        return found
+    def between(self, begin_ns: int, end_ns: int) -> list[Snapshot]:
+        """Return the snapshots after `begin_ns` and up to `end_ns`."""
+        lines = self._snapshots.texts(self._index(begin_ns) + 1, self._index(end_ns) + 1)
+        found = (files.parse_snapshot(self._columns, line) for line in lines)
+        return [snapshot for snapshot in found if snapshot is not None]
 
     def trajectory(self, version: int) -> DrawnTrajectory | None:
         """Return the trajectory of that version; None when it was lost."""
@@ -188,11 +182,18 @@ class _Lines:
         """Return the line without its line end; empty when there is none."""
         if not 0 <= index < len(self):
             return ""
-        begin, end = int(self._begins[index]), int(self._begins[index + 1])
+        return "".join(self.texts(index, index + 1))
+
+    def texts(self, first: int, end: int) -> list[str]:
+        """Return the lines from `first` to before `end`, which must exist, without their line ends."""
+        if first >= end:
+            return []
+        begin_byte, end_byte = int(self._begins[first]), int(self._begins[end])
         try:
-            return os.pread(self._file, end - begin - 1, begin).decode(errors="replace")
+            content = os.pread(self._file, end_byte - begin_byte - 1, begin_byte)
         except OSError:
-            return ""
+            return []
+        return content.decode(errors="replace").split("\n")
 
     def close(self) -> None:
         if self._file >= 0:

@@ -8,7 +8,7 @@ from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.plots import WINDOW_S
 from vehicle_iface_viewer.panels.text import css
-from vehicle_iface_viewer.scene import ground, markers, trail
+from vehicle_iface_viewer.scene import ground, markers, scene, trail
 
 
 def legend_html(view: View | None) -> str:
@@ -24,6 +24,7 @@ def legend_html(view: View | None) -> str:
         ("", markers.TEMPORAL_COLOR, "temporal ref"),
         ("clip-path:polygon(0 0,100% 0,50% 100%)", markers.LOOKAHEAD_COLOR, "look-ahead"),
         ("height:3px;margin-bottom:3px", trail.TRAIL_COLOR, "trail"),
+        ("height:3px;margin-bottom:3px", scene.ROUTE_COLOR, "path behind"),
     )
     items = "".join(
         '<span style="white-space:nowrap"><i style="display:inline-block;width:10px;height:10px;margin-right:5px;'

@@ -34,11 +34,19 @@ def numbers_html(view: View) -> str:
         ("frames dropped", f"{s.drops}"),
         ("deadlines missed", f"{s.deadline_misses}"),
     )
+    limited = "" if view.details is None else _limited(view.details.limited)
     rows = "".join(f"<tr>{_cell(a, 'left')}{_cell(b, 'right')}</tr>" for a, b in zip(left, right, strict=True))
     return (
         '<table id="numbers" style="width:calc(100% - 22px);margin:2px 14px 2px 8px;border-collapse:collapse;'
-        f'font-size:13px;font-variant-numeric:tabular-nums">{rows}</table>'
+        f'font-size:13px;font-variant-numeric:tabular-nums">{rows}</table>{limited}'
     )
+
+
+def _limited(counts: dict[str, int]) -> str:
+    """Return how often the loop limited each field of the commands; empty if never."""
+    fields = ", ".join(f"{plain(name)} {count}" for name, count in counts.items() if count)
+    style = "margin:2px 14px 2px 8px;font-size:12px;border-left:3px solid #f06595;padding-left:7px"
+    return f'<div id="limited" style="{style}">commands limited: {fields}</div>' if fields else ""
 
 
 def _cell(pair: tuple[str, str], side: str) -> str:

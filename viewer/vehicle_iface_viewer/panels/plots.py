@@ -1,4 +1,4 @@
-"""The plots: curves of the last seconds, with the vehicle's limits as ranges.
+"""The plots: curves of the last seconds, with the vehicle's limits as ranges and as lines.
 
 The browser draws a gap only where a value is null, and viser sends arrays of numbers, in which nothing is null. Hence
 `_send_curves` queues lists by a private name of exactly viser 1.1.1; `tests/browser/test_plots.py` fails when it
@@ -12,24 +12,31 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import viser
 from viser import uplot
 
-from vehicle_iface.telemetry import DrivingLimits, Snapshot
-from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
-from vehicle_iface_viewer.feed import STALE_AFTER_S, History, View
+from vehicle_iface.telemetry import DrivingLimits
+from vehicle_iface.trajectory import FloatArray
+from vehicle_iface.units import NS_PER_MS
+from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.panels.curves import TimeAxis
 from vehicle_iface_viewer.panels.text import MAX_SHOWN
+from vehicle_iface_viewer.recent import Columns, RecentSnapshots
 
 WINDOW_S = 20.0
-_PLOT_STEP_NS = NS_PER_S // 10
-_PLOT_POINTS = int(WINDOW_S * 10)
+OLD_STATE_NS = 100 * NS_PER_MS
+"""What is known of an older state is not drawn."""
 _REQUESTED, _MEASURED, _SENT = "#fcc419", "#4dabf7", "#69db7c"
+_LIMIT, _LIMITED = "#e03131", "#f06595"
 _LAYOUT = "layout"
 """Scale and series without a curve. viser creates a plot without a width, and uPlot lays out the labels again only when
-a range changes; that of this scale does. The style sheet hides its entry in the legend."""
+a range changes; that of this scale does. The style sheet hides its entry in the legend, and those of the limits."""
 _TURNS_PER_LAYOUT = 10
 _MARGIN = 0.05
 """Part of the range beyond each limit, so that a curve at its limit is not drawn on the edge."""
+_ROUNDING_MPS2, _ROUNDING_RAD = 0.05, 0.005
+"""A command that differs by less from the request was rounded, not limited."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,8 +53,9 @@ class Curve:
 
     label: str
     color: str
-    read: Callable[[Snapshot], float]
-    """The value, in the plot's unit; NaN where its flag marks it as missing."""
+    read: Callable[[Columns], FloatArray]
+    """The values, in the plot's unit; NaN where their flag marks them as missing."""
+    width: float = 1.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,146 +64,140 @@ class Plot:
 
     title: str
     curves: tuple[Curve, ...]
-    limits: Callable[[DrivingLimits], Range]
-
-
-def _degrees(angle_rad: float, *, is_known: bool) -> float:
-    return math.degrees(angle_rad) if is_known else math.nan
+    range: Callable[[DrivingLimits], Range]
+    lines: Callable[[Range], tuple[float, float]] = lambda limits: (limits.low, limits.high)
+    """Limits that are drawn; NaN for none."""
 
 
 def _around_zero(limit: float) -> Range:
     return Range(low=-limit, high=limit)
 
 
+def _known(values: FloatArray, is_known: npt.NDArray[np.bool_]) -> FloatArray:
+    with np.errstate(invalid="ignore"):
+        return np.where(is_known & (np.abs(values) < MAX_SHOWN), values, np.nan)
+
+
+def _of_state(name: str, factor: float = 1.0, flag: str = "has_state") -> Callable[[Columns], FloatArray]:
+    """Read a column that is known where the state is young, in the column's unit times `factor`."""
+
+    def read(rows: Columns) -> FloatArray:
+        is_young = rows["published_ns"] - rows["stamp_ns"] < OLD_STATE_NS
+        return _known(rows[name] * factor, rows[flag] & rows["has_state"] & is_young)
+
+    return read
+
+
+def _of_command(name: str, flag: str, factor: float = 1.0) -> Callable[[Columns], FloatArray]:
+    return lambda rows: _known(rows[name] * factor, rows[flag])
+
+
+def _limited(name: str, rounding: float, factor: float = 1.0) -> Callable[[Columns], FloatArray]:
+    """Read what was sent where it is not what was requested."""
+
+    def read(rows: Columns) -> FloatArray:
+        requested, sent = rows[f"requested_{name}"], rows[f"sent_{name}"]
+        with np.errstate(invalid="ignore"):
+            is_limited = np.abs(requested - sent) > rounding
+        return _known(sent * factor, rows["sent"] & rows["has_requested"] & is_limited)
+
+    return read
+
+
+_DEGREES = math.degrees(1.0)
 PLOTS = (
     Plot(
         title="Speed, m/s",
-        limits=lambda limits: Range(low=0.0, high=limits.speed_max_mps),
+        range=lambda limits: Range(low=0.0, high=limits.speed_max_mps),
+        lines=lambda limits: (math.nan, limits.high),
         curves=(
-            Curve(
-                label="reference",
-                color=_REQUESTED,
-                read=lambda s: s.reference_speed_mps if s.has_reference else math.nan,
-            ),
-            Curve(label="vehicle", color=_MEASURED, read=lambda s: s.speed_mps if s.has_state else math.nan),
+            Curve(label="reference", color=_REQUESTED, read=_of_state("reference_speed_mps", flag="has_reference")),
+            Curve(label="vehicle", color=_MEASURED, read=_of_state("speed_mps")),
         ),
     ),
     Plot(
         title="Lateral error, m (left positive)",
-        limits=lambda limits: _around_zero(limits.lateral_warn_m),
-        curves=(
-            Curve(label="vehicle", color="#ff8787", read=lambda s: s.lateral_error_m if s.has_reference else math.nan),
-        ),
+        range=lambda limits: _around_zero(limits.lateral_warn_m),
+        curves=(Curve(label="vehicle", color="#ff8787", read=_of_state("lateral_error_m", flag="has_reference")),),
     ),
     Plot(
         title="Heading error, ° (left positive)",
-        limits=lambda limits: _around_zero(math.degrees(limits.heading_stop_rad) / 4),
+        range=lambda limits: _around_zero(math.degrees(limits.heading_stop_rad) / 4),
+        lines=lambda _: (math.nan, math.nan),  # the limit is four times as far
         curves=(
             Curve(
                 label="vehicle",
                 color="#b197fc",
-                read=lambda s: _degrees(s.heading_error_rad, is_known=s.has_reference),
+                read=_of_state("heading_error_rad", _DEGREES, flag="has_reference"),
             ),
         ),
     ),
     Plot(
         title="Front wheels, ° (left positive)",
-        limits=lambda limits: _around_zero(math.degrees(limits.front_wheel_angle_rad)),
+        range=lambda limits: _around_zero(math.degrees(limits.front_wheel_angle_rad)),
         curves=(
+            Curve(
+                label="limited",
+                color=_LIMITED,
+                width=5.0,
+                read=_limited("front_wheel_angle_rad", _ROUNDING_RAD, _DEGREES),
+            ),
             Curve(
                 label="requested",
                 color=_REQUESTED,
-                read=lambda s: _degrees(s.requested_front_wheel_angle_rad, is_known=s.has_requested),
+                read=_of_command("requested_front_wheel_angle_rad", "has_requested", _DEGREES),
             ),
-            Curve(label="sent", color=_SENT, read=lambda s: _degrees(s.sent_front_wheel_angle_rad, is_known=s.sent)),
-            Curve(
-                label="vehicle", color=_MEASURED, read=lambda s: _degrees(s.front_wheel_angle_rad, is_known=s.has_state)
-            ),
+            Curve(label="sent", color=_SENT, read=_of_command("sent_front_wheel_angle_rad", "sent", _DEGREES)),
+            Curve(label="vehicle", color=_MEASURED, read=_of_state("front_wheel_angle_rad", _DEGREES)),
         ),
     ),
     Plot(
         title="Acceleration, m/s²",
-        limits=lambda limits: Range(low=limits.accel_min_mps2, high=limits.accel_max_mps2),
+        range=lambda limits: Range(low=limits.accel_min_mps2, high=limits.accel_max_mps2),
         curves=(
-            Curve(
-                label="requested",
-                color=_REQUESTED,
-                read=lambda s: s.requested_accel_mps2 if s.has_requested else math.nan,
-            ),
-            Curve(label="sent", color=_SENT, read=lambda s: s.sent_accel_mps2 if s.sent else math.nan),
-            Curve(label="vehicle", color=_MEASURED, read=lambda s: s.accel_mps2 if s.has_state else math.nan),
+            Curve(label="limited", color=_LIMITED, width=5.0, read=_limited("accel_mps2", _ROUNDING_MPS2)),
+            Curve(label="requested", color=_REQUESTED, read=_of_command("requested_accel_mps2", "has_requested")),
+            Curve(label="sent", color=_SENT, read=_of_command("sent_accel_mps2", "sent")),
+            Curve(label="vehicle", color=_MEASURED, read=_of_state("accel_mps2")),
         ),
     ),
 )
 
 
 class Plots:
-    """Curves of the last seconds, in rings of a fixed length."""
+    """Curves of the last seconds."""
 
-    def __init__(self, gui: viser.GuiApi, history: History | None = None) -> None:
-        """`history`: what a recording has of the time before; without it, only the newest snapshots are shown."""
-        self._history = history
-        self._due_ns = 0
-        self._session = 0
+    def __init__(self, gui: viser.GuiApi, recent: RecentSnapshots) -> None:
+        self._recent = recent
         self._limits = DrivingLimits()
-        self._unsent: set[int] = set()
-        self._times_ns = np.zeros(_PLOT_POINTS)
-        self._values = [np.full((len(plot.curves), _PLOT_POINTS), np.nan) for plot in PLOTS]
+        self._sent_ns = [-1] * len(PLOTS)
         self._handles = [self._add_plot(gui, plot, 10.0 + k) for k, plot in enumerate(PLOTS)]
 
-    def extend(self, view: View) -> None:
-        """Append the newest values; stale data appends nothing, and the curves stop moving."""
-        snapshot = view.snapshot
-        if view.session != self._session:
-            self._session, self._due_ns = view.session, 0
-            self._reset(view.info.limits if view.info is not None else DrivingLimits())
-        is_old = view.is_stale and self._history is None  # a recording knows what was before
-        if snapshot is None or is_old or view.now_ns < self._due_ns:
-            return
-        self._due_ns = view.now_ns + _PLOT_STEP_NS
-        begin_ns = max(int(self._times_ns[-1]), view.now_ns - ns_from_s(WINDOW_S))
-        past = self._history(begin_ns, view.now_ns, _PLOT_STEP_NS) if self._history is not None else [snapshot]
-        for each in past:
-            self._append(each)
+    def show(self, view: View, turn: int) -> None:
+        """Send one plot if it has new values, each turn another: redrawing one is expensive for the browser.
 
-    def send(self, turn: int) -> None:
-        """Send one plot with new values, each turn another: it sends whole arrays, and redrawing it is expensive."""
-        ago_s = (self._times_ns - self._times_ns[-1]) / NS_PER_S
-        kept = (ago_s >= -WINDOW_S) & (self._times_ns > 0.0)
-        for k, values in enumerate(self._values):
-            if k == turn % len(PLOTS) and k in self._unsent:
-                self._unsent.remove(k)
-                _send_curves(self._handles[k], ago_s[kept], values[:, kept], turn // _TURNS_PER_LAYOUT)
-
-    def _reset(self, limits: DrivingLimits) -> None:
-        """Empty the plots, and set their ranges if the limits are others."""
-        self._times_ns[:] = 0.0
-        for values in self._values:
-            values[:] = np.nan
-        self._unsent = set(range(len(PLOTS)))
-        if limits != self._limits:
-            self._limits = limits
+        Stale data brings nothing new, and the curves stop moving.
+        """
+        if view.info is not None and view.info.limits != self._limits:
+            self._limits = view.info.limits
             for plot, handle in zip(PLOTS, self._handles, strict=True):
-                handle.scales = _scales(plot.limits(limits))
+                handle.scales = _scales(plot.range(self._limits))
+        k = turn % len(PLOTS)
+        if self._recent.newest_ns != self._sent_ns[k]:
+            self._sent_ns[k] = self._recent.newest_ns
+            self._send(k, turn // _TURNS_PER_LAYOUT)
 
-    def _append(self, snapshot: Snapshot) -> None:
-        """Append a point to each curve, behind a gap if the one before is older than stale data."""
-        newest_ns = self._times_ns[-1]
-        if newest_ns and s_from_ns(snapshot.published_ns - int(newest_ns)) > STALE_AFTER_S:
-            self._append_column(snapshot.published_ns - 1, None)
-        self._append_column(snapshot.published_ns, snapshot)
-        self._unsent = set(range(len(PLOTS)))
-
-    def _append_column(self, at_ns: int, snapshot: Snapshot | None) -> None:
-        self._times_ns[:-1] = self._times_ns[1:]
-        self._times_ns[-1] = at_ns
-        for plot, values in zip(PLOTS, self._values, strict=True):
-            values[:, :-1] = values[:, 1:]
-            values[:, -1] = math.nan if snapshot is None else [_drawable(each.read(snapshot)) for each in plot.curves]
+    def _send(self, k: int, number: int) -> None:
+        plot, axis = PLOTS[k], TimeAxis.until(self._recent.newest_ns, WINDOW_S)
+        rows = self._recent.between(axis.begin_ns - 1, axis.now_ns)
+        curves = [axis.decimate(rows["published_ns"], curve.read(rows)) for curve in plot.curves]
+        _send_curves(self._handles[k], axis.times_s, curves, plot.lines(plot.range(self._limits)), number)
 
     def _add_plot(self, gui: viser.GuiApi, plot: Plot, order: float) -> viser.GuiUplotHandle:
         series = [uplot.Series(label="s")]
-        series += [uplot.Series(label=curve.label, stroke=curve.color, width=1.6) for curve in plot.curves]
+        series += [uplot.Series(label=curve.label, stroke=curve.color, width=curve.width) for curve in plot.curves]
+        dashes = uplot.Series(stroke=_LIMIT, width=1, dash=(6, 4), spanGaps=True, points={"show": False})
+        series += [dashes | uplot.Series(label=label) for label in ("lower limit", "limit")]
         series += [uplot.Series(label=_LAYOUT, scale=_LAYOUT, width=0, points={"show": False})]
         line = {"stroke": "#343a40", "width": 1}
         axis = {"stroke": "#adb5bd", "grid": line, "ticks": line}
@@ -205,18 +207,13 @@ class Plots:
             (np.zeros(0), *(np.zeros(0) for _ in series[1:])),
             tuple(series),
             title=plot.title,
-            scales=_scales(plot.limits(self._limits)),
+            scales=_scales(plot.range(self._limits)),
             axes=(across, up),  # type: ignore[arg-type]  # plain dictionaries of the keys that matter
             legend=uplot.Legend(show=True, live=False),
             height=118,
             padding=(6, 24, 0, 0),  # room for half of the topmost label
             order=order,
         )
-
-
-def _drawable(value: float) -> float:
-    """Return the value; NaN where it cannot be drawn."""
-    return value if abs(value) < MAX_SHOWN else math.nan
 
 
 def _scales(limits: Range) -> dict[str, uplot.Scale]:
@@ -233,8 +230,12 @@ def _scales(limits: Range) -> dict[str, uplot.Scale]:
     }
 
 
-def _send_curves(handle: viser.GuiUplotHandle, ago_s: np.ndarray, values: np.ndarray, number: int) -> None:
-    """Send curves whose NaN are gaps. Where `number` differs from the last one, the page lays out the labels again."""
-    curves = ([None if math.isnan(value) else value for value in curve] for curve in values.tolist())
-    layout = [None] * (len(ago_s) - 1) + [number] if len(ago_s) else []
-    handle._queue_update("data", (ago_s.tolist(), *curves, layout))
+def _send_curves(
+    handle: viser.GuiUplotHandle, times_s: FloatArray, curves: list[FloatArray], lines: tuple[float, float], number: int
+) -> None:
+    """Send curves whose NaN are gaps, and horizontal lines. Where `number` differs from the last one, the page lays out
+    the labels again."""
+    between = [None] * (len(times_s) - 2)
+    shown = ([None if math.isnan(value) else value for value in curve.tolist()] for curve in curves)
+    across = ([end, *between, end] for end in (None if math.isnan(line) else line for line in lines))
+    handle._queue_update("data", (times_s.tolist(), *shown, *across, [None, *between, number]))

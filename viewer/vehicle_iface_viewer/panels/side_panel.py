@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import viser
 
-from vehicle_iface_viewer.feed import History, View
+from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.banner import banner_html
 from vehicle_iface_viewer.panels.counters import counters_html
 from vehicle_iface_viewer.panels.frozen import cover_html
@@ -12,6 +12,7 @@ from vehicle_iface_viewer.panels.legend import legend_html
 from vehicle_iface_viewer.panels.numbers import numbers_html
 from vehicle_iface_viewer.panels.plots import Plots
 from vehicle_iface_viewer.panels.style import STYLE
+from vehicle_iface_viewer.recent import RecentSnapshots
 
 
 class SidePanel:
@@ -20,13 +21,13 @@ class SidePanel:
     FOLLOW_ORDER = 2.0
     """Position of the Follow switch: under the banner."""
 
-    def __init__(self, gui: viser.GuiApi, history: History | None = None) -> None:
+    def __init__(self, gui: viser.GuiApi, recent: RecentSnapshots) -> None:
         gui.add_html(STYLE, order=0.1)
         self._cover = gui.add_html(cover_html(0), order=0.2)
         self._banner = gui.add_html(banner_html(None), order=1.0)
         self._numbers = gui.add_html("", order=3.0)
         self._legend = gui.add_html(legend_html(None), order=4.0)
-        self._plots = Plots(gui, history)
+        self._plots = Plots(gui, recent)
         with gui.add_folder("Counters", expand_by_default=False, order=20.0):
             self._counters = gui.add_html("")
 
@@ -39,8 +40,7 @@ class SidePanel:
         else:
             _update(self._legend, legend_html(view))
             _update(self._counters, counters_html(view))
-        self._plots.extend(view)
-        self._plots.send(turn)
+        self._plots.show(view, turn)
 
 
 def _update(handle: viser.GuiHtmlHandle, content: str) -> None:

@@ -11,7 +11,7 @@ STYLE = f"""<style>
   padding: 24px; text-align: center; background: rgba(92, 0, 0, .93); color: #fff; font-size: 16px; line-height: 1.4 }}
 #frozen b {{ font-size: clamp(30px, 7vw, 76px); line-height: 1.1; letter-spacing: 1px }}
 #way-on code {{ white-space: nowrap }}
-.uplot .u-legend .u-series:last-child {{ display: none }}
+.uplot .u-legend .u-series:nth-last-child(-n+3) {{ display: none }}
 {_PHONE} {{ .mantine-Paper-root:has(#banner), .mantine-Paper-root:has(#banner) [style*="width: 20em"] {{
   left: 0 !important; width: 100% !important; max-width: none !important }} }}
 </style>"""

@@ -10,6 +10,7 @@ import viser
 from vehicle_iface.telemetry import Snapshot
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.scene.ground import SECTION_M, Ground
+from vehicle_iface_viewer.scene.long_line import LongLine
 from vehicle_iface_viewer.scene.markers import Markers
 from vehicle_iface_viewer.scene.nodes import is_near
 from vehicle_iface_viewer.scene.trail import Trail
@@ -19,6 +20,8 @@ from vehicle_iface_viewer.scene.vehicle import PAINT_COLOR, RECORDED_COLOR, STAL
 _BACKGROUND = (23, 27, 33)
 _RECORDED_BACKGROUND = (44, 26, 58)
 _REANCHOR_M = 400.0
+ROUTE_COLOR = (116, 143, 192)
+TRACK_COLOR = (150, 156, 163)
 
 
 class Scene:
@@ -30,6 +33,8 @@ class Scene:
         self._ground = Ground(server.scene)
         self._path = TrajectoryPath(server.scene)
         self._trail = Trail(server.scene)
+        self._route = LongLine(server.scene, "route", ROUTE_COLOR, thickness_m=0.14, z_m=0.02)
+        self._track = LongLine(server.scene, "track", TRACK_COLOR, thickness_m=0.07, z_m=0.04)
         self._markers = Markers(server.scene)
         self._vehicle = Vehicle(server.scene)
         server.scene.set_up_direction("+z")
@@ -44,7 +49,8 @@ class Scene:
         snapshot = view.snapshot
         if view.session != self._session:
             self._session = view.session
-            self._trail.clear()
+            for line in (self._trail, self._route, self._track):
+                line.clear()
             if view.info is not None:
                 self._vehicle.reshape(view.info.shape)
         if snapshot is None or not snapshot.has_state or not is_near(snapshot.x_m, snapshot.y_m, 1e9):
@@ -57,6 +63,10 @@ class Scene:
         paint = STALE_COLOR if view.is_stale else RECORDED_COLOR if view.recording else PAINT_COLOR
         self._vehicle.show(snapshot, paint=paint, origin=origin)
         self._trail.extend(snapshot, origin, view.now_ns)
+        self._track.extend(snapshot.x_m, snapshot.y_m, origin, view.now_ns)
+        if snapshot.has_reference and is_near(snapshot.spatial_reference_x_m, snapshot.spatial_reference_y_m, 1e9):
+            reference = (snapshot.spatial_reference_x_m, snapshot.spatial_reference_y_m)
+            self._route.extend(*reference, origin, view.now_ns)
         return snapshot.x_m - origin[0], snapshot.y_m - origin[1]
 
     def _update_origin(self, snapshot: Snapshot) -> tuple[float, float]:
@@ -67,6 +77,8 @@ class Scene:
             self._origin = (round(snapshot.x_m / step) * step, round(snapshot.y_m / step) * step)
             self._ground.label(self._origin)
             self._trail.clear()
+            for line in (self._route, self._track):
+                line.invalidate()
             self._path.invalidate()
         assert self._origin is not None
         return self._origin
