@@ -20,6 +20,7 @@ from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.banner import banner_html
 from vehicle_iface_viewer.panels.counters import counters_html
+from vehicle_iface_viewer.panels.latency import latency_html
 from vehicle_iface_viewer.panels.legend import legend_html
 from vehicle_iface_viewer.panels.numbers import numbers_html
 from vehicle_iface_viewer.panels.plots import PLOTS
@@ -322,3 +323,19 @@ def test_what_the_loop_limited_is_shown_as_soon_as_it_limits() -> None:
     assert "commands limited: front_wheel_angle 460, <b> 3 " in words
     none = LiveDetails(link=link, limited={"accel": 0})
     assert "limited" not in numbers_html(replace(view(driving()), details=none))
+
+
+def test_the_latency_of_all_commands_is_shown_with_its_percentiles() -> None:
+    recent = RecentSnapshots(length_s=10.0)
+    assert "no command was sent" in latency_html(recent)
+    latencies_ms = [0.3] * 94 + [3.0] * 5 + [30.0]
+    recent.extend(
+        driving(published_ns=NS_PER_S + k * 10_000_000, sent=True, latency_ns=round(ms * 1e6))
+        for k, ms in enumerate(latencies_ms)
+    )
+    recent.extend([driving(published_ns=3 * NS_PER_S, latency_ns=10**9)])  # nothing was sent
+    words = " ".join(_PageText(latency_html(recent)).text.split())
+    assert "100 commands of the last 2 s" in words
+    assert "p50 0.30 ms p95 3.00 ms p99 3.27 ms max 30.00 ms" in words
+    assert "0.2 … 0.5 ms 94" in words
+    assert "20 … 50 ms 1 " in words

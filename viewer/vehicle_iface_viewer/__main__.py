@@ -18,6 +18,7 @@ from vehicle_iface.telemetry import telemetry_path
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.addresses import find_reachable_host, format_url
 from vehicle_iface_viewer.app import App
+from vehicle_iface_viewer.bus_table.source import ListenerProcess
 from vehicle_iface_viewer.playback import SPEEDS, Playback
 from vehicle_iface_viewer.token import TOKEN_VARIABLE, opened_in_browser, read_token
 
@@ -37,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         token = options.token if options.token is not None else read_token(options.token_file)
         access = Access(host=options.host, port=options.port, token=token, allow_remote=options.allow_remote)
         source, shown = _open_source(options)
-        app = App(access, source)
+        app = App(access, source, ListenerProcess(options.profile) if options.recording is None else None)
     except ConfigError as error:
         print(f"viewer: {error}", file=sys.stderr)
         return 2
@@ -103,6 +104,12 @@ def _build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--from", type=float, default=0.0, metavar="S", help="start the playback S seconds after its beginning"
+    )
+    parser.add_argument(
+        "--profile",
+        metavar="FILE",
+        help="profile of the loop, as for `run`, to decode all messages of its buses; not needed for one that is "
+        "shipped with the program",
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on")
     parser.add_argument("--port", type=int, default=8080, help="TCP port to listen on; 0: any free port")

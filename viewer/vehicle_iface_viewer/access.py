@@ -194,6 +194,17 @@ def handle_slider(
     client._websock_connection.register_handler(messages.GuiUpdateMessage, on_update)
 
 
+def handle_text(client: viser.ClientHandle, uuid: str, longest: int, on_change: Callable[[str], None]) -> None:
+    """Call `on_change` with the new text of one field of this client, if it has at most `longest` characters."""
+
+    def on_update(_: int, message: Any) -> None:
+        value = message.updates.get("value") if isinstance(message.updates, dict) else None
+        if message.uuid == uuid and isinstance(value, str) and len(value) <= longest:
+            on_change(value)
+
+    client._websock_connection.register_handler(messages.GuiUpdateMessage, on_update)
+
+
 class _RequestFilter:
     """Checks each request before viser handles it."""
 

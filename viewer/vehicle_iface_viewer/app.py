@@ -10,7 +10,10 @@ import viser
 from vehicle_iface import clock
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.access import Access, handle_checkbox, open_server
+from vehicle_iface_viewer.bus_table.report import BusReport
+from vehicle_iface_viewer.bus_table.source import BusTableSource
 from vehicle_iface_viewer.feed import Feed, LiveTelemetry, View
+from vehicle_iface_viewer.panels.left_panel import LeftPanel
 from vehicle_iface_viewer.panels.side_panel import SidePanel
 from vehicle_iface_viewer.playback import Playback
 from vehicle_iface_viewer.playback_controls import PlaybackControls
@@ -20,12 +23,14 @@ from vehicle_iface_viewer.scene.scene import Scene
 _PERIOD_NS = NS_PER_S // 30
 _PANELS_EVERY = 3
 _PANEL_WIDTH_PX = 430
+_NO_TABLE = BusReport(problem="not of a recording: its frames are in frames.log, and vehicle-iface decode reads them")
 
 
 class App:
     """A server with its page, fed from one telemetry address, or from a recording."""
 
-    def __init__(self, access: Access, source: str | Playback) -> None:
+    def __init__(self, access: Access, source: str | Playback, bus_table: BusTableSource | None = None) -> None:
+        """`bus_table`: where the table of messages comes from; without it there is none."""
         self._playback = source if isinstance(source, Playback) else None
         self._reader = source if isinstance(source, Playback) else LiveTelemetry(source)
         self._feed = Feed(self._reader)
@@ -37,6 +42,7 @@ class App:
         self._scene = Scene(self.server, is_recording=self._playback is not None)
         self._side_panel = SidePanel(self.server.gui, self._feed.recent)
         self._controls = PlaybackControls(self.server.gui, self._playback) if self._playback is not None else None
+        self._bus_table = bus_table
         self._clients: dict[int, _Client] = {}
 
     @property
@@ -69,12 +75,18 @@ class App:
         if position is not None:
             for client in present:
                 client.follow(position)
+        if tick % _PANELS_EVERY == 1:  # not with the texts and plots, so that no update is long
+            report = self._bus_table.read(view) if self._bus_table is not None else _NO_TABLE
+            for client in present:
+                client.left_panel.show(view, report, self._feed.recent, tick // _PANELS_EVERY)
         # Both at once: the vehicle's position and the world's shift belong in the same frame.
         self.server.flush()
 
     def close(self) -> None:
         """Stop serving."""
         self._reader.close()
+        if self._bus_table is not None:
+            self._bus_table.close()
         self.server.stop()
 
     def _view(self, now_ns: int) -> View:
@@ -107,6 +119,7 @@ class _Client:
         self._frame = client.scene.add_frame(ROOT, show_axes=False)
         box = client.gui.add_checkbox("Follow", initial_value=True, order=SidePanel.FOLLOW_ORDER)
         handle_checkbox(client, box._impl.uuid, self._set_following)
+        self.left_panel = LeftPanel(client)
 
     def _set_following(self, is_following: bool) -> None:
         self._is_following = is_following

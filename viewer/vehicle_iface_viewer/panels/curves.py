@@ -12,8 +12,8 @@ from vehicle_iface.units import NS_PER_MS, NS_PER_S
 
 GAP_NS = 100 * NS_PER_MS
 """Nothing is drawn between two known values that are farther apart."""
-COLUMNS = 120
-"""Columns of a plot; each is about three pixels wide."""
+COLUMNS = 80
+"""Columns of a plot; each is about four pixels wide."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

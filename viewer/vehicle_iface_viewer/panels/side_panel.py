@@ -1,4 +1,4 @@
-"""The panel beside the scene: banner, numbers, legend, plots, counters."""
+"""The panel beside the scene: banner, numbers, legend, plots."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import viser
 
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.banner import banner_html
-from vehicle_iface_viewer.panels.counters import counters_html
 from vehicle_iface_viewer.panels.frozen import cover_html
 from vehicle_iface_viewer.panels.legend import legend_html
 from vehicle_iface_viewer.panels.numbers import numbers_html
@@ -28,8 +27,6 @@ class SidePanel:
         self._numbers = gui.add_html("", order=3.0)
         self._legend = gui.add_html(legend_html(None), order=4.0)
         self._plots = Plots(gui, recent)
-        with gui.add_folder("Counters", expand_by_default=False, order=20.0):
-            self._counters = gui.add_html("")
 
     def show(self, view: View, turn: int) -> None:
         """Update texts and plots to `view`: the banner each time, the rest in turns to save the browser work."""
@@ -39,7 +36,6 @@ class SidePanel:
             _update(self._numbers, numbers_html(view))
         else:
             _update(self._legend, legend_html(view))
-            _update(self._counters, counters_html(view))
         self._plots.show(view, turn)
 
 

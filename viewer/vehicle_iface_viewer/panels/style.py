@@ -4,6 +4,7 @@ FROZEN_AFTER_S = 1.2
 """The cover appears when it was not replaced for this long (see `frozen`)."""
 # viser's sheet on a phone is as wide as its panel on a large screen, 20em, and begins at the right.
 _PHONE = "@media (max-width: 576px)"
+BAD, NEW = "#ff6b6b", "#74c0fc"
 STYLE = f"""<style>
 @keyframes frozen {{ to {{ visibility: visible }} }}
 #frozen {{ position: fixed; inset: 0; z-index: 10000; visibility: hidden; pointer-events: none;
@@ -12,6 +13,26 @@ STYLE = f"""<style>
 #frozen b {{ font-size: clamp(30px, 7vw, 76px); line-height: 1.1; letter-spacing: 1px }}
 #way-on code {{ white-space: nowrap }}
 .uplot .u-legend .u-series:nth-last-child(-n+3) {{ display: none }}
+.vi-note {{ margin: 4px 8px; font-size: 12px; opacity: .8 }}
+.vi-signals, .vi-values, .vi-bar {{ font-size: 12px; line-height: 1.35; font-variant-numeric: tabular-nums }}
+.vi-message {{ margin: 0 6px 6px 6px }}
+.vi-faulty {{ box-shadow: -3px 0 0 {BAD} }}
+.vi-head {{ background: rgba(128,128,128,.2); padding: 1px 4px; font-size: 12.5px }}
+.vi-facts {{ padding: 0 4px; font-size: 11px; opacity: .8 }}
+.vi-message > div, .vi-values > div, .vi-bar {{ display: flex; justify-content: space-between; gap: 8px;
+  padding: 0 4px }}
+.vi-message > .vi-facts, .vi-message > .vi-data {{ display: block }}
+.vi-message > div > :first-child {{ overflow: hidden; text-overflow: ellipsis; white-space: nowrap }}
+.vi-message > div > :last-child {{ white-space: nowrap }}
+.vi-message > .vi-facts > * {{ white-space: normal }}
+.vi-data {{ font-family: monospace; font-size: 11px; word-break: break-all }}
+.vi-message i {{ font-style: normal; opacity: .7 }}
+.vi-bad {{ color: {BAD}; font-weight: 700; opacity: 1 }}
+.vi-old {{ opacity: .45 }}
+.vi-new {{ color: {NEW} }}
+.vi-values {{ margin: 2px 0 8px }}
+.vi-bar > :first-child {{ width: 92px }} .vi-bar > :nth-child(2) {{ flex: 1 }}
+.vi-bar u {{ display: block; height: 9px; margin-top: 3px; background: #4dabf7 }}
 {_PHONE} {{ .mantine-Paper-root:has(#banner), .mantine-Paper-root:has(#banner) [style*="width: 20em"] {{
   left: 0 !important; width: 100% !important; max-width: none !important }} }}
 </style>"""

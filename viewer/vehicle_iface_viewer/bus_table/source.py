@@ -1,0 +1,112 @@
+"""The newest report for the page: starts the listener's process for the session that is shown, and reads its output."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+from typing import Protocol
+
+import msgspec
+
+from vehicle_iface.errors import ConfigError
+from vehicle_iface.process import module_command
+from vehicle_iface.profile import load_profile, profile_names
+from vehicle_iface.telemetry import SessionInfo
+from vehicle_iface_viewer.bus_table.report import BusReport, ListenRequest
+from vehicle_iface_viewer.feed import View
+
+_SOCKETCAN = "SocketCAN "
+_READ_BYTES = 1 << 16
+
+
+class BusTableSource(Protocol):
+    """What the page asks for the table of messages."""
+
+    def read(self, view: View) -> BusReport | None:
+        """Return the newest report for the session of `view`; None before the first one."""
+
+    def close(self) -> None:
+        """Release all resources."""
+
+
+class ListenerProcess:
+    """Runs one listener at a time: that of the newest session."""
+
+    def __init__(self, profile: str | None) -> None:
+        """`profile` is a name or a file; without it, the session's is used if it is shipped with the program.
+
+        Raises `ConfigError` when `profile` cannot be loaded.
+        """
+        self._profile = profile
+        self._name = load_profile(profile).name if profile is not None else ""
+        self._session = 0
+        self._process: subprocess.Popen[bytes] | None = None
+        self._unread = b""
+        self._report: BusReport | None = None
+
+    def read(self, view: View) -> BusReport | None:
+        """Return the newest report for the session of `view`; None before the first one."""
+        if view.session != self._session and view.info is not None:
+            self._session = view.session
+            self.close()
+            self._start(view.info)
+        if self._process is not None:
+            self._read_output(self._process)
+        return self._report
+
+    def close(self) -> None:
+        """End the listener."""
+        process, self._process, self._unread, self._report = self._process, None, b"", None
+        if process is not None:
+            process.kill()  # it has nothing to lose, and may still be reading a large DBC
+            process.communicate()
+
+    def _start(self, info: SessionInfo) -> None:
+        try:
+            request = self._request(info)
+        except ConfigError as error:
+            self._report = BusReport(problem=str(error))
+            return
+        command, environment = module_command("vehicle_iface_viewer.bus_table")
+        self._process = subprocess.Popen(
+            command,
+            env=environment,
+            bufsize=0,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        os.set_blocking(self._process.stdout.fileno(), False)
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.write(msgspec.json.encode(request) + b"\n")
+
+    def _request(self, info: SessionInfo) -> ListenRequest:
+        if not info.bus.startswith(_SOCKETCAN):
+            raise ConfigError(f"{info.bus}: only SocketCAN buses can be listened to by a second program")
+        if self._profile is not None and self._name != info.profile:
+            raise ConfigError(f"view --profile is {self._name}, and the loop drives {info.profile}: give its profile")
+        if self._profile is None and info.profile not in profile_names():
+            raise ConfigError(
+                f"profile {info.profile} is not shipped with this program: start view with --profile FILE, as the loop"
+            )
+        return ListenRequest(profile=self._profile or info.profile, channels=_parse_channels(info.channel))
+
+    def _read_output(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdout is not None
+        while chunk := process.stdout.read(_READ_BYTES):
+            self._unread += chunk
+        *lines, self._unread = self._unread.split(b"\n")
+        if lines:
+            with contextlib.suppress(msgspec.MsgspecError):
+                self._report = msgspec.json.decode(lines[-1], type=BusReport)
+        if process.poll() is not None and not (self._report and self._report.problem):
+            self._report = BusReport(problem=f"the listener has ended (status {process.returncode}); restart view")
+
+
+def _parse_channels(text: str) -> dict[str, str]:
+    """Return the interfaces by bus from `can0`, or from `vehicle=can0, ins=can1`."""
+    pairs = [part.strip().rpartition("=") for part in text.split(",")]
+    return {name: channel for name, _, channel in pairs}
