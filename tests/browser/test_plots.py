@@ -113,3 +113,26 @@ def test_the_ranges_are_the_limits_and_both_axes_have_labels(publish: Start, vie
     loop.order("fast")
     wait_for_columns(page, "Speed", VEHICLE, "x{8}")
     page.wait_for_function(f"() => ({_RANGES})().some(each => /^-1.0, 3[0-9]/.test(each))")
+
+
+def test_plots_can_be_paused_and_look_back_while_the_head_stays_live(
+    publish: Start, viewer: Viewer, page: Page
+) -> None:
+    loop = publish()
+    page.goto(viewer.url)
+    expect(page.locator(".uplot")).to_have_count(5)
+    wait_for_columns(page, "Speed", VEHICLE, "x{8}")
+    page.get_by_label("Pause plots").click(force=True)
+    past = page.locator("#past")
+    expect(past).to_contain_text("all else is live")
+    expect(past).to_contain_text("ENGAGED · NOMINAL")
+    loop.order("fault")
+    expect(page.locator("#state")).to_have_text("FAULT")
+    expect(past).to_contain_text("ENGAGED · NOMINAL")
+    page.get_by_label("Pause plots").click(force=True)
+    expect(past).to_have_count(0)
+    page.get_by_role("slider").first.press("End")
+    expect(past).to_contain_text("PLOTS END 600.0 s AGO")
+    expect(past).to_contain_text("nothing is kept of that time")
+    page.get_by_role("slider").first.press("Home")
+    expect(past).to_have_count(0)

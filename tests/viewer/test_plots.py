@@ -12,7 +12,7 @@ from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry import DrivingLimits, SessionInfo, Snapshot, WriterState
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.access import Access, open_server
-from vehicle_iface_viewer.feed import RECENT_S, View
+from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels import plots as module
 from vehicle_iface_viewer.panels.plots import PLOTS, Plots
 from vehicle_iface_viewer.recent import RecentSnapshots
@@ -27,18 +27,18 @@ class Page:
     """Plots, and what was last sent to the page."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        self.recent = RecentSnapshots(length_s=RECENT_S)
+        self.recent = RecentSnapshots(length_s=25.0)
         self.plots = Plots(gui, self.recent)
         self.curves: dict[str, dict[str, list[float]]] = {}
         self.lines: dict[str, tuple[float, float]] = {}
         self.times_s: list[float] = []
 
-    def show(self, *snapshots: Snapshot) -> None:
+    def show(self, *snapshots: Snapshot, end_ns: int | None = None, window_s: float = 20.0) -> None:
         """Send all plots, with these snapshots in addition."""
         self.recent.extend(snapshots)
         view = View(now_ns=NOW_NS, address="a", writer_state=WriterState.LIVE, session=1, info=INFO)
         for turn in range(len(PLOTS)):
-            self.plots.show(view, turn)
+            self.plots.show(view, turn, end_ns=end_ns or self.recent.newest_ns, window_s=window_s)
 
     def note(
         self, handle: object, times_s: np.ndarray, curves: list[np.ndarray], lines: tuple[float, float], _: int
@@ -174,3 +174,15 @@ def test_a_gap_is_sent_as_null_and_a_line_by_its_ends() -> None:
     module._send_curves(_Handle(), times_s, [curve], (math.nan, 5.0), 7)  # type: ignore[arg-type]
     lines = [[None, None, None], [5.0, None, 5.0], [None, None, 7]]
     assert sent == [("data", ([-1.0, -0.5, 0.0], [2.0, None, 1.0], *lines))]
+
+
+def test_plots_of_the_past_end_there_and_are_of_the_chosen_length(page: Page) -> None:
+    old = [each._replace(speed_mps=1.0 if k < 700 else 2.0) for k, each in enumerate(drive(10.0))]
+    page.show(*old, end_ns=NOW_NS - 4 * NS_PER_S, window_s=10.0)
+    assert known(page.curves["Speed"]["vehicle"]) == {1.0}
+    first, last = page.ends("Speed")
+    assert first == pytest.approx(-6.0, abs=0.1)
+    assert last == 0.0
+    scales: dict[str, uplot.Scale] | None = page.plots._handles[0].scales
+    assert scales is not None
+    assert scales["x"]["range"] == (-10.0, 0.0)

@@ -16,7 +16,8 @@ from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.access import Access, open_server
-from vehicle_iface_viewer.feed import RECENT_S, View
+from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.panels.plots import Plots
 from vehicle_iface_viewer.panels.side_panel import SidePanel
 from vehicle_iface_viewer.recent import RecentSnapshots
 from vehicle_iface_viewer.scene.scene import Scene
@@ -65,8 +66,8 @@ def view(k: int, x_m: float, y_m: float, trajectory: DrawnTrajectory | None = No
 
 
 def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserServer) -> None:
-    recent = RecentSnapshots(length_s=RECENT_S)
-    scene, panel = Scene(server), SidePanel(server.gui, recent)
+    recent = RecentSnapshots(length_s=25.0)
+    scene, panel, plots = Scene(server), SidePanel(server.gui), Plots(server.gui, recent)
     sizes = []
     for k in range(1, 1501):
         along = path(np.arange(600.0) + k, np.zeros(600), version=k // 50)
@@ -75,6 +76,7 @@ def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserSe
         scene.draw(now)
         recent.extend([now.snapshot] if now.snapshot else [])
         panel.show(now, k)
+        plots.show(now, k, end_ns=recent.newest_ns, window_s=20.0)
         if k % 500 == 0:
             buffer = server._websock_server._broadcast_buffer
             sizes.append((len(server.scene._handle_from_node_name), len(buffer.message_from_id)))

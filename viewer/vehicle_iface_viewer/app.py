@@ -12,11 +12,14 @@ from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.access import Access, handle_checkbox, open_server
 from vehicle_iface_viewer.bus_table.report import BusReport
 from vehicle_iface_viewer.bus_table.source import BusTableSource
-from vehicle_iface_viewer.feed import Feed, LiveTelemetry, View
+from vehicle_iface_viewer.feed import LIVE_S, RECORDED_S, Feed, LiveTelemetry, View
 from vehicle_iface_viewer.panels.left_panel import LeftPanel
+from vehicle_iface_viewer.panels.plot_time import PlotTime
+from vehicle_iface_viewer.panels.plots import Plots
 from vehicle_iface_viewer.panels.side_panel import SidePanel
 from vehicle_iface_viewer.playback import Playback
 from vehicle_iface_viewer.playback_controls import PlaybackControls
+from vehicle_iface_viewer.recent import RecentSnapshots
 from vehicle_iface_viewer.scene.nodes import ROOT
 from vehicle_iface_viewer.scene.scene import Scene
 
@@ -33,14 +36,14 @@ class App:
         """`bus_table`: where the table of messages comes from; without it there is none."""
         self._playback = source if isinstance(source, Playback) else None
         self._reader = source if isinstance(source, Playback) else LiveTelemetry(source)
-        self._feed = Feed(self._reader)
+        self._feed = Feed(self._reader, LIVE_S if self._playback is None else RECORDED_S)
         self.server = open_server(access)
         self.server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self.server.gui.set_panel_label("vehicle-iface" if self._playback is None else "vehicle-iface: RECORDING")
         self.server.gui.main_panel.dock_right()
         self.server.gui.main_panel.set_width(_PANEL_WIDTH_PX)
         self._scene = Scene(self.server, is_recording=self._playback is not None)
-        self._side_panel = SidePanel(self.server.gui, self._feed.recent)
+        self._side_panel = SidePanel(self.server.gui)
         self._controls = PlaybackControls(self.server.gui, self._playback) if self._playback is not None else None
         self._bus_table = bus_table
         self._clients: dict[int, _Client] = {}
@@ -75,6 +78,9 @@ class App:
         if position is not None:
             for client in present:
                 client.follow(position)
+        if tick % _PANELS_EVERY == 2:
+            for client in present:
+                client.show_plots(view, tick // _PANELS_EVERY)
         if tick % _PANELS_EVERY == 1:  # not with the texts and plots, so that no update is long
             report = self._bus_table.read(view) if self._bus_table is not None else _NO_TABLE
             for client in present:
@@ -107,22 +113,30 @@ class App:
     def _on_connect(self, client: viser.ClientHandle) -> _Client:
         if self._controls is not None:
             self._controls.connect(client)
-        return _Client(client)
+        return _Client(client, self._feed.recent, is_live=self._playback is None)
 
 
 class _Client:
-    """One browser, with its own choice to follow the vehicle."""
+    """One browser, with its own choice to follow the vehicle, and its own plots."""
 
-    def __init__(self, client: viser.ClientHandle) -> None:
+    def __init__(self, client: viser.ClientHandle, recent: RecentSnapshots, *, is_live: bool) -> None:
         self._client = client
         self._is_following = True
         self._frame = client.scene.add_frame(ROOT, show_axes=False)
         box = client.gui.add_checkbox("Follow", initial_value=True, order=SidePanel.FOLLOW_ORDER)
         handle_checkbox(client, box._impl.uuid, self._set_following)
         self.left_panel = LeftPanel(client)
+        self._recent = recent
+        self._time = PlotTime(client, is_live=is_live)
+        self._plots = Plots(client.gui, recent)
 
     def _set_following(self, is_following: bool) -> None:
         self._is_following = is_following
+
+    def show_plots(self, view: View, turn: int) -> None:
+        """Update the plots."""
+        self._time.show(self._recent)
+        self._plots.show(view, turn, end_ns=self._time.end_ns(self._recent.newest_ns), window_s=self._time.window_s)
 
     def follow(self, position: tuple[float, float]) -> None:
         """Shift this browser's world so that `position` stays in the middle of the picture, if it follows."""

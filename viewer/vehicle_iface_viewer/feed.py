@@ -22,8 +22,9 @@ STALE_AFTER_S = 0.5
 _DETAILS_PERIOD_NS = NS_PER_S // 2
 _RATE_NS = 3 * NS_PER_S // 2
 """Rates are those of this time."""
-RECENT_S = 25.0
-"""Snapshots of this time are kept for the plots."""
+LIVE_S, RECORDED_S = 740.0, 125.0
+"""Snapshots of this time are kept for the plots: live ten minutes and the longest plot before them. A recording has all
+others in its files."""
 
 
 class Source(Protocol):
@@ -104,8 +105,10 @@ class LiveTelemetry(TelemetryReader):
 class Feed:
     """Reads the newest data; a new session resets it."""
 
-    def __init__(self, reader: Source) -> None:
-        self.recent = RecentSnapshots(length_s=RECENT_S)
+    def __init__(self, reader: Source, kept_s: float = LIVE_S) -> None:
+        """`kept_s`: for how many seconds snapshots are kept."""
+        self.recent = RecentSnapshots(length_s=kept_s)
+        self._kept_ns = ns_from_s(kept_s)
         self._reader = reader
         self._session = 0
         self._snapshot: Snapshot | None = None
@@ -121,7 +124,7 @@ class Feed:
             self._session = self._reader.session
             self._snapshot, self._trajectory, self._details_due_ns = None, None, 0
             self.recent.clear()
-        self.recent.extend(self._reader.between(self.recent.newest_ns or now_ns - ns_from_s(RECENT_S), now_ns))
+        self.recent.extend(self._reader.between(self.recent.newest_ns or now_ns - self._kept_ns, now_ns))
         self._snapshot = self._reader.newest() or self._snapshot
         self._follow_trajectory()
         if now_ns >= self._details_due_ns:

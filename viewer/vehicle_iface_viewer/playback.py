@@ -25,6 +25,8 @@ from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
 SPEEDS = (0.1, 10.0)
 """Slowest and fastest playback, as multiples of real time."""
 _CHUNK_BYTES = 1 << 20
+_MOST_LINES = 3000
+"""After a jump: parsing more would delay the page."""
 
 
 class Playback:
@@ -101,8 +103,9 @@ class Playback:
         return files.parse_snapshot(self._columns, self._snapshots.text(self._index(self._at_ns)))
 
     def between(self, begin_ns: int, end_ns: int) -> list[Snapshot]:
-        """Return the snapshots after `begin_ns` and up to `end_ns`."""
+        """Return the snapshots after `begin_ns` and up to `end_ns`; of more than `_MOST_LINES` some are left out."""
         lines = self._snapshots.texts(self._index(begin_ns) + 1, self._index(end_ns) + 1)
+        lines = lines[:: -(-len(lines) // _MOST_LINES) or 1]
         found = (files.parse_snapshot(self._columns, line) for line in lines)
         return [snapshot for snapshot in found if snapshot is not None]
 

@@ -7,12 +7,13 @@ import numpy as np
 from vehicle_iface.units import NS_PER_MS, NS_PER_S
 from vehicle_iface_viewer.recent import RecentSnapshots
 
+_SPAN_NS = 60 * NS_PER_S
 _EDGES_MS = (0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, float("inf"))
 
 
 def latency_html(recent: RecentSnapshots) -> str:
-    """Return p50, p95, p99 and maximum, and the share of each range, over the snapshots that are kept."""
-    rows = recent.between(0, recent.newest_ns)
+    """Return p50, p95, p99 and maximum, and the share of each range, over the last minute."""
+    rows = recent.between(recent.newest_ns - _SPAN_NS, recent.newest_ns)
     rows = rows[rows["sent"]]
     if not len(rows):
         return '<div class="vi-note" id="latency">no command was sent in the last seconds</div>'

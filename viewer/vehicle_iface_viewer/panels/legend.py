@@ -6,7 +6,6 @@ import numpy as np
 
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.feed import View
-from vehicle_iface_viewer.panels.plots import WINDOW_S
 from vehicle_iface_viewer.panels.text import css
 from vehicle_iface_viewer.scene import ground, markers, scene, trail
 
@@ -37,6 +36,6 @@ def legend_html(view: View | None) -> str:
         f'speed, m/s</span><div style="flex:1"><div style="height:8px;border-radius:4px;background:linear-gradient('
         f'90deg,{colors})"></div><div style="display:flex;justify-content:space-between">{scale}</div></div></div>'
         f'<div style="display:flex;flex-wrap:wrap;column-gap:14px">{items}'
-        f'<span style="opacity:.75;white-space:nowrap">{ground.GRID_TEXT} · plots: last {WINDOW_S:.0f} s'
+        f'<span style="opacity:.75;white-space:nowrap">{ground.GRID_TEXT}'
         "</span></div></div>"
     )

@@ -21,10 +21,10 @@ from vehicle_iface.trajectory import FloatArray
 from vehicle_iface.units import NS_PER_MS
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.curves import TimeAxis
+from vehicle_iface_viewer.panels.plot_time import USUAL_WINDOW, WINDOWS
 from vehicle_iface_viewer.panels.text import MAX_SHOWN
 from vehicle_iface_viewer.recent import Columns, RecentSnapshots
 
-WINDOW_S = 20.0
 OLD_STATE_NS = 100 * NS_PER_MS
 """What is known of an older state is not drawn."""
 _REQUESTED, _MEASURED, _SENT = "#fcc419", "#4dabf7", "#69db7c"
@@ -170,25 +170,28 @@ class Plots:
     def __init__(self, gui: viser.GuiApi, recent: RecentSnapshots) -> None:
         self._recent = recent
         self._limits = DrivingLimits()
-        self._sent_ns = [-1] * len(PLOTS)
+        self._window_s = WINDOWS[USUAL_WINDOW]
+        self._sent = [(-1, 0.0)] * len(PLOTS)
         self._handles = [self._add_plot(gui, plot, 10.0 + k) for k, plot in enumerate(PLOTS)]
 
-    def show(self, view: View, turn: int) -> None:
-        """Send one plot if it has new values, each turn another: redrawing one is expensive for the browser.
+    def show(self, view: View, turn: int, *, end_ns: int, window_s: float) -> None:
+        """Send one plot of `window_s` seconds until `end_ns` if it has new values, each turn another: redrawing one is
+        expensive for the browser.
 
         Stale data brings nothing new, and the curves stop moving.
         """
-        if view.info is not None and view.info.limits != self._limits:
-            self._limits = view.info.limits
+        limits = view.info.limits if view.info is not None else self._limits
+        if (limits, window_s) != (self._limits, self._window_s):
+            self._limits, self._window_s = limits, window_s
             for plot, handle in zip(PLOTS, self._handles, strict=True):
-                handle.scales = _scales(plot.range(self._limits))
+                handle.scales = _scales(plot.range(limits), window_s)
         k = turn % len(PLOTS)
-        if self._recent.newest_ns != self._sent_ns[k]:
-            self._sent_ns[k] = self._recent.newest_ns
-            self._send(k, turn // _TURNS_PER_LAYOUT)
+        if self._sent[k] != (end_ns, window_s):
+            self._sent[k] = (end_ns, window_s)
+            self._send(k, TimeAxis.until(end_ns, window_s), turn // _TURNS_PER_LAYOUT)
 
-    def _send(self, k: int, number: int) -> None:
-        plot, axis = PLOTS[k], TimeAxis.until(self._recent.newest_ns, WINDOW_S)
+    def _send(self, k: int, axis: TimeAxis, number: int) -> None:
+        plot = PLOTS[k]
         rows = self._recent.between(axis.begin_ns - 1, axis.now_ns)
         curves = [axis.decimate(rows["published_ns"], curve.read(rows)) for curve in plot.curves]
         _send_curves(self._handles[k], axis.times_s, curves, plot.lines(plot.range(self._limits)), number)
@@ -207,7 +210,7 @@ class Plots:
             (np.zeros(0), *(np.zeros(0) for _ in series[1:])),
             tuple(series),
             title=plot.title,
-            scales=_scales(plot.range(self._limits)),
+            scales=_scales(plot.range(self._limits), self._window_s),
             axes=(across, up),  # type: ignore[arg-type]  # plain dictionaries of the keys that matter
             legend=uplot.Legend(show=True, live=False),
             height=118,
@@ -216,7 +219,7 @@ class Plots:
         )
 
 
-def _scales(limits: Range) -> dict[str, uplot.Scale]:
+def _scales(limits: Range, window_s: float) -> dict[str, uplot.Scale]:
     """Return scales for the last seconds and these limits; the browser widens the range for values beyond them."""
     margin = (limits.high - limits.low) * _MARGIN
     up = {
@@ -224,7 +227,7 @@ def _scales(limits: Range) -> dict[str, uplot.Scale]:
         "max": {"soft": limits.high + margin, "mode": 1, "pad": _MARGIN},
     }
     return {
-        "x": uplot.Scale(time=False, auto=False, range=(-WINDOW_S, 0.0)),
+        "x": uplot.Scale(time=False, auto=False, range=(-window_s, 0.0)),
         "y": uplot.Scale(range=up),
         _LAYOUT: uplot.Scale(),
     }

@@ -1,4 +1,4 @@
-"""The panel beside the scene: banner, numbers, legend, plots."""
+"""The panel beside the scene: banner, numbers, legend."""
 
 from __future__ import annotations
 
@@ -9,24 +9,21 @@ from vehicle_iface_viewer.panels.banner import banner_html
 from vehicle_iface_viewer.panels.frozen import cover_html
 from vehicle_iface_viewer.panels.legend import legend_html
 from vehicle_iface_viewer.panels.numbers import numbers_html
-from vehicle_iface_viewer.panels.plots import Plots
 from vehicle_iface_viewer.panels.style import STYLE
-from vehicle_iface_viewer.recent import RecentSnapshots
 
 
 class SidePanel:
-    """The control panel, except for each browser's own Follow switch."""
+    """The control panel, except for what each browser has of its own: the Follow switch and the plots."""
 
     FOLLOW_ORDER = 2.0
     """Position of the Follow switch: under the banner."""
 
-    def __init__(self, gui: viser.GuiApi, recent: RecentSnapshots) -> None:
+    def __init__(self, gui: viser.GuiApi) -> None:
         gui.add_html(STYLE, order=0.1)
         self._cover = gui.add_html(cover_html(0), order=0.2)
         self._banner = gui.add_html(banner_html(None), order=1.0)
         self._numbers = gui.add_html("", order=3.0)
         self._legend = gui.add_html(legend_html(None), order=4.0)
-        self._plots = Plots(gui, recent)
 
     def show(self, view: View, turn: int) -> None:
         """Update texts and plots to `view`: the banner each time, the rest in turns to save the browser work."""
@@ -36,7 +33,6 @@ class SidePanel:
             _update(self._numbers, numbers_html(view))
         else:
             _update(self._legend, legend_html(view))
-        self._plots.show(view, turn)
 
 
 def _update(handle: viser.GuiHtmlHandle, content: str) -> None:
