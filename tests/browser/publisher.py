@@ -17,6 +17,7 @@ from vehicle_iface import Reason, Trajectory, clock
 from vehicle_iface.status import ControllerState, Gear, VehicleMode
 from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryWriter
 from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
+from vehicle_iface.telemetry.events import EventKind, LoopEvent
 from vehicle_iface.units import NS_PER_S, s_from_ns, wrapped_rad
 
 _PERIOD_NS = NS_PER_S // 100
@@ -168,12 +169,19 @@ def main() -> None:
     trajectory = figure_eight(now_ns)
     with TelemetryWriter(options.address, info) as writer:
         drive = Drive(trajectory, writer.publish_trajectory(trajectory))
+        number, noted = 0, ""
         print("publishing", flush=True)
         while _ordered(drive):
             if drive.order != "freeze":
                 now_ns = clock.monotonic_ns()
                 writer.publish(drive.snapshot(now_ns))
                 writer.publish_details(_details(now_ns))
+                if drive.order != noted:
+                    noted, number = drive.order, number + 1
+                    state, reason = _STATES[noted]
+                    writer.publish_event(
+                        LoopEvent(number=number, at_ns=now_ns, kind=EventKind.MODE, name=state.name, text=reason.name)
+                    )
             clock.sleep_until(clock.monotonic_ns() + _PERIOD_NS)
     sys.exit(0)
 

@@ -1,4 +1,4 @@
-"""The panel to the left in a real browser: the table of messages, its filter, latency and counters."""
+"""The panel to the left in a real browser: the table of messages, its filter, events, latency and counters."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -64,7 +64,7 @@ def app(address: str) -> Iterator[App]:
 
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
 def test_all_messages_are_listed_the_faulty_one_first_and_can_be_filtered(publish: Start, app: App, page: Page) -> None:
-    publish()
+    loop = publish()
     page.goto(f"http://127.0.0.1:{app.port}/")
     messages = page.locator("#signals .vi-message")
     expect(messages).to_have_count(4)
@@ -81,6 +81,12 @@ def test_all_messages_are_listed_the_faulty_one_first_and_can_be_filtered(publis
     expect(messages).not_to_contain_text("HEADING")
     field.fill("")
     expect(messages).to_have_count(4)
+    page.get_by_role("tab", name="Events").click()
+    expect(page.locator("#events")).to_contain_text("mode ENGAGED")
+    loop.order("fault")
+    expect(page.locator("#events .vi-event").first).to_contain_text("mode FAULT")
+    expect(page.locator("#events .vi-event").first).to_contain_text("DEVIATION")
+    loop.order("engaged")
     page.get_by_role("tab", name="Latency").click()
     expect(page.locator("#latency")).to_contain_text("p99")
     expect(page.locator("#latency")).to_contain_text("0.2 … 0.5 ms")

@@ -8,6 +8,7 @@ import pytest
 from vehicle_iface import Trajectory
 from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryWriter, WriterState
 from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
+from vehicle_iface.telemetry.events import EventKind, LoopEvent
 from vehicle_iface.units import NS_PER_MS, NS_PER_S
 from vehicle_iface_viewer.feed import Feed, LiveTelemetry
 
@@ -115,3 +116,18 @@ def test_every_snapshot_is_kept_once_and_a_new_session_begins_with_none(writer: 
         successor.publish(Snapshot(2 * NS_PER_S, 1, 0))
         feed.read(2 * NS_PER_S)
         assert len(feed.recent.between(0, 3 * NS_PER_S)) == 1
+
+
+def test_events_are_kept_once_in_their_order_and_those_of_a_session_only(writer: TelemetryWriter, feed: Feed) -> None:
+    events = [LoopEvent(number=k, at_ns=k, kind=EventKind.REQUEST, name=f"request {k}") for k in range(1, 6)]
+    for k, event in enumerate(events):
+        writer.publish_event(event)
+        feed.read(k * NS_PER_S)
+    assert list(feed.events) == events
+    writer.close()
+    with TelemetryWriter(writer.address, INFO) as successor:
+        feed.read(10 * NS_PER_S)
+        assert list(feed.events) == []
+        successor.publish_event(events[0])
+        feed.read(20 * NS_PER_S)
+        assert list(feed.events) == events[:1]

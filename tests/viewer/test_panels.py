@@ -16,10 +16,12 @@ from vehicle_iface import Reason
 from vehicle_iface.status import ControllerState, Gear
 from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot, WriterState
 from vehicle_iface.telemetry.details import LinkDetails, LiveDetails, ShadowSummary, Spread
+from vehicle_iface.telemetry.events import EventKind, LoopEvent, Phase
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.banner import banner_html
 from vehicle_iface_viewer.panels.counters import counters_html
+from vehicle_iface_viewer.panels.events import events_html
 from vehicle_iface_viewer.panels.latency import latency_html
 from vehicle_iface_viewer.panels.legend import legend_html
 from vehicle_iface_viewer.panels.numbers import numbers_html
@@ -339,3 +341,25 @@ def test_the_latency_of_all_commands_is_shown_with_its_percentiles() -> None:
     assert "p50 0.30 ms p95 3.00 ms p99 3.27 ms max 30.00 ms" in words
     assert "0.2 … 0.5 ms 94" in words
     assert "20 … 50 ms 1 " in words
+
+
+def test_events_are_listed_newest_first_with_time_phase_and_text() -> None:
+    bad = "<b onclick=x>"
+    events = [
+        LoopEvent(number=1, at_ns=NS_PER_S, kind=EventKind.STOP, name="DEVIATION", phase=Phase.BEGAN, text="stopped"),
+        LoopEvent(number=2, at_ns=2_345_600_000, kind=EventKind.TRAJECTORY, name=bad, text=bad),
+    ]
+    content = events_html(events, 3600 * NS_PER_S)
+    assert bad not in content
+    words = " ".join(_PageText(content).text.split())
+    assert words.endswith(f"01:00:02.345 trajectory {bad} {bad} 01:00:01.000 stop DEVIATION began stopped")
+    assert "no event yet" in events_html([], 0)
+
+
+def test_of_many_events_the_newest_hundred_are_shown() -> None:
+    many = [LoopEvent(number=k, at_ns=k, kind=EventKind.LINK, name=f"number {k} ") for k in range(1, 301)]
+    content = events_html(many, 0)
+    assert content.count("vi-event") == 100
+    assert "100 events of 300" in content
+    assert "number 300 " in content
+    assert "number 200 " not in content

@@ -15,6 +15,7 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.recorder import files
 from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot, WriterState
 from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
+from vehicle_iface.telemetry.events import EventKind, LoopEvent, Phase
 from vehicle_iface.units import NS_PER_MS, NS_PER_S
 from vehicle_iface_viewer.__main__ import main
 from vehicle_iface_viewer.access import Access
@@ -114,6 +115,58 @@ def test_after_a_jump_while_paused_the_rates_are_those_of_the_second_before(reco
     recording.seek(3.5)
     view = feed.read(recording.advance(1))
     assert view.sample_rate_hz == pytest.approx(100.0)
+
+
+def event(number: int, at_s: float, kind: EventKind, phase: Phase = Phase.ONCE) -> LoopEvent:
+    return LoopEvent(number=number, at_ns=at_ns(round(at_s * 100)), kind=kind, name="name", phase=phase)
+
+
+EVENTS = [
+    event(1, 0.5, EventKind.MODE),
+    event(2, 2.0, EventKind.STOP, Phase.BEGAN),
+    event(3, 2.5, EventKind.STOP, Phase.ENDED),
+    event(5, 4.0, EventKind.STOP, Phase.BEGAN),
+]
+
+
+@pytest.fixture
+def eventful(folder: Path) -> Iterator[Playback]:
+    """Four events and a damaged line."""
+    lines = [files.format_event(each) for each in EVENTS]
+    (folder / files.EVENTS).write_bytes(b"".join([*lines[:2], b"{damaged\n", *lines[2:]]))
+    opened = Playback(str(folder))
+    yield opened
+    opened.close()
+
+
+def test_events_are_those_up_to_the_time_that_is_shown(recording: Playback, eventful: Playback) -> None:
+    eventful.advance(0)
+    assert eventful.events() == []
+    eventful.advance(round(2.2 * NS_PER_S))
+    assert eventful.events() == EVENTS[:2]
+    assert eventful.events(1) == EVENTS[1:2]
+    eventful.advance(9 * NS_PER_S)
+    assert eventful.events(2) == EVENTS[2:]
+    assert recording.events() == []
+    feed = Feed(eventful)
+    feed.read(eventful.advance(10 * NS_PER_S))
+    assert list(feed.events) == EVENTS
+    eventful.seek(1.0)
+    feed.read(eventful.advance(11 * NS_PER_S))
+    assert list(feed.events) == EVENTS[:1]
+
+
+def test_a_jump_to_a_stop_shows_the_second_before_it(recording: Playback, eventful: Playback) -> None:
+    eventful.is_paused = True
+    places = []
+    for step in (1, 1, 1, -1, -1):
+        eventful.seek_stop(step)
+        eventful.advance(0)
+        places.append(round(eventful.at_s, 2))
+    assert places == [1.0, 3.0, 3.0, 1.0, 1.0]
+    recording.seek_stop(1)
+    recording.advance(0)
+    assert recording.session == 1
 
 
 def test_playback_stays_at_its_end_and_shows_it(recording: Playback) -> None:

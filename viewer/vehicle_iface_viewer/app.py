@@ -84,7 +84,7 @@ class App:
         if tick % _PANELS_EVERY == 1:  # not with the texts and plots, so that no update is long
             report = self._bus_table.read(view) if self._bus_table is not None else _NO_TABLE
             for client in present:
-                client.left_panel.show(view, report, self._feed.recent, tick // _PANELS_EVERY)
+                client.left_panel.show(view, report, self._feed, tick // _PANELS_EVERY)
         # Both at once: the vehicle's position and the world's shift belong in the same frame.
         self.server.flush()
 

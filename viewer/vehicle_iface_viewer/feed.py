@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+from vehicle_iface import clock
 from vehicle_iface.telemetry import (
     DrawnTrajectory,
     SessionInfo,
@@ -13,6 +15,7 @@ from vehicle_iface.telemetry import (
     WriterState,
 )
 from vehicle_iface.telemetry.details import LiveDetails
+from vehicle_iface.telemetry.events import LoopEvent
 from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
 from vehicle_iface_viewer.recent import RecentSnapshots
 from vehicle_iface_viewer.recorder_monitor import RecorderHealth, RecorderMonitor
@@ -25,6 +28,7 @@ _RATE_NS = 3 * NS_PER_S // 2
 LIVE_S, RECORDED_S = 740.0, 125.0
 """Snapshots of this time are kept for the plots: live ten minutes and the longest plot before them. A recording has all
 others in its files."""
+_MAX_EVENTS = 1000
 
 
 class Source(Protocol):
@@ -43,6 +47,9 @@ class Source(Protocol):
     def between(self, begin_ns: int, end_ns: int) -> list[Snapshot]: ...
     def trajectory(self, version: int) -> DrawnTrajectory | None: ...
     def details(self) -> LiveDetails | None: ...
+    def events(self, after: int = 0) -> list[LoopEvent]: ...
+    @property
+    def wall_offset_ns(self) -> int: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,6 +97,8 @@ class LiveTelemetry(TelemetryReader):
 
     def __init__(self, address: str) -> None:
         super().__init__(address)
+        self.wall_offset_ns = clock.wall_ns() - clock.monotonic_ns()
+        """What to add to a time of the monotonic clock to get that of the wall clock, when the viewer was started."""
         self._read_of = (0, 0)
         """Session and number of the newest one."""
 
@@ -108,6 +117,8 @@ class Feed:
     def __init__(self, reader: Source, kept_s: float = LIVE_S) -> None:
         """`kept_s`: for how many seconds snapshots are kept."""
         self.recent = RecentSnapshots(length_s=kept_s)
+        self.events: deque[LoopEvent] = deque(maxlen=_MAX_EVENTS)
+        """The newest ones of the session, the oldest first."""
         self._kept_ns = ns_from_s(kept_s)
         self._reader = reader
         self._session = 0
@@ -117,6 +128,11 @@ class Feed:
         self._details_due_ns = 0
         self._recorder = RecorderMonitor()
 
+    @property
+    def wall_offset_ns(self) -> int:
+        """What to add to a time of the monotonic clock to get that of the wall clock."""
+        return self._reader.wall_offset_ns
+
     def read(self, now_ns: int) -> View:
         """Read the telemetry; the data of the page at `now_ns`."""
         writer_state = self._reader.poll()
@@ -124,11 +140,13 @@ class Feed:
             self._session = self._reader.session
             self._snapshot, self._trajectory, self._details_due_ns = None, None, 0
             self.recent.clear()
+            self.events.clear()
         self.recent.extend(self._reader.between(self.recent.newest_ns or now_ns - self._kept_ns, now_ns))
         self._snapshot = self._reader.newest() or self._snapshot
         self._follow_trajectory()
         if now_ns >= self._details_due_ns:
             self._details = self._reader.details() or self._details
+            self.events += self._reader.events(self.events[-1].number if self.events else 0)
             self._details_due_ns = now_ns + _DETAILS_PERIOD_NS
         snapshot = self._snapshot
         view = View(

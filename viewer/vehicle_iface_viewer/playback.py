@@ -20,10 +20,14 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.recorder import files
 from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot, WriterState
 from vehicle_iface.telemetry.details import LiveDetails
+from vehicle_iface.telemetry.events import EventKind, LoopEvent, Phase
 from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
 
 SPEEDS = (0.1, 10.0)
 """Slowest and fastest playback, as multiples of real time."""
+_BEFORE_STOP_S = 1.0
+"""A stop is shown from so long before it."""
+_SAME_STOP_NS = NS_PER_S // 10
 _CHUNK_BYTES = 1 << 20
 _MOST_LINES = 3000
 """After a jump: parsing more would delay the page."""
@@ -42,6 +46,7 @@ class Playback:
         self._snapshots = _Lines(Path(folder) / files.SNAPSHOTS)
         self._trajectories = _Lines(Path(folder) / files.TRAJECTORIES)
         self._counters = _Lines(Path(folder) / files.COUNTERS)
+        self._events = _load_events(Path(folder) / files.EVENTS)
         self._columns = self._snapshots.text(0).split(",") if len(self._snapshots) else []
         if len(self._snapshots) < 2 or "published_ns" not in self._columns:
             raise ConfigError(f"{folder}: no snapshot in {files.SNAPSHOTS}: there is nothing to show")
@@ -117,6 +122,28 @@ class Playback:
         except msgspec.MsgspecError:
             return None
         return line.to_drawn() if line.version == version else None
+
+    @property
+    def wall_offset_ns(self) -> int:
+        """What to add to a time of the monotonic clock to get that of the wall clock, at the recording."""
+        return self._meta.wall_ns - self._meta.monotonic_ns
+
+    def events(self, after: int = 0) -> list[LoopEvent]:
+        """Return the events with a number above `after`, up to the time that is shown."""
+        first = bisect_right(self._events, after, key=lambda event: event.number)
+        return self._events[first : bisect_right(self._events, self._at_ns, key=lambda event: event.at_ns)]
+
+    def seek_stop(self, step: int) -> None:
+        """Show the beginning of the next stop or fault (`step` 1), or of the previous one (−1), if there is one."""
+        stops_ns = [event.at_ns for event in self._events if _is_stop(event)]
+        ahead_ns = self._at_ns + ns_from_s(_BEFORE_STOP_S)
+        place = (
+            bisect_right(stops_ns, ahead_ns + _SAME_STOP_NS)
+            if step > 0
+            else -1 + bisect_right(stops_ns, ahead_ns - _SAME_STOP_NS)
+        )
+        if 0 <= place < len(stops_ns):
+            self.seek(s_from_ns(stops_ns[place] - self._begin_ns) - _BEFORE_STOP_S)
 
     def details(self) -> LiveDetails | None:
         """Return the last counters before the time that is shown."""
@@ -202,6 +229,17 @@ class _Lines:
         if self._file >= 0:
             os.close(self._file)
         self._file = -1
+
+
+def _load_events(path: Path) -> list[LoopEvent]:
+    lines = _Lines(path)
+    found = [files.parse_event(line) for line in lines.texts(0, len(lines))]
+    lines.close()
+    return sorted((event for event in found if event is not None), key=lambda event: event.number)
+
+
+def _is_stop(event: LoopEvent) -> bool:
+    return event.kind is EventKind.STOP and event.phase is not Phase.ENDED
 
 
 def _load_meta(folder: Path) -> files.Meta:

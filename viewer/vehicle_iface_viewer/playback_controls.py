@@ -31,12 +31,16 @@ class PlaybackControls:
         self._is_moved = False
         self._pause = gui.add_checkbox("Pause", initial_value=False, order=ORDER)
         self._time = gui.add_slider("Time, s", 0.0, self._length_s, 0.1, round(playback.at_s, 1), order=ORDER + 0.1)
+        self._previous = gui.add_button("Previous stop", order=ORDER + 0.3)
+        self._next = gui.add_button("Next stop", order=ORDER + 0.4)
         self._speed = gui.add_slider("Speed, ×", *SPEEDS, 0.1, playback.speed, order=ORDER + 0.2)
 
     def connect(self, client: viser.ClientHandle) -> None:
         """Handle the controls of this browser."""
         handle_checkbox(client, self._pause._impl.uuid, self._set_pause)
         handle_slider(client, self._time._impl.uuid, 0.0, self._length_s, self._seek)
+        handle_checkbox(client, self._previous._impl.uuid, lambda _: self._seek_stop(-1))
+        handle_checkbox(client, self._next._impl.uuid, lambda _: self._seek_stop(1))
         handle_slider(client, self._speed._impl.uuid, *SPEEDS, self._set_speed)
 
     def update(self, now_ns: int) -> None:
@@ -57,6 +61,9 @@ class PlaybackControls:
     def _seek(self, at_s: float) -> None:
         self._playback.seek(at_s)
         self._is_moved = True
+
+    def _seek_stop(self, step: int) -> None:
+        self._playback.seek_stop(step)
 
     def _set_speed(self, speed: float) -> None:
         self._playback.speed = speed

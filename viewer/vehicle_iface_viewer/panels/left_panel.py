@@ -1,4 +1,7 @@
-"""The panel to the left of the scene: the signals on the buses, latency and counters. Each browser has its own."""
+"""The panel to the left of the scene: the signals on the buses, the loop's events, latency and counters.
+
+Each browser has its own.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +9,26 @@ import viser
 
 from vehicle_iface_viewer.access import handle_text
 from vehicle_iface_viewer.bus_table.report import BusReport
-from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.feed import Feed, View
 from vehicle_iface_viewer.panels.counters import counters_html
+from vehicle_iface_viewer.panels.events import events_html
 from vehicle_iface_viewer.panels.latency import latency_html
 from vehicle_iface_viewer.panels.signals import signals_html
-from vehicle_iface_viewer.recent import RecentSnapshots
 
 WIDTH_PX = 350
 _MAX_SEARCH = 40
 
 
 class LeftPanel:
-    """Three tabs, one of which is updated in each turn."""
+    """Four tabs, one of which is updated in each turn."""
 
     def __init__(self, client: viser.ClientHandle) -> None:
         panel = client.gui.add_panel(order=5.0)
         with panel.add_tab("Signals"):
             box = client.gui.add_text("Filter", "", hint="a part of a message's or signal's name, or an identifier")
             self._signals = client.gui.add_html("")
+        with panel.add_tab("Events"):
+            self._events = client.gui.add_html("")
         with panel.add_tab("Latency"):
             self._latency = client.gui.add_html("")
         with panel.add_tab("Counters"):
@@ -34,14 +39,16 @@ class LeftPanel:
         self._shown: tuple[BusReport | None, str] | None = None
         handle_text(client, box._impl.uuid, _MAX_SEARCH, self._set_search)
 
-    def show(self, view: View, report: BusReport | None, recent: RecentSnapshots, turn: int) -> None:
-        """Update the signals when there are newer ones, and in turns latency and counters."""
+    def show(self, view: View, report: BusReport | None, feed: Feed, turn: int) -> None:
+        """Update the signals when there are newer ones, and in turns events, latency and counters."""
         wanted = (report, self._search)
         if turn % 2 == 0 and (self._shown is None or report is not self._shown[0] or self._search != self._shown[1]):
             self._shown = wanted
             self._signals.content = signals_html(*wanted)
+        elif turn % 10 in (1, 5):
+            _update(self._events, events_html(feed.events, feed.wall_offset_ns))
         elif turn % 10 == 3:
-            _update(self._latency, latency_html(recent))
+            _update(self._latency, latency_html(feed.recent))
         elif turn % 10 == 7:
             _update(self._counters, counters_html(view))
 

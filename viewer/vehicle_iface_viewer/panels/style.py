@@ -30,6 +30,8 @@ STYLE = f"""<style>
 .vi-bad {{ color: {BAD}; font-weight: 700; opacity: 1 }}
 .vi-old {{ opacity: .45 }}
 .vi-new {{ color: {NEW} }}
+.vi-event {{ display: flex; gap: 8px; margin: 0 6px 3px; padding-left: 6px; font-size: 12px; line-height: 1.35;
+  font-variant-numeric: tabular-nums }}
 .vi-values {{ margin: 2px 0 8px }}
 .vi-bar > :first-child {{ width: 92px }} .vi-bar > :nth-child(2) {{ flex: 1 }}
 .vi-bar u {{ display: block; height: 9px; margin-top: 3px; background: #4dabf7 }}
