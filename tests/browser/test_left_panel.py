@@ -73,7 +73,7 @@ def test_all_messages_are_listed_the_faulty_one_first_and_can_be_filtered(publis
     pose = page.locator('[data-id="0x110"]')
     expect(pose).to_contain_text("100.0/100 Hz")
     expect(pose).to_contain_text("POS_X")
-    field = page.get_by_role("textbox")
+    field = page.get_by_role("textbox").first
     field.fill("yaw_rate")
     expect(messages).to_have_count(1)
     expect(messages).to_contain_text("0x111 MOTION")
