@@ -1,4 +1,4 @@
-"""Builds `vehicle_iface/_wire.c` into the wheel where there is a C compiler; without one the wheel is pure Python.
+"""Builds `vehicle_iface/_wire*.c` into the wheel where there is a C compiler; without one the wheel is pure Python.
 
 An editable installation gets the library beside its source. The environment: `CC`, `CFLAGS` and `LDFLAGS` as usual;
 `VEHICLE_IFACE_WIRE=python` builds none, and `VEHICLE_IFACE_WIRE=c` makes it an error that it cannot be built.
@@ -18,7 +18,7 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-SOURCE, LIBRARY = "vehicle_iface/_wire.c", "vehicle_iface/_wire.abi3.so"
+FOLDER, SOURCES, LIBRARY = "vehicle_iface", ("_wire.c", "_wire.h", "_wire_codec.c"), "vehicle_iface/_wire.abi3.so"
 
 
 class WireBuildHook(BuildHookInterface):  # type: ignore[type-arg]
@@ -33,10 +33,10 @@ class WireBuildHook(BuildHookInterface):  # type: ignore[type-arg]
         library.unlink(missing_ok=True)
         if choice == "python":
             return
-        if problem := find_problem() or compile_library(Path(self.root, SOURCE), library):
+        if problem := find_problem() or compile_library(Path(self.root, FOLDER), library):
             if choice == "c":
-                raise RuntimeError(f"VEHICLE_IFACE_WIRE=c: {SOURCE} cannot be built: {problem}")
-            self.app.display_warning(f"{SOURCE} is not built, its Python twin is used: {problem}")
+                raise RuntimeError(f"VEHICLE_IFACE_WIRE=c: vehicle_iface/_wire.c cannot be built: {problem}")
+            self.app.display_warning(f"vehicle_iface/_wire.c is not built, its Python twin is used: {problem}")
         elif not is_editable:
             build_data["force_include"][str(library)] = LIBRARY
             build_data["pure_python"] = False
@@ -60,12 +60,28 @@ def _compiler() -> list[str]:
     return shlex.split(os.environ.get("CC", "")) or ["cc"]
 
 
-def compile_library(source: Path, library: Path, *flags: str) -> str:
-    """Compile `source` to `library`; return the compiler's output if it fails."""
-    sha256 = hashlib.sha256(source.read_bytes()).hexdigest()
-    command = [*_compiler(), "-O2", "-std=c11", "-Wall", "-Wextra", "-fPIC", "-shared", "-fvisibility=hidden"]
+def compile_library(folder: Path, library: Path, *flags: str) -> str:
+    """Compile the sources in `folder` to `library`; return the compiler's output if it fails."""
+    sources = [folder / name for name in SOURCES]
+    sha256 = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
+    # Without contraction: a product and a sum are rounded one after the other, as Python does.
+    command = [
+        *_compiler(),
+        "-O2",
+        "-std=c11",
+        "-ffp-contract=off",
+        "-Wall",
+        "-Wextra",
+        "-fPIC",
+        "-shared",
+        "-fvisibility=hidden",
+    ]
     command += [f'-DSOURCE_SHA256="{sha256}"', f"-I{sysconfig.get_path('include')}"]
-    command += [*flags, *shlex.split(os.environ.get("CFLAGS", "")), str(source), "-o", str(library)]
-    command += shlex.split(os.environ.get("LDFLAGS", ""))
+    command += [
+        *flags,
+        *shlex.split(os.environ.get("CFLAGS", "")),
+        *(str(source) for source in sources if source.suffix == ".c"),
+    ]
+    command += ["-o", str(library), *shlex.split(os.environ.get("LDFLAGS", "")), "-lm"]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
     return "" if done.returncode == 0 else done.stderr.strip() or f"{command[0]} ended with {done.returncode}"

@@ -8,7 +8,10 @@ from importlib.machinery import ExtensionFileLoader
 from pathlib import Path
 from types import ModuleType
 
+import pytest
+
 import hatch_build
+from vehicle_iface import wire
 
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = "TEST_WIRE_LIBRARY"
@@ -19,8 +22,8 @@ SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined",
 def build_wire(folder: Path, *flags: str) -> Path:
     """Compile the library; fails where there is no C compiler, because the C code is then not tested."""
     library = folder / "_wire.abi3.so"
-    source = ROOT / hatch_build.SOURCE
-    problem = hatch_build.find_problem() or hatch_build.compile_library(source, library, "-Werror", *flags)
+    sources = ROOT / hatch_build.FOLDER
+    problem = hatch_build.find_problem() or hatch_build.compile_library(sources, library, "-Werror", *flags)
     assert not problem, f"the C code is not tested: {problem} (tools/test installs what is missing)"
     return library
 
@@ -42,8 +45,18 @@ def find_runtime(name: str) -> str:
     return found.stdout.strip()
 
 
-def run_tests(file: Path, library: Path, *preload: str) -> None:
-    """Run the tests of `file` in a process of their own, with these libraries preloaded."""
+def install_wire(library: str, patch: pytest.MonkeyPatch) -> ModuleType:
+    """Load a library as `load_wire` does, and let the program use it."""
+    module = load_wire(library)
+    wire.find_problem.cache_clear()
+    patch.setitem(sys.modules, "vehicle_iface._wire", module)
+    patch.setattr("vehicle_iface._wire", module, raising=False)
+    patch.setenv(wire.VARIABLE, "c")
+    return module
+
+
+def run_tests(file: Path, library: Path, *preload: str, without: str = "nothing") -> None:
+    """Run the tests of `file` in a process of their own with these libraries preloaded, except for those named so."""
     environment = os.environ | {
         LIBRARY: str(library),
         "LD_PRELOAD": " ".join(preload),
@@ -52,5 +65,6 @@ def run_tests(file: Path, library: Path, *preload: str) -> None:
         "PYTHONPATH": str(ROOT),
     }
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", str(file)]
+    command += ["-k", f"not {without}"]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]

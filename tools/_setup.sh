@@ -120,7 +120,7 @@ need_compiler() {
 # Again when the C code changes, or when a compiler has come that can build it.
 install_project() {
     local stamp
-    stamp=$(cat "$root/pyproject.toml" "$root/hatch_build.py" "$root/vehicle_iface/_wire.c" | sha256sum)
+    stamp=$(cat "$root/pyproject.toml" "$root/hatch_build.py" "$root/vehicle_iface/"_wire*.[ch] | sha256sum)
     stamp="$stamp $(has_compiler "$venv/bin/python" && printf 'with' || printf 'without') a compiler"
     is_stamped project "$stamp" && return
     say "Installing vehicle-iface into .venv (editable: changes to the source take effect at once)"

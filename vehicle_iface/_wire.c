@@ -1,6 +1,6 @@
 /* Frames from and to a CAN socket in C: what bus/frame_io.py does in Python, which decides what is right.
  *
- * Optional: hatch_build.py compiles this file where there is a compiler, and wire.py chooses at start.
+ * Optional: hatch_build.py compiles this file and _wire_codec.c where there is a compiler, and wire.py chooses at start.
  *
  * It uses Python's limited API. One binary then serves every CPython from 3.11 on and survives an update of Python;
  * the functions that take the place of macros cost some nanoseconds a frame.
@@ -18,6 +18,8 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/uio.h>
+
+#include "_wire.h"
 
 /* From <linux/can.h>, <linux/socket.h> and <asm-generic/socket.h>, as in bus/receive.py and bus/raw_socket.py. */
 enum { CAN_MTU = 16, CANFD_MTU = 72, DATA_AT = 8, MAX_DATA = 64, MAX_CLASSICAL_DATA = 8 };
@@ -433,7 +435,11 @@ static int fill_module(PyObject *module)
 {
     if (PyModule_AddStringConstant(module, "SOURCE_SHA256", SOURCE_SHA256) < 0)
         return -1;
-    return add_type(module, &receiver_spec) < 0 || add_type(module, &sender_spec) < 0 ? -1 : 0;
+    PyType_Spec *const specs[] = {&receiver_spec, &sender_spec, &packer_spec};
+    for (size_t i = 0; i < sizeof specs / sizeof *specs; i++)
+        if (add_type(module, specs[i]) < 0)
+            return -1;
+    return 0;
 }
 
 static PyModuleDef_Slot module_slots[] = {

@@ -42,7 +42,7 @@ def find_problem() -> str:
         from vehicle_iface import _wire
     except ImportError as error:
         return f"vehicle_iface/_wire.c is not built ({error})"
-    source = Path(__file__).with_name("_wire.c")  # only in a checkout
-    if source.exists() and hashlib.sha256(source.read_bytes()).hexdigest() != _wire.SOURCE_SHA256:
+    sources = sorted(Path(__file__).parent.glob("_wire*.[ch]"))  # only in a checkout
+    if sources and hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest() != _wire.SOURCE_SHA256:
         return "vehicle_iface/_wire.c has changed since it was built"
     return ""

@@ -133,9 +133,9 @@ def test_no_frame_leaves_an_object_behind(ends: Ends) -> None:
 
 @pytest.mark.parametrize("choice", ["c", "python"])
 def test_the_environment_chooses_the_code(choice: str, c_wire: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    wire.find_problem.cache_clear()
     monkeypatch.setitem(sys.modules, "vehicle_iface._wire", c_wire)
     monkeypatch.setattr("vehicle_iface._wire", c_wire, raising=False)
+    wire.find_problem.cache_clear()
     monkeypatch.setenv(wire.VARIABLE, choice)
     near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     with near, far:

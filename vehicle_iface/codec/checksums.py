@@ -19,7 +19,7 @@ from functools import reduce
 from typing import Literal
 
 from vehicle_iface.codec.layout import Field
-from vehicle_iface.codec.protection import Payload
+from vehicle_iface.codec.protection import CoveredPart, PartKind, Payload, PayloadBits
 
 _NIBBLE = 4
 _NIBBLE_SUMS = bytes((byte >> 4) + (byte & 0x0F) for byte in range(256))
@@ -38,6 +38,11 @@ class BitPlace:
     @classmethod
     def of(cls, field: Field) -> "BitPlace":
         return cls(field.shift, field.width, "big" if field.is_big else "little")
+
+    @property
+    def bits(self) -> PayloadBits:
+        """The same as numbers."""
+        return PayloadBits(self.shift, self.width, self.order == "big")
 
     @property
     def mask(self) -> int:
@@ -88,11 +93,16 @@ def _cover_length(message: CoveredMessage) -> _Part:
     return _cover_constant(bytes([message.length]))
 
 
-def _cover_bytes(message: CoveredMessage) -> _Part:
+def _own_bytes(message: CoveredMessage) -> tuple[bytes, int, int]:
+    """Return the checksum's bits in each byte, and the range of the bytes that contain only those."""
     place = message.checksum
     own = (place.mask << place.shift).to_bytes(message.length, place.order)
     whole = [index for index, bits in enumerate(own) if bits == 0xFF]
-    first, end = (whole[0], whole[-1] + 1) if whole else (0, 0)
+    return (own, whole[0], whole[-1] + 1) if whole else (own, 0, 0)
+
+
+def _cover_bytes(message: CoveredMessage) -> _Part:
+    own, first, end = _own_bytes(message)
     shared = [(index, 0xFF ^ bits) for index, bits in enumerate(own) if 0 < bits < 0xFF]
 
     def cover(data: Payload) -> Payload:
@@ -130,6 +140,23 @@ _PARTS: dict[str, Callable[[CoveredMessage], _Part]] = {
     "data_id": _cover_data_id,
     "counter": _cover_counter,
 }
+
+
+def describe_cover(over: Sequence[str], message: CoveredMessage) -> tuple[CoveredPart, ...]:
+    """Return the same parts as `build_cover`, as numbers."""
+    return tuple(_describe_part(name, message) for name in over)
+
+
+def _describe_part(name: str, message: CoveredMessage) -> CoveredPart:
+    counter, data_id = message.counter, message.data_id
+    if name == "bytes":
+        own, first, end = _own_bytes(message)
+        return CoveredPart(PartKind.PAYLOAD, bytes(0xFF ^ bits for bits in own), first, end)
+    if name == "data_id" and isinstance(data_id, tuple) and len(data_id) > 1 and counter is not None:
+        return CoveredPart(PartKind.TABLE, bytes(data_id))
+    if name == "counter" and counter is not None:
+        return CoveredPart(PartKind.COUNTER, bytes(-(-counter.width // 8)))
+    return CoveredPart(PartKind.CONSTANT, bytes(_PARTS[name](message)(b"")))
 
 
 def sum_function(width: int, init: int = 0, xor_out: int = 0) -> Callable[[Payload], int]:

@@ -43,7 +43,7 @@ class MessageCodec:
     Raises `ConfigError` with name and reason if the message cannot be compiled.
     """
 
-    __slots__ = ("checked", "decode", "encode", "length", "message_name", "names", "source")
+    __slots__ = ("base", "checked", "decode", "encode", "layout", "length", "message_name", "names", "source")
 
     def __init__(
         self,
@@ -60,6 +60,9 @@ class MessageCodec:
         included.
         """
         layout = Layout.of(message, only, rules, is_flat=base is not None)
+        self.layout: Layout = layout
+        self.base: bytes = base or bytes(message.length)
+        """The bits of all signals that are not in the layout."""
         self.message_name: str = message.name
         self.names: tuple[str, ...] = tuple(field.name for field in layout.fields)
         """Signal names, in the order of the values."""

@@ -13,7 +13,15 @@ import e2e.p02
 import e2e.p05
 import e2e.p11
 
-from vehicle_iface.codec.protection import Protection
+from vehicle_iface.codec.protection import (
+    ChecksumRecipe,
+    CoveredPart,
+    PartKind,
+    PayloadBits,
+    Protection,
+    ProtectionRecipe,
+    Reduction,
+)
 from vehicle_iface.errors import ConfigError
 
 _HEADER_BYTES = {1: 2, 2: 2, 5: 3, 11: 2}
@@ -21,6 +29,8 @@ _COUNTER_BYTE = {1: 1, 2: 1, 5: 2, 11: 1}
 _COUNTER_MASK = {1: 0x0F, 2: 0x0F, 5: 0xFF, 11: 0x0F}
 _COUNTER_STATES = {1: 15, 2: 16, 5: 256, 11: 15}
 _CRC_BITS = {1: 8, 2: 8, 5: 16, 11: 8}
+_CRCS = {1: (0x1D, 0, 0), 2: (0x2F, 0xFF, 0xFF), 5: (0x1021, 0xFFFF, 0), 11: (0x1D, 0, 0)}
+"""Polynomial, first value, and what is combined with the result."""
 _MODES = {
     1: {
         "BOTH": e2e.p01.E2E_P01_DATAID_BOTH,
@@ -73,7 +83,31 @@ def autosar_protection(
         protect=protect,
         counter_states=_COUNTER_STATES[profile],
         max_step=max_step,
+        recipe=_recipe(profile, data_id, length, data_id_mode),
     )
+
+
+def _recipe(profile: int, data_id: int | tuple[int, ...], length: int, mode: str) -> ProtectionRecipe | None:
+    """Return what the package computes for a profile as numbers; None for the mode NIBBLE."""
+    crc_bytes = _CRC_BITS[profile] // 8
+    payload = CoveredPart(PartKind.PAYLOAD, b"\xff" * length, 0, crc_bytes)
+    ids = bytes(data_id) if isinstance(data_id, tuple) else data_id.to_bytes(2, "little")
+    cover: tuple[CoveredPart, ...]
+    if profile == 2:
+        cover = (payload, CoveredPart(PartKind.TABLE, ids))
+    elif profile == 5:
+        cover = (payload, CoveredPart(PartKind.CONSTANT, ids))
+    elif mode == "ALT":
+        cover = (CoveredPart(PartKind.TABLE, ids), payload)
+    elif mode == "NIBBLE":
+        return None
+    else:
+        cover = (CoveredPart(PartKind.CONSTANT, ids[:1] if mode == "LOW" else ids), payload)
+    poly, init, xor_out = _CRCS[profile]
+    place = PayloadBits(0, _CRC_BITS[profile], False)
+    bits = header_bits(profile)
+    checksum = ChecksumRecipe(place, Reduction.CRC, _CRC_BITS[profile], poly, init, xor_out, cover)
+    return ProtectionRecipe(PayloadBits(*bits.counter, False), checksum)
 
 
 def _functions(

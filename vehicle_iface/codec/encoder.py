@@ -7,6 +7,7 @@ not sent steps no counter; the next one reuses it.
 from collections.abc import Callable, Collection, Iterable, Sequence
 
 from vehicle_iface.codec.binding import Role
+from vehicle_iface.codec.c_codec import build_pack
 from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.codec.sent_values import SendContext
@@ -30,6 +31,7 @@ class _Output:
         "is_fd",
         "is_sealed",
         "name",
+        "pack_in_c",
         "protection",
         "sent",
         "values_of",
@@ -46,6 +48,7 @@ class _Output:
         self.echoes, self.complements = message.values.echoes, message.values.complements
         self.fields = message.fields
         self.is_sealed = self.protection is not None or bool(self.complements)
+        self.pack_in_c = None if self.complements else build_pack(message.codec, message.protection)
         self.counter = 0
         self.sent = 0
 
@@ -59,6 +62,13 @@ class _Output:
 
     def pack(self, values: Sequence[Value]) -> CanFrame:
         """Return the next frame with these values; raises `SignalError` if one cannot be sent."""
+        pack = self.pack_in_c
+        payload = None if pack is None else pack(values, self.counter)
+        if payload is None:
+            payload = self._pack_in_python(values)
+        return unchecked_frame((self.can_id, payload, 0, self.is_extended, False, self.is_fd, False, self.bus))
+
+    def _pack_in_python(self, values: Sequence[Value]) -> bytes:
         payload = self.encode(values)
         if self.is_sealed:
             data = bytearray(payload)
@@ -67,7 +77,7 @@ class _Output:
             if self.protection is not None:
                 self.protection.protect(data, self.counter)
             payload = bytes(data)
-        return unchecked_frame((self.can_id, payload, 0, self.is_extended, False, self.is_fd, False, self.bus))
+        return payload
 
 
 class Encoder:

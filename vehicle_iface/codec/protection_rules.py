@@ -15,12 +15,20 @@ from vehicle_iface.codec.checksums import (
     CoveredMessage,
     build_cover,
     crc_function,
+    describe_cover,
     sum_function,
     xor_function,
 )
 from vehicle_iface.codec.e2e import autosar_protection
 from vehicle_iface.codec.layout import Layout
-from vehicle_iface.codec.protection import NO_COUNTER, Payload, Protection
+from vehicle_iface.codec.protection import (
+    NO_COUNTER,
+    ChecksumRecipe,
+    Payload,
+    Protection,
+    ProtectionRecipe,
+    Reduction,
+)
 from vehicle_iface.codec.user_checksum import UserChecksum, load_function
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.protection import Checksum, DataId, ProtectedMessage, ProtectionRule, SequenceCounter
@@ -139,7 +147,14 @@ def build_protection(profile: Profile, message: Message) -> Protection | None:
         protect=protect,
         counter_states=states,
         max_step=(step or min(DEFAULT_STEP, states - 2)) if counter is not None else 0,
+        recipe=_recipe(counter, checksum),
     )
+
+
+def _recipe(counter: BitPlace | None, checksum: "_ChecksumPart | None") -> ProtectionRecipe | None:
+    if checksum is not None and checksum.recipe is None:
+        return None
+    return ProtectionRecipe(counter.bits if counter else None, checksum.recipe if checksum else None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +165,8 @@ class _ChecksumPart:
     compute: Callable[[Payload], int]
     """Computes the checksum of a payload whose counter is already written."""
     is_right: Callable[[bytes], bool]
+    recipe: ChecksumRecipe | None
+    """The same as numbers; None for a user's function."""
 
 
 def _build_checksum(
@@ -163,20 +180,37 @@ def _build_checksum(
             place,
             lambda data: user.compute(place.clear(data)),
             lambda data: user.matches(place.clear(data), place.read(data)),
+            None,
         )
-    cover = build_cover(
-        rule.over,
-        CoveredMessage(
-            can_id=message.frame_id,
-            is_extended=message.is_extended_frame,
-            length=message.length,
-            checksum=place,
-            counter=places[rule.counter.signal] if rule.counter else None,
-            data_id=rule.data_id,
+    covered = CoveredMessage(
+        can_id=message.frame_id,
+        is_extended=message.is_extended_frame,
+        length=message.length,
+        checksum=place,
+        counter=places[rule.counter.signal] if rule.counter else None,
+        data_id=rule.data_id,
+    )
+    cover, reduce = build_cover(rule.over, covered), _reduce_function(checksum, place.width)
+    return _ChecksumPart(
+        place,
+        lambda data: reduce(cover(data)),
+        lambda data: reduce(cover(data)) == place.read(data),
+        ChecksumRecipe(
+            place.bits,
+            _reduction(checksum),
+            CRC_BITS.get(checksum.kind, place.width),
+            checksum.poly or 0,
+            checksum.init,
+            checksum.xor_out,
+            describe_cover(rule.over, covered),
         ),
     )
-    reduce = _reduce_function(checksum, place.width)
-    return _ChecksumPart(place, lambda data: reduce(cover(data)), lambda data: reduce(cover(data)) == place.read(data))
+
+
+def _reduction(checksum: Checksum) -> Reduction:
+    if checksum.kind in CRC_BITS:
+        return Reduction.CRC_REFLECTED if checksum.reflect else Reduction.CRC
+    return Reduction.SUM if checksum.kind == "sum" else Reduction.XOR
 
 
 def _reduce_function(checksum: Checksum, width: int) -> Callable[[Payload], int]:

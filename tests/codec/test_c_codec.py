@@ -1,0 +1,259 @@
+"""The codec in C beside the codec in Python: the same payload for every value, or Python's own answer."""
+
+import math
+import os
+from collections.abc import Callable, Iterator
+from enum import IntEnum
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.wire_library import LIBRARY, SANITIZERS, build_wire, find_runtime, install_wire, run_tests
+from vehicle_iface import wire
+from vehicle_iface.codec.c_codec import EXACT_BITS, build_pack
+from vehicle_iface.codec.checksums import (
+    BitPlace,
+    CoveredMessage,
+    build_cover,
+    crc_function,
+    describe_cover,
+    sum_function,
+    xor_function,
+)
+from vehicle_iface.codec.compiled import MessageCodec
+from vehicle_iface.codec.database import BoundMessage, VehicleDatabase, load_database
+from vehicle_iface.codec.e2e import autosar_protection
+from vehicle_iface.codec.encoder import Encoder
+from vehicle_iface.codec.layout import Field
+from vehicle_iface.codec.protection import ChecksumRecipe, Payload, PayloadBits, Protection, Reduction
+from vehicle_iface.errors import SignalError
+from vehicle_iface.profile import load_profile
+
+from .conftest import DBC_FOLDER
+from .layouts import messages
+from .test_encoder import COMMAND
+
+PROFILES = sorted(path.stem for path in DBC_FOLDER.glob("*.toml"))
+SILENT = "toyota_rav4"
+"""The profile without sent messages."""
+
+
+class Member(IntEnum):
+    """A value as the program's enumerations are."""
+
+    NONE = 0
+    ONE = 1
+    SEVEN = 7
+
+
+@pytest.fixture(scope="module", autouse=True)
+def c_wire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
+    """The C code, used by the program."""
+    library = os.environ.get(LIBRARY) or str(build_wire(tmp_path_factory.mktemp("wire")))
+    with pytest.MonkeyPatch.context() as patch:
+        yield install_wire(library, patch)
+    wire.find_problem.cache_clear()
+
+
+@pytest.mark.timeout(300)
+def test_no_value_makes_c_leave_its_memory(tmp_path: Path) -> None:
+    library = build_wire(tmp_path, *SANITIZERS)
+    run_tests(Path(__file__), library, find_runtime("libasan.so"), without="leave_its_memory")
+
+
+@cache
+def load(name: str) -> VehicleDatabase:
+    return load_database(load_profile(name))
+
+
+def sent_messages(name: str) -> list[BoundMessage]:
+    return [*load(name).sent]
+
+
+def values_of(field: Field) -> st.SearchStrategy[object]:
+    """Values of one signal: in its range, at its ends, between two steps, and what is no number for it."""
+    low, high = max(field.lowest, -1e6), min(field.highest, 1e6)
+    ends = [low, high, math.nextafter(low, -math.inf), math.nextafter(high, math.inf)]
+    raws = st.integers(max(field.raw_minimum, -(2**31)), min(field.raw_maximum, 2**31))
+    good = [
+        st.floats(min(low, high), max(low, high)),
+        raws.map(field.scaled),
+        raws.map(lambda raw: field.scaled(raw + 0.5)),
+        raws.map(lambda raw: int(field.scaled(raw))),
+        st.sampled_from([*Member, True, False, 0, 1, -0.0, 0.5]),
+        st.sampled_from(ends),
+    ]
+    odd = st.sampled_from([math.nan, math.inf, -math.inf, None, "1", 2**60, -(2**80), np.float64(1.0), 1e300])
+    return st.one_of(*good, *good, *good, odd)
+
+
+def in_python(codec: MessageCodec, protection: Protection | None, values: tuple[Any, ...], counter: int) -> object:
+    """The payload, or the kind of error."""
+    try:
+        data = bytearray(codec.encode(values))
+    except SignalError:
+        return SignalError
+    if protection is not None:
+        protection.protect(data, counter)
+    return bytes(data)
+
+
+def is_plain(value: object) -> bool:
+    return type(value) in (float, int, bool, Member) and (not isinstance(value, int) or abs(value) <= 1 << EXACT_BITS)
+
+
+def compare(codec: MessageCodec, protection: Protection | None, data: st.DataObject) -> None:
+    """C and Python pack the same, for values that are plainly right; C leaves the others to Python."""
+    pack = build_pack(codec, protection)
+    if pack is None:
+        return
+    values: tuple[Any, ...] = tuple(data.draw(st.tuples(*(values_of(field) for field in codec.layout.fields))))
+    counter = data.draw(st.integers(0, (protection.counter_states if protection else 1) - 1))
+    python = in_python(codec, protection, values, counter)
+    c = pack(values, counter)
+    if python is SignalError:
+        assert c is None
+    elif all(map(is_plain, values)):
+        assert c == python
+    else:
+        assert c in (None, python)
+
+
+@pytest.mark.parametrize("profile", [name for name in PROFILES if name != SILENT])
+@given(data=st.data())
+def test_both_pack_the_same_for_every_sent_message_of_a_shipped_profile(profile: str, data: st.DataObject) -> None:
+    message = data.draw(st.sampled_from(sent_messages(profile)))
+    compare(message.codec, message.protection, data)
+
+
+@given(messages(bounded=True), st.data())
+def test_both_pack_the_same_for_any_layout(message: object, data: st.DataObject) -> None:
+    compare(MessageCodec(message), None, data)  # type: ignore[arg-type]
+
+
+IN_PYTHON = {"j1939_truck": {"TSC1", "XBR"}, "pacmod3": {"GLOBAL_CMD"}}
+"""Sent messages of shipped profiles that C does not pack: a user's checksum function, a complement."""
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_c_packs_the_messages_of_the_shipped_profiles(profile: str) -> None:
+    encoder = Encoder(sent_messages(profile))
+    assert bool(encoder._outputs) == (profile != SILENT)
+    in_c = {name for name, output in encoder._outputs.items() if output.pack_in_c is not None}
+    assert encoder._outputs.keys() - in_c == IN_PYTHON.get(profile, set())
+
+
+E2E = [
+    *((1, 0x1234, mode) for mode in ("BOTH", "LOW", "ALT")),
+    (2, tuple(range(3, 240, 15)), "BOTH"),
+    (5, 0xABCD, "BOTH"),
+    (11, 0x0BCD, "BOTH"),
+]
+
+
+@pytest.mark.parametrize(("number", "data_id", "mode"), E2E)
+@given(payload=st.binary(min_size=3, max_size=64), count=st.integers(0, 14))
+def test_both_protect_the_same_by_every_autosar_profile(
+    c_wire: ModuleType, number: int, data_id: int | tuple[int, ...], mode: str, payload: bytes, count: int
+) -> None:
+    protection = autosar_protection(number, data_id, len(payload), mode)
+    assert protection.recipe is not None
+    expected = bytearray(payload)
+    protection.protect(expected, count)
+    packer = c_wire.Packer(payload, (), *protection.recipe)
+    assert packer.pack((), count) == expected
+
+
+def test_a_data_id_mode_that_c_does_not_have_is_left_to_python() -> None:
+    assert autosar_protection(1, 0x123, 8, "NIBBLE").recipe is None
+    assert autosar_protection(11, 0x123, 8, "NIBBLE").recipe is None
+
+
+@st.composite
+def places(draw: st.DrawFn, length: int, width: int) -> BitPlace:
+    return BitPlace(draw(st.integers(0, 8 * length - width)), width, draw(st.sampled_from(["little", "big"])))
+
+
+@given(st.data())
+def test_both_compute_the_same_checksum_of_any_kind_over_any_parts(c_wire: ModuleType, data: st.DataObject) -> None:
+    kind = data.draw(st.sampled_from(Reduction))
+    is_crc = kind in (Reduction.CRC, Reduction.CRC_REFLECTED)
+    width = data.draw(st.sampled_from([8, 16]) if is_crc else st.integers(1, 16))
+    length = data.draw(st.integers(3, 16))
+    data_id = data.draw(
+        st.none() | st.integers(0, 0xFFFF) | st.lists(st.integers(0, 255), min_size=1, max_size=16).map(tuple)
+    )
+    counter = data.draw(st.none() | st.integers(1, 12).flatmap(lambda bits: places(length, bits)))
+    is_extended = data.draw(st.booleans())
+    covered = CoveredMessage(
+        can_id=data.draw(st.integers(0, 0x1FFFFFFF if is_extended else 0x7FF)),
+        is_extended=is_extended,
+        length=length,
+        checksum=data.draw(places(length, width)),
+        counter=counter,
+        data_id=data_id,
+    )
+    over = data.draw(st.permutations(["id", "length", "bytes", "data_id", "counter"]))[: data.draw(st.integers(1, 5))]
+    greatest = (1 << width) - 1
+    poly, init, xor_out = (data.draw(st.integers(0, greatest)) for _ in range(3))
+    functions: dict[Reduction, Callable[[Payload], int]] = {
+        Reduction.CRC: crc_function(width if is_crc else 8, poly, init, xor_out),
+        Reduction.CRC_REFLECTED: crc_function(width if is_crc else 8, poly, init, xor_out, reflect=True),
+        Reduction.SUM: sum_function(width, init, xor_out),
+        Reduction.XOR: xor_function(width, init, xor_out),
+    }
+    payload = data.draw(st.binary(min_size=length, max_size=length))
+    count = data.draw(st.integers(0, counter.mask if counter else 0))
+    expected = bytearray(payload)
+    if counter is not None:
+        counter.write(expected, count)
+    covered.checksum.write(expected, functions[kind](build_cover(over, covered)(expected)))
+    recipe = ChecksumRecipe(covered.checksum.bits, kind, width, poly, init, xor_out, describe_cover(over, covered))
+    packer = c_wire.Packer(payload, (), counter.bits if counter else None, recipe)
+    assert packer.pack((), count) == expected
+
+
+def test_the_encoder_sends_the_same_with_and_without_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    commands = load("reference").commands
+    c = Encoder(commands)
+    monkeypatch.setenv(wire.VARIABLE, "python")
+    python = Encoder(commands)
+    for _ in range(20):
+        pair = c.encode_command(COMMAND)
+        assert pair == python.encode_command(COMMAND)
+        c.commit(pair)
+        python.commit(pair[:1])
+        python.commit(pair[1:])
+
+
+FIELD = (PayloadBits(0, 8, False), False, False, False, False, 1.0, 0.0, 0.0, 255.0, 0, 255, None)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        ((bytes(65), (), None, None), "at most 64 bytes"),
+        ((bytes(1), (FIELD, (PayloadBits(1, 8, False), *FIELD[1:])), None, None), "field does not fit"),
+        ((bytes(8), ((PayloadBits(0, 54, False), *FIELD[1:]),), None, None), "field does not fit"),
+        ((bytes(8), ((PayloadBits(-1, 8, False), *FIELD[1:]),), None, None), "field does not fit"),
+        ((bytes(8), (1,), None, None), "a field is a tuple"),
+        ((bytes(8), ((*FIELD[:-1], [1]),), None, None), "a tuple or None"),
+        ((bytes(1), (), PayloadBits(8, 4, False), None), "counter is not in the payload"),
+        ((bytes(1), (), None, (PayloadBits(8, 8, False), 0, 8, 0, 0, 0, ())), "checksum does not fit"),
+        ((bytes(8), (), None, (PayloadBits(8, 8, False), 0, 17, 0, 0, 0, ())), "checksum does not fit"),
+        ((bytes(8), (), None, (PayloadBits(8, 8, False), 4, 8, 0, 0, 0, ())), "unknown kind"),
+        ((bytes(8), (), None, (PayloadBits(8, 8, False), 0, 8, 0, 0, 0, ((1, bytes(7), 0, 0),))), "does not fit"),
+        ((bytes(8), (), None, (PayloadBits(8, 8, False), 0, 8, 0, 0, 0, ((2, b"", 0, 0),))), "does not fit"),
+        ((bytes(8), (), None, (PayloadBits(8, 8, False), 0, 8, 0, 0, 0, ((4, b"", 0, 0),))), "unknown kind"),
+        ((bytes(8), (), None, (PayloadBits(8, 8, False), 0, 8, 0, 0, 0, ((0, b"", 0, 0),) * 6)), "too many parts"),
+    ],
+)
+def test_a_description_that_does_not_fit_is_rejected(c_wire: ModuleType, arguments: object, what: str) -> None:
+    with pytest.raises(ValueError, match=what):
+        c_wire.Packer(*arguments)  # type: ignore[misc]
