@@ -15,7 +15,7 @@ STYLE = f"""<style>
 .uplot .u-legend .u-series:nth-last-child(-n+3) {{ display: none }}
 .vi-note {{ margin: 4px 8px; font-size: 12px; opacity: .8 }}
 .vi-signals, .vi-values, .vi-bar {{ font-size: 12px; line-height: 1.35; font-variant-numeric: tabular-nums }}
-.vi-message {{ margin: 0 6px 6px 6px }}
+.vi-message {{ margin: 0 14px 6px 6px }}
 .vi-faulty {{ box-shadow: -3px 0 0 {BAD} }}
 .vi-head {{ background: rgba(128,128,128,.2); padding: 1px 4px; font-size: 12.5px }}
 .vi-facts {{ padding: 0 4px; font-size: 11px; opacity: .8 }}
@@ -30,9 +30,9 @@ STYLE = f"""<style>
 .vi-bad {{ color: {BAD}; font-weight: 700; opacity: 1 }}
 .vi-old {{ opacity: .45 }}
 .vi-new {{ color: {NEW} }}
-.vi-event {{ display: flex; gap: 8px; margin: 0 6px 3px; padding-left: 6px; font-size: 12px; line-height: 1.35;
+.vi-event {{ display: flex; gap: 8px; margin: 0 14px 3px 6px; padding-left: 6px; font-size: 12px; line-height: 1.35;
   font-variant-numeric: tabular-nums }}
-.vi-values {{ margin: 2px 0 8px }}
+.vi-values, .vi-bar {{ margin-right: 10px }} .vi-values {{ margin-bottom: 8px }}
 .vi-bar > :first-child {{ width: 92px }} .vi-bar > :nth-child(2) {{ flex: 1 }}
 .vi-bar u {{ display: block; height: 9px; margin-top: 3px; background: #4dabf7 }}
 {_PHONE} {{ .mantine-Paper-root:has(#banner), .mantine-Paper-root:has(#banner) [style*="width: 20em"] {{
