@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("vehicle_iface", "viewer")
 
 BASE = {"errors", "units", "clock", "checks", "command_line", "standstill", "interpolation", "value"}
-BASE |= {"pieces", "wire", "_wire"}
+BASE |= {"pieces", "route_names", "wire", "_wire"}
 DATA = {"frame", "reason", "status", "state", "trajectory", "command", "decoded", "profile", "motion_sources", "pose"}
 DATA |= {"row", "command_forms"}
 CORE = {"bus", "codec", "control", "safety", "telemetry", "state_assembler", "trajectories"}

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from vehicle_iface.errors import ConfigError, InvalidValueError
+from vehicle_iface.route_names import ROUTE_NAMES
 from vehicle_iface.trajectories import ROUTES, Route, RouteConfig, make_route
 from vehicle_iface.trajectories.shapes import ISO_3888_1_SECTIONS_M, lane_widths_m
 from vehicle_iface.trajectory import FloatArray
@@ -250,3 +251,7 @@ def test_arrays_that_are_no_route_are_refused(changes: dict[str, object], said: 
     }
     with pytest.raises(InvalidValueError, match=said):
         Route(name="r", config=CONFIG, **(arrays | changes))  # type: ignore[arg-type]
+
+
+def test_the_command_line_names_the_routes_that_there_are() -> None:
+    assert set(ROUTE_NAMES) == set(ROUTES)

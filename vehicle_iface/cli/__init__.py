@@ -24,6 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         command_line, environment = module_command("vehicle_iface_viewer")
         os.execve(sys.executable, [*command_line, *given[1:]], environment)
     make_output_safe()
+    use_one_blas_thread()
     options = build_parser().parse_args(replace_renamed(given))
     try:
         with log_to_terminal(options.verbose):
@@ -37,6 +38,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except VehicleIfaceError as error:
         print(f"vehicle-iface: {type(error).__name__}: {error}", file=sys.stderr)
         return BAD_USAGE
+
+
+def use_one_blas_thread() -> None:
+    """Let NumPy, which is not imported yet, start without threads: nothing here needs them, and they cost a start."""
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
 
 
 def _run_command(options: argparse.Namespace) -> int:

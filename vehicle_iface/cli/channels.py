@@ -1,12 +1,15 @@
 """`--channel`: the interface of each bus of a profile, or its channel in a log."""
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from vehicle_iface.cli.parser import EMBEDDED
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.opening import Channels
 from vehicle_iface.profile import Profile
-from vehicle_iface.review.log_frames import LogChannels
+
+if TYPE_CHECKING:
+    from vehicle_iface.review.log_frames import LogChannels
 
 DEFAULT_CHANNEL = "vcan0"
 
@@ -30,7 +33,7 @@ def find_channels(given: Sequence[str], profile: Profile, *, command: str, inter
     return _require_distinct({name: channels[name] for name in names})
 
 
-def find_log_channels(given: Sequence[str], profile: Profile, *, command: str) -> LogChannels:
+def find_log_channels(given: Sequence[str], profile: Profile, *, command: str) -> "LogChannels":
     """Return the channel in a log for each bus, in the profile's order; by default the bus' own name.
 
     For a single bus the default is None: the channel that contains its messages.

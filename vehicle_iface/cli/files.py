@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.recorder.files import FRAMES
 
 
 def find_log(path: str) -> Path:
     """Return the log at a path: the file itself, or the frames in the folder of a recorded drive."""
+    from vehicle_iface.recorder.files import FRAMES  # `run` needs none of it
+
     log = Path(path)
     if not log.is_dir():
         return log

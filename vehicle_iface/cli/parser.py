@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 
 from vehicle_iface.command_line import ArgumentParser, HelpFormatter
-from vehicle_iface.trajectories.shapes import ROUTES
+from vehicle_iface.route_names import ROUTE_NAMES
 
 MAX_NUMBER = 1e9
 """Largest number of any option: 1e9 s, about 30 years, still fit into the nanoseconds of the telemetry."""
@@ -78,7 +78,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--trajectory", metavar="FILE.csv", help="drive this file once; its time 0 is the instant of engagement"
     )
     what.add_argument(
-        "--route", choices=sorted(ROUTES), help="drive along this route; it begins at the origin, along +x"
+        "--route", choices=sorted(ROUTE_NAMES), help="drive along this route; it begins at the origin, along +x"
     )
     what.add_argument(
         "--trajectory-mailbox",
@@ -154,7 +154,7 @@ def _add_driver(parser: argparse.ArgumentParser) -> None:
 
 def _add_demo(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--profile", default="reference", help="profile of the vehicle: its name, or a .toml file")
-    parser.add_argument("--route", default="figure8", choices=sorted(ROUTES), help="what to drive")
+    parser.add_argument("--route", default="figure8", choices=sorted(ROUTE_NAMES), help="what to drive")
     parser.add_argument("--port", type=_port, default=8080, help="TCP port of the page on 127.0.0.1")
     parser.add_argument("--duration", type=_above_0("seconds"), metavar="S", help="exit after S seconds")
     parser.add_argument("--summary", metavar="FILE.json", help="write counts and latencies of the run to this file")

@@ -3,7 +3,6 @@
 A name that the DBC does not have is left out here; `consistency` reports it.
 """
 
-import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from pathlib import Path
@@ -281,5 +280,7 @@ def _source_fields(table: msgspec.Struct) -> tuple[str, ...]:
 
 def suggest(name: str, names: Iterable[str]) -> str:
     """Return the names closest to `name` as "; nearest: …", for the end of an error message; "" if none is close."""
+    import difflib  # only where there is a fault: it takes a while
+
     found = difflib.get_close_matches(name, list(names), n=3, cutoff=0.4)
     return f"; nearest: {', '.join(found)}" if found else ""

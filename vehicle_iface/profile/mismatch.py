@@ -1,6 +1,5 @@
 """Describe a value that its type does not allow: msgspec's message, and what it leaves out."""
 
-import difflib
 import re
 import typing
 
@@ -16,6 +15,8 @@ def describe_mismatch(message: str, value: object, kind: object, place: str) -> 
     if _find(value, path) == _PLACEHOLDER:
         text = f"is still {_PLACEHOLDER}; replace it by {'a number' if 'float' in text else 'its value'}"
     elif text.startswith("Invalid enum value"):
+        import difflib  # only where there is a fault: it takes a while
+
         allowed = [str(word) for word in _words_of(kind)]
         wrong = _find(value, path)
         near = difflib.get_close_matches(wrong, allowed, n=1) if isinstance(wrong, str) else []

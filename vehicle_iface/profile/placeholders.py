@@ -3,7 +3,6 @@
 A profile with a stand-in is only ever checked: it has faults, and is not loaded.
 """
 
-import difflib
 import re
 import typing
 from collections.abc import Iterable, Iterator
@@ -33,8 +32,7 @@ def _fitting(kind: object, value: object) -> Iterator[object]:
         yield table
         return
     words = typing.get_args(kind) if typing.get_origin(kind) is typing.Literal else ()
-    near = difflib.get_close_matches(value, map(str, words), n=1, cutoff=0.0) if isinstance(value, str) else ()
-    for candidate in (*near, *words, *_CANDIDATES):
+    for candidate in (*_nearest(value, words), *words, *_CANDIDATES):
         try:
             msgspec.convert(candidate, kind)
         except msgspec.ValidationError:
@@ -70,3 +68,12 @@ def _places_of(fault: str) -> Iterator[str]:
         yield f"{table}.{found[1]}"
     elif not text.startswith("unknown key"):
         yield place
+
+
+def _nearest(value: object, words: tuple[object, ...]) -> list[str]:
+    """The word that is most like `value`, if that is a text and there are words."""
+    if not isinstance(value, str) or not words:
+        return []
+    import difflib  # only for an enumeration: it takes a while
+
+    return difflib.get_close_matches(value, map(str, words), n=1, cutoff=0.0)

@@ -1,6 +1,5 @@
 """The record of a review in a profile, `[review]`: what was checked, when, and hashes of the files at that time."""
 
-import hashlib
 import json
 import tomllib
 from collections.abc import Sequence
@@ -38,7 +37,7 @@ class ReviewRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 def hash_file(path: Path) -> str:
     """Compute the SHA-256 of a file's bytes; `ConfigError` when it cannot be read."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return _sha256(path.read_bytes())
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
 
@@ -46,13 +45,13 @@ def hash_file(path: Path) -> str:
 def hash_values(text: str) -> str:
     """Compute the SHA-256 of a profile's values without its record; comments and layout do not count."""
     document = {key: value for key, value in tomllib.loads(text).items() if key not in RECORD_KEYS}
-    return hashlib.sha256(json.dumps(document, sort_keys=True, default=str).encode()).hexdigest()
+    return _sha256(json.dumps(document, sort_keys=True, default=str).encode())
 
 
 def hash_files(paths: Sequence[Path]) -> str:
     """Compute the SHA-256 of a file, or of the SHA-256 of several; `ConfigError` when one cannot be read."""
     hashes = [hash_file(path) for path in paths]
-    return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
+    return hashes[0] if len(hashes) == 1 else _sha256("".join(hashes).encode())
 
 
 def hash_checksums(paths: Sequence[Path]) -> str | None:
@@ -72,3 +71,9 @@ def find_changes(record: ReviewRecord, *, profile: Path, dbcs: Sequence[Path], c
     if checksums and hash_checksums(checksums) != record.checksums_sha256:
         changed.append("/".join(path.name for path in checksums))
     return changed
+
+
+def _sha256(content: bytes) -> str:
+    import hashlib  # only for a record: it takes a while
+
+    return hashlib.sha256(content).hexdigest()

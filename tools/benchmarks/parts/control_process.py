@@ -92,6 +92,7 @@ def main() -> None:
     clock.monotonic_ns, clock.sleep_until = virtual.now_ns, virtual.sleep_until
     from vehicle_iface import cli  # only now, when it finds the other clock
 
+    cli.use_one_blas_thread()  # as `main` does before NumPy, which `watch` imports
     watch(witness)
     cli.main(["run", "--interface", "embedded", "--route", "figure8", "--arm", "--telemetry", telemetry])
 
