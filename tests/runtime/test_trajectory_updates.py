@@ -20,6 +20,7 @@ from vehicle_iface.trajectories import RecedingRoute, drop_backward_steps, make_
 from vehicle_iface.trajectories.cleaning import find_backward_step_in_pieces
 from vehicle_iface.trajectories.mailbox import Mailbox
 from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
+from vehicle_iface.units import NS_PER_S
 
 STATE = VehicleState(stamp_ns=0, x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=0.0)
 
@@ -71,8 +72,9 @@ def test_a_trajectory_that_steps_back_is_refused_with_the_point_and_the_way_to_c
 
 def test_no_route_whole_or_piece_by_piece_is_refused() -> None:
     desk = Desk()
-    for name in ("figure8", "three_point_turn", "stop_and_go"):
-        assert desk.takes(make_route(name).to_trajectory())
+    for number, name in enumerate(("figure8", "three_point_turn", "stop_and_go")):
+        desk.mailbox.put(make_route(name).to_trajectory())
+        polls_until_taken(desk, number * NS_PER_S)
         pieces = Desk(RecedingRoute(make_route(name)))
         assert pieces.updater.poll(0, STATE, restart=False)
         assert pieces.counts.trajectories_rejected == 0
@@ -188,7 +190,7 @@ def test_a_fault_in_the_last_point_of_a_long_trajectory_rejects_it(
     values[-1] = value
     assert not desk.takes(replace(LONG, **{field: values}))
     with pytest.raises(AssertionError, match="not taken"):
-        polls_until_taken(desk, 0, at_most=100)
+        polls_until_taken(desk, 0, at_most=400)
     assert desk.controller.trajectory is old
     assert desk.counts.trajectories_rejected == 1
     assert text in caplog.text

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from benchmarks import pacing, reaction
-from benchmarks.parts import reaction_pass, reaction_vcan, report
+from benchmarks.parts import process, reaction_pass, reaction_vcan, report
 from benchmarks.parts.reaction_vehicle import RailVehicle, figure_of_eight
 from vehicle_bus_contract.reference import Frame, intact, pack
 from vehicle_bus_contract.socketcan import decode
@@ -143,7 +143,7 @@ def test_the_vehicle_drives_off_after_three_enabled_pairs_and_keeps_to_its_cours
 def test_a_failing_part_reports_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reaction, "_vcan", list)
     with pytest.raises(report.BenchmarkError, match="reaction_pass ended with 1"):
-        reaction._child("reaction_pass", 1)
+        process.run_part("reaction_pass", 1)
 
 
 def control_run(**changes: Any) -> dict[str, Any]:

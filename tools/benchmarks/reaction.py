@@ -17,17 +17,16 @@ python-can adds to the echo, the median within a tenth of the period; a system c
 """
 
 import argparse
-import json
-import os
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from typing import Any
 
+from benchmarks.parts.process import ROOT, run_part
 from benchmarks.parts.reaction_pass import HOT, IDLE
 from benchmarks.parts.report import BenchmarkError, Cell, Report, Table, Target, progress
+from vehicle_iface.control import pure_pursuit
 
 OURS, BARE, ECHO, PYTHON_CAN = "ours", "bare", "echo", "python-can"
 PERIOD_US = 10_000.0
@@ -35,7 +34,6 @@ FRAMES_HEARD, FRAMES_SENT = 3.5, 2.2
 """Of a sample: three and every other time a status; a pair and every tenth time lights and a report."""
 BUS_CALLS = ("recvmmsg", "poll", "sendto", "sendmsg", "sendmmsg", "getsockopt")
 """Waiting, receiving, sending, and asking whether the last command has left."""
-ROOT = Path(__file__).resolve().parents[2]
 QUANTILES = (("p50", 0.5), ("p95", 0.95), ("p99", 0.99), ("max", 1.0))
 
 
@@ -43,10 +41,10 @@ def run(options: argparse.Namespace) -> Report:
     """All three parts."""
     hot, idle, rounds, samples = (40, 40, 2, 50) if options.quick else (600, 600, 8, 200)
     progress("one whole pass, in one process …")
-    passes = _child("reaction_pass", hot, idle)
+    passes = run_part("reaction_pass", hot, idle)
     _require_answers(passes)
     progress("whole processes on vcan …")
-    on_vcan = _child("reaction_vcan", rounds, samples, prefix=_vcan())
+    on_vcan = run_part("reaction_vcan", rounds, samples, prefix=_vcan())
     progress("")
     tables = [_pass_table(passes), _wire_table(on_vcan["latencies"]), *_call_tables(on_vcan["calls"])]
     targets = [*_pass_targets(passes), *_wire_targets(on_vcan["latencies"]), *_call_targets(on_vcan["calls"])]
@@ -55,7 +53,8 @@ def run(options: argparse.Namespace) -> Report:
             f"Part 1: {hot} blocks of 10 hot passes and {idle} passes after 4 ms idle of each, in turns; AF_UNIX "
             "socket pairs in the place of CAN sockets, for all. Parts 2 and 3: "
             f"{rounds} rounds of {samples} samples at 100 Hz, in turns, on vcan "
-            f"{'of a user-mode kernel' if _vcan() else 'here'}. All have SCHED_FIFO where it is granted."
+            f"{'of a user-mode kernel' if _vcan() else 'here'}. All have SCHED_FIFO where it is granted; part 1 has "
+            "one CPU."
         ),
         tables=tables,
         targets=targets,
@@ -66,16 +65,6 @@ def run(options: argparse.Namespace) -> Report:
 def _vcan() -> list[str]:
     """How to get to a SocketCAN: nothing where it is."""
     return [] if Path("/sys/class/net/vcan0").exists() else [sys.executable, str(ROOT / "tools" / "vcan")]
-
-
-def _child(module: str, *arguments: int, prefix: Sequence[str] = ()) -> Any:
-    """A part in a process of its own, from which it gets real-time rights that nobody else shall have."""
-    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tools'}:{ROOT}"}
-    command = [*prefix, sys.executable, "-P", "-m", f"benchmarks.parts.{module}", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT, stdin=subprocess.DEVNULL)
-    if done.returncode != 0:
-        raise BenchmarkError(f"{module} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
-    return json.loads(done.stdout.splitlines()[-1])
 
 
 def quantile(values: Sequence[float], share: float) -> float:
@@ -179,8 +168,17 @@ def _call_targets(calls: Mapping[str, Mapping[str, float]] | None) -> list[Targe
     ]
 
 
+def _build_note() -> str:
+    """Whose controller the bare loop has: a user's is interpreted, and so is ours unless it was compiled."""
+    is_interpreted = str(pure_pursuit.__file__).endswith(".py")
+    if is_interpreted:
+        return "the controller is interpreted, so the bare loop is both what a user would write and of the same build"
+    return "the controller is compiled, in the bare loop as well: what a user would write takes longer than that"
+
+
 def _notes(calls: object) -> list[str]:
     notes = [
+        _build_note(),
         "the notifier answers on its own timer: the command after a sample may be computed from the one before it",
     ]
     return (

@@ -23,9 +23,9 @@ from vehicle_iface.units import NS_PER_MS, NS_PER_S, s_from_ns
 
 FUTURE_NS = 10 * NS_PER_S
 """A trajectory may begin a little later; one that begins later than this was stamped by another clock."""
-AT_ONCE = 1024
+AT_ONCE = 256
 """Points that are checked within one pass: some 0.4 ms."""
-SHARE_NS = 2 * NS_PER_MS // 5
+SHARE_NS = NS_PER_MS // 4
 """Time in a pass after which no further piece of a check is begun; a piece takes up to 0.4 ms."""
 PAUSE_NS = 2 * NS_PER_MS
 """Least time between two passes with such pieces: a loop of 1 kHz checks in every second or third pass."""

@@ -24,7 +24,7 @@ STEP_WHEELBASES = 0.125
 """Windows begin this far apart, or at each point where the points are farther apart than that."""
 SLACK = 1.1
 """Factor on the limit: rounding of coordinates to a centimetre makes the sharpest turn look this much sharper."""
-_WINDOWS = 512
+_WINDOWS = 256
 """Windows that are checked in one piece."""
 
 

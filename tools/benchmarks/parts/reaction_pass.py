@@ -36,7 +36,7 @@ from vehicle_iface.runtime.loop import Loop
 from vehicle_iface.runtime.transmit_periods import allowed_messages
 from vehicle_iface.safety.transmit_filter import TransmitFilter
 from vehicle_iface.telemetry import SessionInfo, TelemetryWriter
-from vehicle_iface.trajectories.source import FixedTrajectory
+from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
 from vehicle_iface.units import ns_from_s
 
 HOT, IDLE = "hot", "after 4 ms idle"
@@ -74,6 +74,8 @@ class Runner:
     front_wheel_angle_rad: float = math.nan
     """In the last answer."""
     is_judged: bool = True
+    clock_ns: Callable[[], int] = time.perf_counter_ns
+    """What the duration of a pass is read from."""
 
     def one_pass(self, how: str | None, now_s: float | None = None) -> None:
         """Three frames in, one pass, the two commands taken out and judged."""
@@ -89,9 +91,9 @@ class Runner:
             time.sleep(IDLE_S)
         for frame in frames:
             self.far.send(frame)
-        wall_ns, begin_ns = time.time_ns(), time.perf_counter_ns()
+        wall_ns, begin_ns = time.time_ns(), self.clock_ns()
         self.contestant.step()
-        took_ns = time.perf_counter_ns() - begin_ns
+        took_ns = self.clock_ns() - begin_ns
         last_ns = self._hear(now_s)
         if last_ns is None:
             self.unanswered += how is not None
@@ -153,8 +155,10 @@ def _answer_every_sample(database: VehicleDatabase, transmit_filter: TransmitFil
     return CommandPace(database.commands, periods_ns, sample_period_ns=1, transmit_filter=transmit_filter)
 
 
-def build_ours(wires: Wires, course: Course, telemetry: TelemetryWriter) -> Loop:
-    """(b) The program, put together as `vehicle-iface run --arm --trajectory` does."""
+def build_ours(
+    wires: Wires, course: Course, telemetry: TelemetryWriter, source: TrajectorySource | None = None
+) -> Loop:
+    """(b) The program, put together as `vehicle-iface run --arm --trajectory` does; with another source if given."""
     profile = load_profile("reference")
     timing = msgspec.structs.replace(profile.timing, sample_period_s=HOT_SAMPLE_PERIOD_S, state_stale_s=STATE_STALE_S)
     database = replace(load_database(profile), profile=msgspec.structs.replace(profile, timing=timing))
@@ -177,7 +181,7 @@ def build_ours(wires: Wires, course: Course, telemetry: TelemetryWriter) -> Loop
                 receive_timeout_ns=ns_from_s(timing.command_period_s),
             ),
             controller=compose.build_controller("pure_pursuit", database.profile),
-            source=FixedTrajectory(course.trajectory()),
+            source=source or FixedTrajectory(course.trajectory()),
             telemetry=telemetry,
             armed=True,
         )
@@ -220,13 +224,7 @@ def _runner(name: str, course: Course, telemetry: TelemetryWriter) -> Runner:
         choice = {wire.VARIABLE: "python"} if name == OURS_IN_PYTHON else {}
         with mock.patch.dict(os.environ, choice):
             contestant = loop = build_ours(wires, course, telemetry)
-
-        def keep_time() -> None:
-            """Its own time grid is served between the samples, as on a bus."""
-            if loop.timer.next_ns <= time.monotonic_ns():
-                loop.step()
-
-        rest = keep_time
+        rest = keep_time_of(loop)
     elif name == "echo":
         contestant = Echo(wires.near(), course)
     elif name == "bare":
@@ -236,10 +234,20 @@ def _runner(name: str, course: Course, telemetry: TelemetryWriter) -> Runner:
     return Runner(name, contestant, wires.far[0], RailVehicle(course), rest, is_judged=name != "echo")
 
 
+def keep_time_of(loop: Loop) -> Callable[[], None]:
+    """What serves the loop's own time grid between the samples, as on a bus."""
+
+    def keep_time() -> None:
+        if loop.timer.next_ns <= time.monotonic_ns():
+            loop.step()
+
+    return keep_time
+
+
 def measure(*, hot_rounds: int, idle_rounds: int) -> list[Runner]:
     """Passes of each contestant in turns, hot and after idling."""
     with open_runners() as found:
-        realtime.apply_settings()
+        realtime.apply_settings(cpu=max(os.sched_getaffinity(0)))
         engage(found)
         prove_fair(found)
         for number in range(hot_rounds):

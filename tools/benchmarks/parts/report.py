@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from vehicle_iface.runtime import realtime
+
 Cell = str | int | float | None
 
 
@@ -86,6 +88,7 @@ def machine_here() -> dict[str, str | int | bool]:
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
         "python": f"{platform.python_implementation()} {platform.python_version()}",
         "kernel": f"{platform.system()} {platform.release()}",
+        "realtime": realtime.may_fifo(),
         "user_mode_kernel": found.get("vendor_id") == "User Mode Linux",
     }
 
@@ -98,7 +101,9 @@ def progress(text: str) -> None:
 
 def _machine_words(machine: dict[str, str | int | bool]) -> list[str]:
     kernel = "user-mode kernel" if machine["user_mode_kernel"] else "no user-mode kernel"
-    return [str(machine["cpu"]), f"{machine['cores']} cores", str(machine["python"]), f"{machine['kernel']} ({kernel})"]
+    priority = "SCHED_FIFO" if machine["realtime"] else "no permission for SCHED_FIFO"
+    python, system = str(machine["python"]), f"{machine['kernel']} ({kernel})"
+    return [str(machine["cpu"]), f"{machine['cores']} cores", priority, python, system]
 
 
 def _aligned(table: Table) -> list[str]:
