@@ -206,6 +206,17 @@ def handle_text(client: viser.ClientHandle, uuid: str, longest: int, on_change: 
     client._websock_connection.register_handler(messages.GuiUpdateMessage, on_update)
 
 
+def handle_key(client: viser.ClientHandle, label: str, key: messages.HotkeyKey, on_press: Callable[[], None]) -> None:
+    """Call `on_press` when this client presses `key` outside of a text field, or chooses `label` in its palette."""
+    uuid = client.gui.add_command(label, hotkey=key)._impl.uuid
+
+    def on_trigger(_: int, message: Any) -> None:
+        if message.uuid == uuid:
+            on_press()
+
+    client._websock_connection.register_handler(messages.CommandTriggerMessage, on_trigger)
+
+
 class _RequestFilter:
     """Checks each request before viser handles it."""
 

@@ -9,7 +9,7 @@ import viser
 
 from vehicle_iface import clock
 from vehicle_iface.units import NS_PER_S
-from vehicle_iface_viewer.access import Access, handle_checkbox, open_server
+from vehicle_iface_viewer.access import Access, handle_checkbox, handle_key, open_server
 from vehicle_iface_viewer.bus_table.report import BusReport
 from vehicle_iface_viewer.bus_table.source import BusTableSource
 from vehicle_iface_viewer.feed import LIVE_S, RECORDED_S, Feed, LiveTelemetry, View
@@ -124,11 +124,17 @@ class _Client:
         self._is_following = True
         self._frame = client.scene.add_frame(ROOT, show_axes=False)
         box = client.gui.add_checkbox("Follow", initial_value=True, order=SidePanel.FOLLOW_ORDER)
+        self._box = box
         handle_checkbox(client, box._impl.uuid, self._set_following)
+        handle_key(client, "Follow the vehicle, or not", "F", self._toggle_following)
         self.left_panel = LeftPanel(client)
         self._recent = recent
         self._time = PlotTime(client, is_live=is_live)
         self._plots = Plots(client.gui, recent)
+
+    def _toggle_following(self) -> None:
+        self._is_following = not self._is_following
+        self._box.value = self._is_following  # type: ignore[misc]  # viser declares no setter
 
     def _set_following(self, is_following: bool) -> None:
         self._is_following = is_following

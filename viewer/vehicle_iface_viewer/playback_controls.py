@@ -11,7 +11,7 @@ import math
 import viser
 
 from vehicle_iface.units import NS_PER_S
-from vehicle_iface_viewer.access import handle_checkbox, handle_slider
+from vehicle_iface_viewer.access import handle_checkbox, handle_key, handle_slider
 from vehicle_iface_viewer.playback import SPEEDS, Playback
 
 ORDER = 1.5
@@ -19,6 +19,7 @@ ORDER = 1.5
 _HOLD_NS = 2 * NS_PER_S
 """For this time after the user moved the slider, it is not updated."""
 _PERIOD_NS = NS_PER_S // 3
+_STEP_S = 0.1
 
 
 class PlaybackControls:
@@ -42,6 +43,11 @@ class PlaybackControls:
         handle_checkbox(client, self._previous._impl.uuid, lambda _: self._seek_stop(-1))
         handle_checkbox(client, self._next._impl.uuid, lambda _: self._seek_stop(1))
         handle_slider(client, self._speed._impl.uuid, *SPEEDS, self._set_speed)
+        handle_key(client, "Pause, or go on", "space", self._toggle_pause)
+        handle_key(client, "Back by 0.1 s", "arrowleft", lambda: self._step(-_STEP_S))
+        handle_key(client, "Forward by 0.1 s", "arrowright", lambda: self._step(_STEP_S))
+        handle_key(client, "Previous stop", "arrowup", lambda: self._seek_stop(-1))
+        handle_key(client, "Next stop", "arrowdown", lambda: self._seek_stop(1))
 
     def update(self, now_ns: int) -> None:
         """Show the time of the playback, unless the user is moving the slider."""
@@ -61,6 +67,12 @@ class PlaybackControls:
     def _seek(self, at_s: float) -> None:
         self._playback.seek(at_s)
         self._is_moved = True
+
+    def _toggle_pause(self) -> None:
+        self._playback.is_paused = not self._playback.is_paused
+
+    def _step(self, step_s: float) -> None:
+        self._seek(min(max(self._playback.at_s + step_s, 0.0), self._length_s))
 
     def _seek_stop(self, step: int) -> None:
         self._playback.seek_stop(step)

@@ -10,7 +10,7 @@ import viser
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState
 from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
-from vehicle_iface_viewer.access import handle_checkbox, handle_slider, handle_text
+from vehicle_iface_viewer.access import handle_checkbox, handle_key, handle_slider, handle_text
 from vehicle_iface_viewer.panels.text import MAX_SHOWN, enum_name, plain
 from vehicle_iface_viewer.recent import Columns, RecentSnapshots
 
@@ -37,6 +37,7 @@ class PlotTime:
         if is_live:
             pause = client.gui.add_checkbox("Pause plots", initial_value=False, order=_ORDER + 0.2)
             handle_checkbox(client, pause._impl.uuid, self._set_pause)
+            handle_key(client, "Pause the plots, or go on", "P", lambda: self._toggle_pause(pause))
             back = client.gui.add_slider("Back, s", 0.0, BACK_S, 0.5, 0.0, order=_ORDER + 0.3)
             handle_slider(client, back._impl.uuid, 0.0, BACK_S, self._set_back)
 
@@ -62,6 +63,10 @@ class PlotTime:
 
     def _set_pause(self, is_paused: bool) -> None:
         self._is_paused = is_paused
+
+    def _toggle_pause(self, box: viser.GuiCheckboxHandle) -> None:
+        self._is_paused = not self._is_paused
+        box.value = self._is_paused  # type: ignore[misc]  # viser declares no setter
 
     def _set_back(self, back_s: float) -> None:
         self._back_s = back_s
