@@ -347,6 +347,7 @@ def test_a_recording_is_marked_as_such_and_can_be_paused_and_wound_back(page: Pa
         shown = page.locator("#recording")
         expect(shown).to_contain_text("RECORDING, NOT LIVE")
         banner(page, "ENGAGED", "NOMINAL")
+        expect(page.locator("#listener-problem")).to_contain_text("no frames were recorded")
         page.get_by_label("Pause").click(force=True)
         expect(shown).to_contain_text("paused")
         page.get_by_role("slider").first.press("End")

@@ -18,7 +18,8 @@ from vehicle_iface.telemetry import telemetry_path
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.addresses import find_reachable_host, format_url
 from vehicle_iface_viewer.app import App
-from vehicle_iface_viewer.bus_table.source import ListenerProcess
+from vehicle_iface_viewer.bus_table.recorded import RecordedBusTable
+from vehicle_iface_viewer.bus_table.source import BusTableSource, ListenerProcess
 from vehicle_iface_viewer.playback import SPEEDS, Playback
 from vehicle_iface_viewer.token import TOKEN_VARIABLE, opened_in_browser, read_token
 
@@ -38,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         token = options.token if options.token is not None else read_token(options.token_file)
         access = Access(host=options.host, port=options.port, token=token, allow_remote=options.allow_remote)
         source, shown = _open_source(options)
-        app = App(access, source, ListenerProcess(options.profile) if options.recording is None else None)
+        app = App(access, source, _open_bus_table(options, source))
     except ConfigError as error:
         print(f"viewer: {error}", file=sys.stderr)
         return 2
@@ -75,6 +76,12 @@ def _open_source(options: argparse.Namespace) -> tuple[str | Playback, str]:
     return playback, f"recording {options.recording}, {playback.length_s:.1f} s"
 
 
+def _open_bus_table(options: argparse.Namespace, source: str | Playback) -> BusTableSource:
+    if isinstance(source, Playback):
+        return RecordedBusTable(options.recording, source.wall_offset_ns, options.profile)
+    return ListenerProcess(options.profile)
+
+
 class _StopFlag:
     """Set by the first SIGINT or SIGTERM; a second SIGINT ends the program immediately."""
 
@@ -109,7 +116,7 @@ def _build_parser() -> argparse.ArgumentParser:
         "--profile",
         metavar="FILE",
         help="profile of the loop, as for `run`, to decode all messages of its buses; not needed for one that is "
-        "shipped with the program",
+        "shipped with the program, nor for a recording, which has a copy",
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on")
     parser.add_argument("--port", type=int, default=8080, help="TCP port to listen on; 0: any free port")

@@ -26,7 +26,7 @@ from vehicle_iface_viewer.scene.scene import Scene
 _PERIOD_NS = NS_PER_S // 30
 _PANELS_EVERY = 3
 _PANEL_WIDTH_PX = 430
-_NO_TABLE = BusReport(problem="not of a recording: its frames are in frames.log, and vehicle-iface decode reads them")
+_NO_TABLE = BusReport(problem="nothing is received")
 
 
 class App:

@@ -7,14 +7,12 @@ last line are skipped.
 from __future__ import annotations
 
 import math
-import os
 from bisect import bisect_right
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
-import numpy as np
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.recorder import files
@@ -22,13 +20,13 @@ from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot, Writ
 from vehicle_iface.telemetry.details import LiveDetails
 from vehicle_iface.telemetry.events import EventKind, LoopEvent, Phase
 from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
+from vehicle_iface_viewer.lines import Lines
 
 SPEEDS = (0.1, 10.0)
 """Slowest and fastest playback, as multiples of real time."""
 _BEFORE_STOP_S = 1.0
 """A stop is shown from so long before it."""
 _SAME_STOP_NS = NS_PER_S // 10
-_CHUNK_BYTES = 1 << 20
 _MOST_LINES = 3000
 """After a jump: parsing more would delay the page."""
 
@@ -43,9 +41,9 @@ class Playback:
         """Start `begin_s` seconds after the first snapshot, at `speed` times real time."""
         self.address = folder
         self._meta = _load_meta(Path(folder))
-        self._snapshots = _Lines(Path(folder) / files.SNAPSHOTS)
-        self._trajectories = _Lines(Path(folder) / files.TRAJECTORIES)
-        self._counters = _Lines(Path(folder) / files.COUNTERS)
+        self._snapshots = Lines(Path(folder) / files.SNAPSHOTS)
+        self._trajectories = Lines(Path(folder) / files.TRAJECTORIES)
+        self._counters = Lines(Path(folder) / files.COUNTERS)
         self._events = _load_events(Path(folder) / files.EVENTS)
         self._columns = self._snapshots.text(0).split(",") if len(self._snapshots) else []
         if len(self._snapshots) < 2 or "published_ns" not in self._columns:
@@ -186,53 +184,8 @@ class _OnlyTime(msgspec.Struct):
         return self.at_ns
 
 
-class _Lines:
-    """The complete lines of a file, by index; a missing file has none."""
-
-    def __init__(self, path: Path) -> None:
-        ends = [np.zeros(1, np.int64)]
-        self._file = -1
-        try:
-            # Read, not mapped: access to a mapped file that was truncated would kill the process.
-            self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
-            at = 0
-            while chunk := os.pread(self._file, _CHUNK_BYTES, at):
-                ends.append(np.flatnonzero(np.frombuffer(chunk, np.uint8) == ord("\n")) + at + 1)
-                at += len(chunk)
-        except FileNotFoundError:
-            pass
-        except OSError as error:
-            raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-        self._begins = np.concatenate(ends)
-
-    def __len__(self) -> int:
-        return len(self._begins) - 1
-
-    def text(self, index: int) -> str:
-        """Return the line without its line end; empty when there is none."""
-        if not 0 <= index < len(self):
-            return ""
-        return "".join(self.texts(index, index + 1))
-
-    def texts(self, first: int, end: int) -> list[str]:
-        """Return the lines from `first` to before `end`, which must exist, without their line ends."""
-        if first >= end:
-            return []
-        begin_byte, end_byte = int(self._begins[first]), int(self._begins[end])
-        try:
-            content = os.pread(self._file, end_byte - begin_byte - 1, begin_byte)
-        except OSError:
-            return []
-        return content.decode(errors="replace").split("\n")
-
-    def close(self) -> None:
-        if self._file >= 0:
-            os.close(self._file)
-        self._file = -1
-
-
 def _load_events(path: Path) -> list[LoopEvent]:
-    lines = _Lines(path)
+    lines = Lines(path)
     found = [files.parse_event(line) for line in lines.texts(0, len(lines))]
     lines.close()
     return sorted((event for event in found if event is not None), key=lambda event: event.number)

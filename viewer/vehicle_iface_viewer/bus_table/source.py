@@ -92,7 +92,7 @@ class ListenerProcess:
             raise ConfigError(
                 f"profile {info.profile} is not shipped with this program: start view with --profile FILE, as the loop"
             )
-        return ListenRequest(profile=self._profile or info.profile, channels=_parse_channels(info.channel))
+        return ListenRequest(profile=self._profile or info.profile, channels=parse_channels(info.channel))
 
     def _read_output(self, process: subprocess.Popen[bytes]) -> None:
         assert process.stdout is not None
@@ -106,7 +106,7 @@ class ListenerProcess:
             self._report = BusReport(problem=f"the listener has ended (status {process.returncode}); restart view")
 
 
-def _parse_channels(text: str) -> dict[str, str]:
+def parse_channels(text: str) -> dict[str, str]:
     """Return the interfaces by bus from `can0`, or from `vehicle=can0, ins=can1`."""
     pairs = [part.strip().rpartition("=") for part in text.split(",")]
     return {name: channel for name, _, channel in pairs}
