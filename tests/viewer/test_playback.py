@@ -169,6 +169,17 @@ def test_a_jump_to_a_stop_shows_the_second_before_it(recording: Playback, eventf
     assert recording.session == 1
 
 
+def test_steps_add_up_also_before_they_are_shown(recording: Playback) -> None:
+    recording.is_paused = True
+    places = []
+    for steps in ((0.1, 0.1), (-0.1,), (-5.0,), (9.0, -0.1)):
+        for step_s in steps:
+            recording.step(step_s)
+        recording.advance(0)
+        places.append(round(recording.at_s, 3))
+    assert places == [0.2, 0.1, 0.0, round(recording.length_s - 0.1, 3)]
+
+
 def test_playback_stays_at_its_end_and_shows_it(recording: Playback) -> None:
     recording.advance(0)
     assert recording.advance(10 * NS_PER_S) == at_ns(COUNT - 1)

@@ -85,6 +85,12 @@ class Playback:
         """Show that time next. May be called from another thread."""
         self._seek_s = at_s
 
+    def step(self, step_s: float) -> None:
+        """Show the time `step_s` later next, or earlier: from the place of a seek that has not been shown yet."""
+        place_s = self._seek_s
+        at_s = self.at_s if place_s is None else place_s
+        self.seek(min(max(at_s + step_s, 0.0), self.length_s))
+
     def advance(self, now_ns: int, *, is_watched: bool = True) -> int:
         """Advance by the time since the last call, if a page is open; return the time of the drive now shown, in ns."""
         elapsed_ns = now_ns - self._advanced_ns if self._advanced_ns is not None else 0

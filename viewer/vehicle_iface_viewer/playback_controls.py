@@ -72,7 +72,8 @@ class PlaybackControls:
         self._playback.is_paused = not self._playback.is_paused
 
     def _step(self, step_s: float) -> None:
-        self._seek(min(max(self._playback.at_s + step_s, 0.0), self._length_s))
+        self._playback.step(step_s)
+        self._is_moved = True
 
     def _seek_stop(self, step: int) -> None:
         self._playback.seek_stop(step)
