@@ -213,11 +213,6 @@ def test_both_protect_the_same_by_every_autosar_profile(
     assert packer.pack((), count) == expected
 
 
-def test_a_data_id_mode_that_c_does_not_have_is_left_to_python() -> None:
-    assert autosar_protection(1, 0x123, 8, "NIBBLE").recipe is None
-    assert autosar_protection(11, 0x123, 8, "NIBBLE").recipe is None
-
-
 @st.composite
 def places(draw: st.DrawFn, length: int, width: int) -> BitPlace:
     return BitPlace(draw(st.integers(0, 8 * length - width)), width, draw(st.sampled_from(["little", "big"])))

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from vehicle_iface.codec.checksums import BitPlace, crc_function
 from vehicle_iface.codec.e2e import (
     WINDOW,
     CounterCheck,
@@ -16,6 +17,7 @@ from vehicle_iface.codec.e2e import (
     autosar_protection,
     header_bits,
 )
+from vehicle_iface.codec.protection import PartKind, ProtectionRecipe, Reduction
 from vehicle_iface.errors import ConfigError
 
 P02_IDS = tuple(range(16))
@@ -383,3 +385,53 @@ def test_without_a_counter_none_is_expected() -> None:
     check = DamageCheck()
     check.step(-1)
     assert check.expected is None
+
+
+def compute_recipe(recipe: ProtectionRecipe, payload: bytes, counter: int) -> bytes:
+    """Protect a payload by the numbers of a recipe, whose bits all begin at a byte."""
+    data, checksum = bytearray(payload), recipe.checksum
+    assert recipe.counter is not None
+    assert checksum is not None
+    BitPlace(recipe.counter.shift, recipe.counter.width, "little").write(data, counter)
+    covered = b""
+    for part in checksum.cover:
+        if part.kind is PartKind.PAYLOAD:
+            masked = bytes(byte & mask for byte, mask in zip(data, part.content, strict=True))
+            covered += masked[: part.first] + masked[part.end :]
+        elif part.kind is PartKind.TABLE:
+            covered += part.content[counter % len(part.content) :][:1]
+        else:
+            covered += part.content
+    crc = crc_function(checksum.width, checksum.poly, checksum.init, checksum.xor_out)
+    BitPlace(checksum.place.shift, checksum.place.width, "little").write(data, crc(covered))
+    assert (checksum.kind, checksum.place.is_big, recipe.counter.is_big) == (Reduction.CRC, False, False)
+    return bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("profile", "data_id", "mode"),
+    [
+        (1, 0x1234, "BOTH"),
+        (1, 0x1234, "LOW"),
+        (1, 0x1234, "ALT"),
+        (2, tuple(range(16)), "BOTH"),
+        (5, 0xABCD, "BOTH"),
+        (11, 0x0BCD, "BOTH"),
+    ],
+)
+@pytest.mark.parametrize("length", [3, 8, 64])
+def test_the_numbers_of_a_profile_are_what_its_functions_compute(
+    profile: int, data_id: int | tuple[int, ...], mode: str, length: int
+) -> None:
+    protection = autosar_protection(profile, data_id, length, mode)
+    assert protection.recipe is not None
+    for counter in range(15):
+        payload = bytes(7 * counter + 31 * index & 0xFF for index in range(length))
+        expected = bytearray(payload)
+        protection.protect(expected, counter)
+        assert compute_recipe(protection.recipe, payload, counter) == expected
+
+
+@pytest.mark.parametrize("profile", [1, 11])
+def test_the_mode_nibble_has_no_numbers(profile: int) -> None:
+    assert autosar_protection(profile, 0x123, 8, "NIBBLE").recipe is None
