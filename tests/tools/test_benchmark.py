@@ -16,7 +16,7 @@ def benchmark(*arguments: str) -> subprocess.CompletedProcess[str]:
     return run_module("benchmarks", *arguments)
 
 
-@pytest.mark.parametrize("name", ["bulk", "codec", "control", "long_work", "start"])
+@pytest.mark.parametrize("name", ["bulk", "codec", "control", "long_work", "rate", "start"])
 def test_a_benchmark_prints_its_figures_with_the_machine_and_whether_its_targets_are_reached(name: str) -> None:
     done = benchmark(name, "--quick", "--json")
     assert done.returncode == 0, done.stderr

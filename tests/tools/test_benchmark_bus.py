@@ -1,16 +1,20 @@
 """The benchmarks of bus and loop: their comparison is fair, and their judges see what is wrong."""
 
+import contextlib
 import json
+import socket
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 from benchmarks import pacing, reaction
-from benchmarks.parts import process, reaction_pass, reaction_vcan, report
-from benchmarks.parts.reaction_vehicle import RailVehicle, figure_of_eight
+from benchmarks.parts import process, rate_sender, reaction_pass, reaction_vcan, report
+from benchmarks.parts.reaction_vehicle import RailVehicle, can_frame, figure_of_eight
 from vehicle_bus_contract.reference import Frame, intact, pack
 from vehicle_bus_contract.socketcan import decode
+
+from vehicle_iface.runtime import realtime
 
 from .running import TOOLS, run_module
 
@@ -144,6 +148,22 @@ def test_a_failing_part_reports_the_reason(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(reaction, "_vcan", list)
     with pytest.raises(report.BenchmarkError, match="reaction_pass ended with 1"):
         process.run_part("reaction_pass", 1)
+
+
+def test_frames_that_find_no_room_are_counted_and_so_are_command_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(realtime, "apply_settings", lambda **_: [])
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    with near, far:
+        for frame in command_pair(0, 0):
+            near.send(can_frame(frame.can_id, frame.data))
+        outcome = rate_sender.send(far, RailVehicle(figure_of_eight()), rate_hz=2000, seconds=1)
+        near.setblocking(False)
+        kept = 0
+        with contextlib.suppress(BlockingIOError):
+            while near.recv(72):
+                kept += 1
+    assert outcome.commands == 1
+    assert outcome.lost == outcome.frames - kept > 0
 
 
 def control_run(**changes: Any) -> dict[str, Any]:
