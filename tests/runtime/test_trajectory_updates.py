@@ -14,7 +14,13 @@ from vehicle_iface import ControllerBase, PurePursuit, Trajectory, VehicleState
 from vehicle_iface.pieces import PIECE
 from vehicle_iface.runtime import trajectory_updates
 from vehicle_iface.runtime.counters import Counters
-from vehicle_iface.runtime.trajectory_updates import LOGGED_NS, PAUSE_NS, SHARE_NS, TrajectoryUpdater
+from vehicle_iface.runtime.trajectory_updates import (
+    AT_ONCE_AT_RESTART,
+    LOGGED_NS,
+    PAUSE_NS,
+    SHARE_NS,
+    TrajectoryUpdater,
+)
 from vehicle_iface.safety.deviation import DeviationMonitor
 from vehicle_iface.trajectories import RecedingRoute, drop_backward_steps, make_route
 from vehicle_iface.trajectories.cleaning import find_backward_step_in_pieces
@@ -244,6 +250,14 @@ def test_after_a_restart_a_long_trajectory_is_waited_for_without_the_old_one() -
     assert desk.controller.trajectory is None
     polls_until_taken(desk, 10**12)
     assert len(desk.controller.trajectory or ()) == len(LONG)
+
+
+@pytest.mark.parametrize(("points", "at_once"), [(AT_ONCE_AT_RESTART, True), (AT_ONCE_AT_RESTART + 1, False)])
+def test_after_a_restart_a_trajectory_of_1024_points_is_in_force_at_once(points: int, at_once: bool) -> None:
+    desk = slow_desk(Given(straight(length_m=points - 1.0)))
+    polls_until_taken(desk, 0)
+    assert desk.updater.poll(10**12, STATE, restart=True)
+    assert (trajectory_of(desk) is not None) is at_once
 
 
 def test_the_time_of_a_source_begins_when_its_trajectory_comes_into_force_and_that_of_a_planner_does_not() -> None:

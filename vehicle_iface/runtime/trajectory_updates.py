@@ -25,6 +25,8 @@ FUTURE_NS = 10 * NS_PER_S
 """A trajectory may begin a little later; one that begins later than this was stamped by another clock."""
 AT_ONCE = 256
 """Points that are checked within one pass: some 0.4 ms."""
+AT_ONCE_AT_RESTART = 1024
+"""The same for the trajectory after a restart, which the vehicle would have to be stopped for: up to 1 ms."""
 SHARE_NS = NS_PER_MS // 4
 """Time in a pass after which no further piece of a check is begun; a piece takes up to 0.4 ms."""
 PAUSE_NS = 2 * NS_PER_MS
@@ -137,7 +139,7 @@ class TrajectoryUpdater:
             )
         # The same points at another time, as at engagement, are not looked at again: arrays are locked.
         is_checked = trajectory.x_m is self._checked
-        if is_checked or len(trajectory) <= AT_ONCE:
+        if is_checked or len(trajectory) <= (AT_ONCE_AT_RESTART if restart else AT_ONCE):
             self._admission = self._waiting = None
             if not is_checked:
                 finish(self._admit(trajectory))
