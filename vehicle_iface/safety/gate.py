@@ -60,12 +60,17 @@ class Gate:
     `limits.limit_raw` has the proof that none breaks another.
     """
 
+    _drive_mps2: float
+    _front_at_speed_raw: int
+    """The limits by the tables over speed, at the speed `_looked_up_mps`."""
+
     def __init__(self, channels: GateChannels, limits: Limits, *, wheelbase_m: float, stop: StopShape) -> None:
         self._channels = channels
         self._limits = limits
         self._stop = stop
         self._wheelbase_m = wheelbase_m
         self._backwards = _mirrored(channels.accel_mps2)
+        self._looked_up_mps = math.nan
         self._last = self._proposed = _Sent()
         self.limited: dict[str, int] = dict.fromkeys(
             ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps", "overspeed", "not_finite"), 0
@@ -113,6 +118,8 @@ class Gate:
         if not finite:
             reason, front, rear, told_mps = Reason.CONTROLLER_ERROR, 0.0, 0.0, 0.0
             self.limited["not_finite"] += 1
+        if abs(speed_mps) != self._looked_up_mps:
+            self._look_up_limits(abs(speed_mps))
         accel_s = _step_s(now_ns, last.accel_ns)
         is_stop = reason is not _NOMINAL
         if is_stop:
@@ -177,12 +184,19 @@ class Gate:
             gear_request=Gear.NO_REQUEST,
         )
 
+    def _look_up_limits(self, fast_mps: float) -> None:
+        """The limits of drive and of the front wheel angle at a speed; they are kept until there is another speed."""
+        limits = self._limits
+        front_rad = interpolate(limits.front_wheel_angle_by_speed, fast_mps)
+        self._front_at_speed_raw = floor_raw(self._channels.front_wheel_angle_rad, front_rad)
+        self._drive_mps2 = interpolate(limits.accel_max_by_speed, fast_mps)
+        self._looked_up_mps = fast_mps
+
     def _accel_raw(self, accel: float, speed_mps: float, dt_s: float, reversing: bool, engaging: bool) -> int:
-        channels, limits = self._channels, self._limits
+        channels, limits, drive = self._channels, self._limits, self._drive_mps2
         if abs(speed_mps) >= channels.speed_mps.highest and accel * speed_mps > 0.0:
             self.limited["overspeed"] += 1
             accel = 0.0
-        drive = interpolate(limits.accel_max_by_speed, abs(speed_mps))
         if engaging:
             drive = min(drive, limits.while_engaging.accel_max_mps2)
         drive_raw = floor_raw(channels.accel_mps2, drive)
@@ -210,7 +224,7 @@ class Gate:
     ) -> int:
         channel, limits, last = self._channels.front_wheel_angle_rad, self._limits, self._last
         last_raw = last.front_raw
-        at_speed_raw = floor_raw(channel, interpolate(limits.front_wheel_angle_by_speed, abs(speed_mps)))
+        at_speed_raw = self._front_at_speed_raw
         within = -at_speed_raw, at_speed_raw
         apart = limits.front_wheel_deviation_rad
         if math.isfinite(measured) and apart < math.inf:
@@ -288,7 +302,8 @@ def gate_channels(limits: Limits, lsb: Callable[[str], float]) -> GateChannels:
 
 def _step_s(now_ns: int, since_ns: int) -> float:
     """The time step of a rate limit, at most `LONGEST_STEP_S`. Nothing changes in one that is not positive."""
-    return min((now_ns - since_ns) / NS_PER_S, LONGEST_STEP_S)
+    step_s = (now_ns - since_ns) / NS_PER_S
+    return step_s if step_s < LONGEST_STEP_S else LONGEST_STEP_S
 
 
 def _mirrored(channel: Channel) -> Channel:
