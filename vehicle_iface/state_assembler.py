@@ -147,7 +147,12 @@ class StateAssembler:
     def _take_by_counter(self, received: DecodedMessage) -> Sample | None:
         counter = received.counter
         self._drop_old(received.stamp_ns - self._window_ns)
-        if counter in self._completed_ns and not self._begins_new_round(counter):
+        completed_ns = self._completed_ns.get(counter)
+        if (
+            completed_ns is not None
+            and completed_ns >= received.stamp_ns - self._window_ns  # what is older is of the counter's last round
+            and not self._begins_new_round(counter)
+        ):
             self.repeated += 1
             return None
         parts = self._pending.get(counter)
@@ -160,7 +165,6 @@ class StateAssembler:
             return None
         del self._pending[counter]
         if counter >= 0:  # without a counter a repeated message looks like the next one
-            self._completed_ns.pop(counter, None)  # the oldest stand first
             self._completed_ns[counter] = received.stamp_ns
             self._newest_counter = counter
         row, plain, stamps_ns = self._row, self._plain, self._stamps_ns
@@ -191,10 +195,6 @@ class StateAssembler:
             for counter in old:
                 del self._pending[counter]
             self.incomplete += len(old)
-        if self._completed_ns and next(iter(self._completed_ns.values())) < before_ns:
-            done = [counter for counter, completed_ns in self._completed_ns.items() if completed_ns < before_ns]
-            for counter in done:
-                del self._completed_ns[counter]
 
     # --- both
 
