@@ -164,13 +164,13 @@ class ControllerBase(ABC):
 
         Raises `NoTrajectoryError` before the first trajectory, and after `clear_trajectory`.
         """
-        return self._progress_in_force().spatial_index
+        return (self._progress or self._progress_in_force()).spatial_index
 
     @final
     @property
     def temporal_index(self) -> int:
         """Index of the last point whose time has come; starts and raises as `spatial_index` does."""
-        return self._progress_in_force().temporal_index
+        return (self._progress or self._progress_in_force()).temporal_index
 
     @final
     @property

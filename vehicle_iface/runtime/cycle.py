@@ -24,6 +24,8 @@ from vehicle_iface.units import NS_PER_MS
 
 log = logging.getLogger(__name__)
 
+_NO_GEAR, _NOMINAL = Gear.NO_REQUEST, Reason.NOMINAL  # enumerations are slow to read
+
 
 class Decision(NamedTuple):
     """What the controller requested and what may be sent for it."""
@@ -127,7 +129,7 @@ class ControlCycle:
             requested, needed_gear, latches = self._stop(state, Reason.STATE_INVALID), Gear.NO_REQUEST, True
         held = self._hold(requested, state, now_ns, latches=latches)
         if held is not requested:
-            needed_gear = Gear.NO_REQUEST
+            needed_gear = _NO_GEAR
         return self._permit(held, state, gear, needed_gear, other_takes_over)
 
     def decide_stop(self, last: VehicleState, status: VehicleStatus | None, reason: Reason, now_ns: int) -> Decision:
@@ -147,7 +149,7 @@ class ControlCycle:
 
         A stop is latched when stops recur; with `latches`, one for an invalid state is latched at once.
         """
-        cause = requested.reason if requested.is_stop else None
+        cause = None if requested.reason is _NOMINAL else requested.reason
         reason = self._stop_hold.update(cause, now_ns, state.speed_mps)
         latches = latches and cause is Reason.STATE_INVALID
         if reason is not None and (latches or self._stop_hold.must_latch):
@@ -226,9 +228,9 @@ class ControlCycle:
             self.last = Decision(requested=requested, permitted=permitted)
             return self.last
         may_change = abs(state.speed_mps) < self._gear_change_speed_mps
-        gear_request = needed_gear if may_change and needed_gear is not gear else Gear.NO_REQUEST
+        gear_request = needed_gear if may_change and needed_gear is not gear else _NO_GEAR
         motion = self._motion
-        if needed_gear is not Gear.NO_REQUEST:
+        if needed_gear is not _NO_GEAR:
             self._driven_gear = needed_gear
         # The last commanded direction is more reliable than the gear that the vehicle reports.
         reversing = motion.is_backwards(state.speed_mps, self._driven_gear if self._driven_gear is not None else gear)
@@ -253,11 +255,11 @@ def find_needed_gear(requested: Command, state: VehicleState) -> Gear:
     The direction is the sign of the reference speed; at a standing start, where that speed is still 0, it is
     the direction in which the command accelerates.
     """
-    if requested.is_stop:
-        return Gear.NO_REQUEST
+    if requested.reason is not _NOMINAL:
+        return _NO_GEAR
     direction = requested.speed_mps
     if direction == 0.0 and abs(state.speed_mps) < STANDING_MPS:
         direction = requested.accel_mps2
     if direction == 0.0:
-        return Gear.NO_REQUEST
+        return _NO_GEAR
     return Gear.DRIVE if direction > 0.0 else Gear.REVERSE

@@ -41,10 +41,8 @@ class LatencyHistogram:
 
     def __init__(self) -> None:
         self._sizes_ns = LogHistogram(smallest=1.0, octaves=40)
-
-    def add(self, latency_ns: int) -> None:
-        """Count one latency; negative ones count as 0."""
-        self._sizes_ns.add(latency_ns)
+        self.add = self._sizes_ns.add
+        """Count one latency in nanoseconds; negative ones count as 0."""
 
     def quantile_s(self, share: float) -> float | None:
         """Return the latency in s that `share` of all did not exceed (upper edge of its bin); None without any."""

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable
+from math import isfinite
 
 from vehicle_iface import checks
 from vehicle_iface.control.base import ControllerBase
@@ -142,12 +143,12 @@ class TelemetryPublisher:
 
     def _path_in(self, frame_id: str) -> "_Path | None":
         """The trajectory's numbers, where it has points in this frame of reference."""
-        trajectory = self._controller.trajectory
-        if trajectory is None or not len(trajectory) or trajectory.frame_id != frame_id:
-            return None
-        if self._path is None or self._path.trajectory is not trajectory:
-            self._path = _Path(trajectory)
-        return self._path
+        trajectory, path = self._controller.trajectory, self._path
+        if path is None or path.trajectory is not trajectory:
+            if trajectory is None or not len(trajectory):
+                return None
+            path = self._path = _Path(trajectory)
+        return path if path.trajectory.frame_id == frame_id else None
 
     def _lookahead_m(self) -> tuple[float, float] | None:
         """The controller's look-ahead point, x and y in m; None if it has none."""
@@ -156,6 +157,8 @@ class TelemetryPublisher:
             if point is None:
                 return None
             x_m, y_m = point
+            if type(x_m) is type(y_m) is float and isfinite(x_m + y_m):
+                return x_m, y_m
             return checks.finite("x_m", x_m), checks.finite("y_m", y_m)
         except KeyboardInterrupt:
             raise

@@ -31,6 +31,9 @@ class Outcome(Enum):
     NOT_SENT = auto()
 
 
+_SENT = Outcome.SENT  # enumerations are slow to read
+
+
 class Transmitter:
     """Encodes, sends and commits; each frame is sent at most once."""
 
@@ -104,7 +107,7 @@ class Transmitter:
         elif sent and permitted.enable:
             fields = self._encoder.fields_of(frames[:sent])
             self._gate.commit_fields(fields if former is None else former.commit_fields(fields))
-        return Outcome.SENT if sent == len(frames) else Outcome.NOT_SENT
+        return _SENT if sent == len(frames) else Outcome.NOT_SENT
 
     def send(self, message: str, source: object) -> bool:
         """One message, its values taken from the attributes of `source`; whether it left."""
