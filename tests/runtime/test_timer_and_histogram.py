@@ -3,6 +3,7 @@
 import math
 import sys
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -111,3 +112,17 @@ def test_the_summary_is_in_seconds_and_in_order() -> None:
     assert summary.p95_s == pytest.approx(0.095, rel=BIN - 1)
     assert summary.p99_s == pytest.approx(0.099, rel=BIN - 1)
     assert summary.max_s == 0.1
+
+
+def test_values_of_an_array_are_counted_as_one_by_one() -> None:
+    sizes = np.concatenate([[0.0, 0.5, 1.0, 1.0001, 2.0, 1e9], np.random.default_rng(1).lognormal(3.0, 2.0, 2000)])
+    together, single = (LogHistogram(smallest=1.0, octaves=10) for _ in range(2))
+    together.add_all(sizes[:1000])
+    together.add_all(sizes[1000:])
+    together.add_all(sizes[:0])
+    for size in sizes.tolist():
+        single.add(size)
+    shares = [0.0001, 0.001, 0.002, *np.linspace(0.01, 1.0, 100).tolist()]
+    assert [together.quantile(share) for share in shares] == [single.quantile(share) for share in shares]
+    assert (together.count, together.max) == (single.count, single.max)
+    assert together.total == pytest.approx(single.total)

@@ -7,7 +7,7 @@ import pytest
 from msgspec import UNSET
 
 from tests.harness import Drive
-from vehicle_iface.runtime.tracking_stats import MAX_LAPS, ErrorStats, TrackingStats
+from vehicle_iface.runtime.tracking_stats import AT_ONCE, MAX_LAPS, ErrorStats, TrackingStats
 from vehicle_iface.sim.model import BicycleState
 from vehicle_iface.telemetry import SessionInfo, TelemetryWriter
 from vehicle_iface.trajectories.receding import RecedingRoute
@@ -18,8 +18,8 @@ from vehicle_iface.trajectories.shapes import make_route
 def test_the_figures_are_those_of_all_errors_without_their_sign() -> None:
     errors = np.random.default_rng(1).normal(0.0, 0.3, 5000)
     stats = ErrorStats()
-    for error in errors.tolist():
-        stats.add(error)
+    stats.add_all(errors[:2000])
+    stats.add_all(errors[2000:])
     summary = stats.summary()
     assert summary.rms == pytest.approx(np.sqrt(np.mean(errors**2)), rel=1e-9)
     assert summary.max == np.abs(errors).max()
@@ -34,6 +34,19 @@ def test_each_lap_has_its_own_figures_and_the_run_those_of_all() -> None:
     assert summary is not UNSET
     assert [(lap.samples, lap.lateral_m.max) for lap in summary.laps] == [(2, 0.1), (1, 0.5)]
     assert (summary.samples, summary.lateral_m.max) == (3, 0.5)
+
+
+@pytest.mark.parametrize("count", [AT_ONCE - 1, AT_ONCE, AT_ONCE + 1, 3 * AT_ONCE])
+def test_all_samples_are_in_the_figures_however_many_are_counted_together(count: int) -> None:
+    stats = TrackingStats()
+    for number in range(count):
+        stats.add(0.5, float(number), lap=number // 1000)
+    summary = stats.summary()
+    assert summary is not UNSET
+    assert (summary.samples, summary.heading_rad.max) == (count, float(count - 1))
+    assert summary.lateral_m.rms == pytest.approx(0.5)
+    assert [lap.samples for lap in summary.laps] == [count]
+    assert stats.summary() == summary
 
 
 def test_later_laps_than_the_last_kept_count_in_the_run_only() -> None:

@@ -2,7 +2,10 @@
 
 import math
 
+import numpy as np
+
 from vehicle_iface.telemetry.details import LatencySummary
+from vehicle_iface.trajectory import FloatArray
 
 _PER_OCTAVE = 16
 
@@ -25,6 +28,16 @@ class LogHistogram:
         self.total += size
         if size > self.max:
             self.max = size
+
+    def add_all(self, sizes: FloatArray) -> None:
+        """Count all values of an array (n,)."""
+        octaves = np.log2(np.maximum(sizes / self._smallest, 1.0))
+        places = np.minimum(np.ceil(octaves * _PER_OCTAVE), len(self._bins) - 1).astype(np.int64)
+        for place in places.tolist():
+            self._bins[place] += 1
+        self.count += len(sizes)
+        self.total += float(sizes.sum())
+        self.max = max(self.max, float(sizes.max(initial=0.0)))
 
     def quantile(self, share: float) -> float:
         """Return the value that `share` of all did not exceed (upper edge of its bin); 0 if there are none."""
