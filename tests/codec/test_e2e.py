@@ -134,6 +134,15 @@ def test_the_counter_runs_through_all_its_values_and_starts_again(profile: int, 
     assert seen == [*range(states), 0]
 
 
+@pytest.mark.parametrize(("profile", "values"), [(1, 16), (2, 16), (5, 256), (11, 16)])
+def test_each_counter_is_written_as_it_is_also_an_invalid_one(profile: int, values: int) -> None:
+    protection, data = autosar_protection(profile, P02_IDS if profile == 2 else 0x123, 8), bytearray(8)
+    for counter in range(values):
+        protection.protect(data, counter)
+        assert protection.read_counter(bytes(data)) == counter
+        assert protection.intact(bytes(data))
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
