@@ -52,14 +52,14 @@ DEFECTS = {
 """Defect → the case that is there for it, and what of it fails."""
 
 IN_EVERY_RUN = (
-    "limit_off_by_10_percent",
+    "jerk_unlimited",
     "counter_repeated_with_fresh_crc",
     "late_by_30_ms",
     "commands_after_override",
     "view_blocks",
 )
 """One for each kind of judge: limits, frames, latency, the driver, other processes. The sample has more."""
-SAMPLE = 2
+SAMPLE = 1
 """Defects of `tools/bench_defects` in every run."""
 
 
@@ -153,8 +153,7 @@ def test_a_sample_of_the_defects_that_were_caught_is_caught_again(tmp_path: Path
 
 @pytest.mark.timeout(LONGEST_S)
 def test_the_program_passes_and_the_report_has_its_frames(tmp_path: Path) -> None:
-    cases = ["state-lost", "killed", "link-blip", "recorder-disk-full", "viewer-stopped", "not-armed"]
-    cases += ["trajectory-with-nan"]
+    cases = ["state-lost", "link-blip", "recorder-disk-full", "viewer-stopped", "not-armed", "trajectory-with-nan"]
     _, run, output = bench(tmp_path, cases)
     left = late_cases(run, output)
     for attempt in range(1, ATTEMPTS):
