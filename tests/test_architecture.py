@@ -18,7 +18,19 @@ DATA = {"frame", "reason", "status", "state", "trajectory", "command", "decoded"
 DATA |= {"row", "command_forms"}
 CORE = {"bus", "codec", "control", "safety", "telemetry", "state_assembler", "trajectories"}
 UPPER = {"drafting", "logs", "sim", "runtime"}
-TOP = {"arming", "commission", "compose", "drivable", "opening", "process", "recorder", "review", "cli", "__main__"}
+TOP = {
+    "arming",
+    "commission",
+    "compose",
+    "drivable",
+    "opening",
+    "process",
+    "recorder",
+    "rerun",
+    "review",
+    "cli",
+    "__main__",
+}
 LAYERS = (BASE, DATA, CORE, UPPER, TOP)
 LAYER_OF = {package: number for number, layer in enumerate(LAYERS) for package in layer}
 AMONG_DATA = {

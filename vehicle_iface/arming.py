@@ -36,6 +36,11 @@ def require_reviewed_profile(profile: Profile, *, interface: str, channel: str, 
                 f"{channel} is a real bus: limit the speed, for a first run with --speed-cap 1.0 "
                 f"(m/s; the profile allows {profile.limits.speed_max_mps})"
             )
+    return cap_speed(profile, speed_cap_mps)
+
+
+def cap_speed(profile: Profile, speed_cap_mps: float | None) -> Profile:
+    """The profile with its maximum speed capped; None for no cap."""
     if speed_cap_mps is None or speed_cap_mps >= profile.limits.speed_max_mps:
         return profile
     limits = msgspec.structs.replace(profile.limits, speed_max_mps=speed_cap_mps)

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from vehicle_iface.rerun.drive import rerun
 from vehicle_iface_viewer.playback import Playback
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -95,6 +96,22 @@ def test_a_recorded_drive_is_complete_and_reports_it(start: Start, folder: Path)
     assert f"{folder}: " in said
     assert "written, nothing lost" in said
     assert Playback(str(folder)).length_s > 1.5
+
+
+def test_a_recorded_drive_is_run_again_without_a_difference(start: Start, folder: Path) -> None:
+    loop = start()
+    wait_for("a drive", lambda: has_driven(folder))
+    os.kill(loop.pid, signal.SIGUSR1)
+    time.sleep(0.2)
+    os.kill(loop.pid, signal.SIGINT)
+    time.sleep(0.2)
+    os.kill(loop.pid, signal.SIGINT)
+    said, _ = loop.communicate(timeout=PATIENCE_S)
+    assert loop.returncode == 0, said
+    found = rerun(folder)
+    assert (found.count, found.gap) == (0, ""), found.text
+    assert found.frames == json.loads((folder / "summary.json").read_text())["counts"]["frames_sent"] > 150
+    assert report(folder)["lost"]["inputs"] == 0
 
 
 def test_a_folder_that_is_not_empty_is_refused_before_anything_drives(start: Start, folder: Path) -> None:

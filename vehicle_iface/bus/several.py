@@ -4,7 +4,7 @@ import heapq
 import select
 from collections.abc import Mapping
 from operator import attrgetter
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from vehicle_iface import clock
 from vehicle_iface.bus.base import Bus
@@ -101,6 +101,32 @@ class SeveralBuses:
             raise self._error
 
 
-def buses_by_name(bus: Bus) -> Mapping[str, Bus]:
+class Described(Protocol):
+    """One bus, as far as its own controller and its traffic are polled."""
+
+    description: str
+
+
+@runtime_checkable
+class SupportsParts(Protocol):
+    """A bus that is made of others."""
+
+    @property
+    def parts(self) -> Mapping[str, Described]:
+        """The buses by name; a single one has the name ""."""
+        ...
+
+    @property
+    def refusing(self) -> str:
+        """The bus that most recently had no room; "" for a single bus."""
+        ...
+
+
+def buses_by_name(bus: Bus) -> Mapping[str, Described]:
     """Return the buses of `bus` by name; a single bus has the name ""."""
-    return bus.parts if isinstance(bus, SeveralBuses) else {"": bus}
+    return bus.parts if isinstance(bus, SupportsParts) else {"": bus}
+
+
+def name_refusing(bus: Bus | None) -> str:
+    """Return the name of the bus that had no room last; "" for a single bus."""
+    return bus.refusing if isinstance(bus, SupportsParts) else ""

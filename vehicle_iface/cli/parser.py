@@ -37,6 +37,9 @@ def build_parser() -> argparse.ArgumentParser:
         _command(commands, "new-profile", "draft a profile from a DBC; each binding comes with its reason")
     )
     _add_decode(_command(commands, "decode", "decode a log of a bus into one NumPy array for each signal"))
+    _add_rerun(
+        _command(commands, "rerun", "run a recorded drive through the code of today; report each command that differs")
+    )
     _add_review(_command(commands, "review", "check a profile against a recorded drive: signs, units, delays"))
     _add_commission(_command(commands, "commission", "check a profile on the live bus: a guided walk that never sends"))
     commands.add_parser("view", add_help=False, help="the browser viewer (vehicle-iface view --help)")
@@ -208,6 +211,28 @@ def _add_decode(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", required=True, metavar="FILE.npz", help="the arrays; numpy.load reads them")
     parser.add_argument(
         "--message", action="append", default=[], metavar="NAME", help="decode only this message; may be repeated"
+    )
+
+
+def _add_rerun(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", metavar="DIR", help="the folder of `run --record`, or a case of --save")
+    parser.add_argument("--profile", help="profile to use instead of the recorded one: its name, or a .toml file")
+    parser.add_argument("--controller", metavar="NAME", help="controller to use instead of the recorded one")
+    parser.add_argument("--json", metavar="FILE", help="write all differences to this file")
+    parser.add_argument(
+        "--save", metavar="CASE", help="write what a rerun needs into the new folder CASE, and run that again"
+    )
+    parser.add_argument(
+        "--until",
+        type=_above_0("seconds"),
+        metavar="S",
+        help="only with --save: keep the first S seconds (default: all)",
+    )
+    parser.add_argument("--verbose", action="store_true", help="show the log of the loop")
+    parser.epilog = (
+        "Frames and times are fed to the loop as they were recorded, pass by pass. On the same machine and version no "
+        "command differs; a controller of your own must not depend on anything else. Exit status: 0 no difference, 1 a "
+        "command differs or inputs are missing, 2 bad usage, no recording or no inputs in it."
     )
 
 

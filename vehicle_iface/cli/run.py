@@ -43,6 +43,7 @@ from vehicle_iface.units import ns_from_s
 
 if TYPE_CHECKING:
     from vehicle_iface.recorder.child import RecorderProcess
+    from vehicle_iface.rerun.tap import InputTap
 
 log = logging.getLogger("vehicle_iface")
 
@@ -69,23 +70,27 @@ def run(options: argparse.Namespace) -> int:
             )
     review = _log_review(options, channels, profile)
     database = load_database(cap_unconfirmed_speed(profile))
-    source = _build_source(options, database)
+    frame_id = check_frame(options.frame, database)
+    source = _build_source(options, database, frame_id)
     controller = compose.build_controller(options.controller, database.profile)
     open_bus = _bus_opener(options, channels, database)
     if options.wait is not None and not _wait_for_bus(open_bus, options.wait, end):
         return _report_early_end()
     with (
         _telemetry(options, channels, database) as telemetry,
-        _recording(options, channels, database) as recording,
+        _recording(options, channels, database, frame_id) as recording,
     ):
         with Watchdog() as watchdog:
+            tap = _tap_inputs(recording)
+            is_outside = options.trajectory_mailbox is not None
             loop = compose.build_loop(
                 database=database,
-                open_bus=open_bus,
+                open_bus=open_bus if tap is None else tap.wrap_bus(open_bus),
                 controller=controller,
-                source=source,
+                source=source if tap is None or not is_outside else tap.wrap_source(source),
                 telemetry=telemetry,
                 armed=options.arm,
+                now_ns=clock.monotonic_ns if tap is None else tap.now_ns,
                 feed_watchdog=watchdog.feed,
             )
             signal.signal(signal.SIGUSR1, lambda *_: loop.arming.request())
@@ -99,12 +104,13 @@ def run(options: argparse.Namespace) -> int:
             priority = realtime.FIFO_PRIORITY if options.arm else realtime.UNARMED_PRIORITY
             for lack in realtime.apply_settings(priority=priority, cpu=options.cpu):
                 log.warning("%s", lack)
-            run_for(loop, options.duration)
+            run_for(loop, options.duration, tap)
             loop.link.close()
             realtime.release_priority()
         on_end_signals(None)  # the vehicle is released: a terminal or disk that hangs must not keep the program
         summary = msgspec.structs.replace(loop.summary(), review=review)
-        if recording is not None:
+        if recording is not None and tap is not None:
+            tap.close(recording.write_last_inputs)
             summary = msgspec.structs.replace(summary, recorder=recording.end())
             recording.save_summary(as_json(summary))
     is_saved = not options.summary or _try_to_save(options.summary, summary)
@@ -163,30 +169,46 @@ def _try_to_save(path: str, summary: RunSummary) -> bool:
     return True
 
 
-def run_for(loop: Loop, duration_s: float | None) -> None:
-    """Run the loop to its end. With a duration, the end is scheduled."""
+def run_for(loop: Loop, duration_s: float | None, tap: "InputTap | None" = None) -> None:
+    """Run the loop to its end. With a duration, the end is scheduled. A `tap` notes its inputs."""
+    if tap is not None:
+        tap.end_pass(loop)
     loop.begin()
-    if duration_s is None:
-        loop.run()
-        return
-    deadline_ns = clock.monotonic_ns() + ns_from_s(duration_s)
-    loop.shutdown.schedule(deadline_ns)
-    while not loop.shutdown.is_done and clock.monotonic_ns() < deadline_ns:
+    if tap is not None:
+        tap.end_pass(loop)
+    deadline_ns = None if duration_s is None else clock.monotonic_ns() + ns_from_s(duration_s)
+    if deadline_ns is not None:
+        loop.shutdown.schedule(deadline_ns)
+        if tap is not None:
+            tap.schedule(deadline_ns)
+    while not loop.shutdown.is_done:
+        if deadline_ns is not None and clock.monotonic_ns() >= deadline_ns:
+            deadline_ns = None
+            loop.shutdown.begin_on_schedule()
+            if tap is not None:
+                tap.begin_on_schedule()
         loop.step()
-    loop.shutdown.begin_on_schedule()
-    loop.run()
+        if tap is not None:
+            tap.end_pass(loop)
 
 
-def _build_source(options: argparse.Namespace, database: VehicleDatabase) -> TrajectorySource:
+def _tap_inputs(recording: "RecorderProcess | None") -> "InputTap | None":
+    """Return the tap that notes the inputs of a recorded loop."""
+    if recording is None:
+        return None
+    from vehicle_iface.rerun.tap import InputTap
+
+    return InputTap(recording.write_inputs, clock.monotonic_ns)
+
+
+def _build_source(options: argparse.Namespace, database: VehicleDatabase, frame_id: str) -> TrajectorySource:
     if options.trajectory:
         return FixedTrajectory(drivable.load_trajectory(options.trajectory, database.profile))
     if options.trajectory_mailbox:
         if Path(options.trajectory_mailbox).is_dir():
             raise ConfigError(f"--trajectory-mailbox {options.trajectory_mailbox}: is a folder, must be a file in one")
         return MailboxFile(options.trajectory_mailbox)
-    return RecedingRoute(
-        drivable.build_route(options.route, database.profile), frame_id=check_frame(options.frame, database)
-    )
+    return RecedingRoute(drivable.build_route(options.route, database.profile), frame_id=frame_id)
 
 
 def _bus_opener(options: argparse.Namespace, channels: Channels, database: VehicleDatabase) -> Callable[[], Bus]:
@@ -231,21 +253,38 @@ def _telemetry(options: argparse.Namespace, channels: Channels, database: Vehicl
 
 @contextmanager
 def _recording(
-    options: argparse.Namespace, channels: Channels, database: VehicleDatabase
+    options: argparse.Namespace, channels: Channels, database: VehicleDatabase, frame_id: str
 ) -> "Iterator[RecorderProcess | None]":
     """Start the recorder, or yield None without `--record`. It is started last, after all checks."""
     if not options.record:
         yield None
         return
     from vehicle_iface.recorder.child import RecorderProcess
+    from vehicle_iface.recorder.files import RunOptions
     from vehicle_iface.recorder.folder import RecordingRequest
 
+    controller_file = options.controller.rpartition(":")[0]
+    run = RunOptions(
+        armed=options.arm,
+        profile=Path(database.profile.file).name,
+        controller=options.controller,
+        frame_id=frame_id,
+        speed_cap_mps=options.speed_cap if options.arm else None,
+        route=options.route,
+        trajectory=Path(options.trajectory).name if options.trajectory else None,
+        channels=list(channels.values()),
+    )
     request = RecordingRequest(
         folder=options.record,
         telemetry=options.telemetry,
         channels=list(channels.values()) if options.interface == "socketcan" else [],
         profile=database.profile.file,
         named_files=[str(file) for file in (*database.profile.dbc_files, *database.profile.checksum_files)],
+        run=run,
+        input_files=[
+            *([options.trajectory] if options.trajectory else []),
+            *([controller_file] if controller_file.endswith(".py") else []),
+        ],
         command_line=[argument.encode(errors="replace").decode() for argument in sys.argv],
     )
     with RecorderProcess(request) as recording:

@@ -1,7 +1,9 @@
 """The recorder's process, as the loop starts and stops it."""
 
 import contextlib
+import fcntl
 import logging
+import os
 import select
 import signal
 import subprocess
@@ -23,6 +25,10 @@ START_TIMEOUT_S, STOP_TIMEOUT_S = 20.0, 5.0
 """Time limits for the recorder's start, before the loop drives, and its end, after the vehicle was released."""
 
 
+INPUTS_PIPE_BYTES = 1 << 20
+"""Room in the pipe for the inputs of more than ten seconds."""
+
+
 class RecorderReply(msgspec.Struct, kw_only=True, frozen=True):
     """A line of the recorder's output."""
 
@@ -38,6 +44,8 @@ class RecorderProcess:
         self._folder = Path(request.folder)
         self._is_stuck = self._is_over = False
         command_line, environment = module_command("vehicle_iface.recorder")
+        reader, self._writer = _open_pipe()
+        request = msgspec.structs.replace(request, inputs_fd=reader)
         self._process = subprocess.Popen(
             command_line,
             env=environment,
@@ -45,17 +53,40 @@ class RecorderProcess:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,  # Ctrl-C is for the loop: the stop it causes is recorded
+            pass_fds=(reader,),
         )
+        os.close(reader)
         reply = self._start(msgspec.json.encode(request) + b"\n")
         if reply.refusal:
             self._process.wait()
+            os.close(self._writer)
             raise (BusError if reply.is_bus else ConfigError)(reply.refusal)
         signal.signal(signal.SIGCHLD, self._on_child_exit)
+
+    def write_inputs(self, data: bytes | bytearray) -> int:
+        """Hand inputs of the loop to the recorder without waiting; return how many bytes it took.
+
+        A recorder that is gone takes all: nothing is recorded any more, and its exit was logged.
+        """
+        try:
+            return os.write(self._writer, data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            return len(data)
+
+    def write_last_inputs(self, data: bytes) -> None:
+        """Hand over the rest, waiting up to `STOP_TIMEOUT_S` for each part of it."""
+        output = select.poll()
+        output.register(self._writer, select.POLLOUT)
+        while data and output.poll(STOP_TIMEOUT_S * 1e3):
+            data = data[self.write_inputs(data) :]
 
     def end(self) -> RecorderSummary:
         """Stop the recorder and return its result. A recorder that does not stop within `STOP_TIMEOUT_S` is killed."""
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         self._is_over = True
+        os.close(self._writer)
         try:
             output, _ = self._process.communicate(END, STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
@@ -114,3 +145,12 @@ class RecorderProcess:
 
     def _summary(self, text: str) -> RecorderSummary:
         return RecorderSummary(folder=str(self._folder), text=f"{self._folder}: {text}")
+
+
+def _open_pipe() -> tuple[int, int]:
+    """Open the pipe for the loop's inputs, as large as this user may have it: reader and writer."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with contextlib.suppress(OSError, AttributeError):
+        fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, INPUTS_PIPE_BYTES)
+    return reader, writer

@@ -4,6 +4,7 @@
 |---|---|
 | `meta.json` | what was recorded: command line, versions, start on both clocks, profile with its hashes |
 | `frames.log` | every frame on the bus, in the format of `candump -L`, with the kernel's (wall-clock) timestamps |
+| `inputs.log` | all inputs of the loop, exactly, for `vehicle-iface rerun` (`recorder.inputs`) |
 | `snapshots.csv` | every snapshot of the telemetry, one a line; a gap in `sequence` means lost snapshots |
 | `trajectories.jsonl` | every trajectory as it was drawn, to a micrometre, one a line |
 | `events.jsonl` | every event (`telemetry.events.LoopEvent`), one a line |
@@ -11,6 +12,7 @@
 | `recorder.json` | status of the recorder: what was written and lost so far; updated each second |
 | `summary.json` | the loop's summary of the run |
 | `profile/` | the profile and its DBC, copied |
+| `inputs/` | the files of trajectory and controller, copied |
 
 A file of lines is intact up to its last line end, whichever process was killed.
 """
@@ -33,6 +35,7 @@ STATUS_BYTES = 4096
 STATUS_PERIOD_S = 1.0
 META, STATUS, SUMMARY, PROFILE = "meta.json", "recorder.json", "summary.json", "profile"
 FRAMES, SNAPSHOTS = "frames.log", "snapshots.csv"
+INPUTS, INPUT_FILES = "inputs.log", "inputs"
 TRAJECTORIES, COUNTERS, EVENTS = "trajectories.jsonl", "counters.jsonl", "events.jsonl"
 FORMAT = 1
 
@@ -58,6 +61,24 @@ _OLD_COUNTER = re.compile(f'"({"|".join(_RENAMED_COUNTERS)})":')
 SNAPSHOT_HEADER = (",".join(Snapshot._fields) + "\n").encode()
 
 
+class RunOptions(msgspec.Struct, kw_only=True, frozen=True):
+    """The options of `run` that decide what is sent."""
+
+    armed: bool
+    profile: str
+    """The profile's file, in `profile/`."""
+    controller: str
+    """As given; a FILE.py is in `inputs/`."""
+    frame_id: str
+    """The frame of reference of a route."""
+    speed_cap_mps: float | None = None
+    route: str | None = None
+    trajectory: str | None = None
+    """A file in `inputs/`; without it and without a route, trajectories came from outside and are recorded."""
+    channels: list[str] = []
+    """What `frames.log` calls each bus, in their order."""
+
+
 class Meta(msgspec.Struct, kw_only=True, frozen=True):
     """Content of `meta.json`: what was recorded."""
 
@@ -73,6 +94,8 @@ class Meta(msgspec.Struct, kw_only=True, frozen=True):
     versions: dict[str, str]
     sha256: dict[str, str]
     """Hashes of the copies in `profile/`, by file name."""
+    run: RunOptions | None = None
+    """For `rerun`; None in a recording of version 0.1."""
 
 
 class CountersLine(msgspec.Struct, frozen=True):

@@ -13,7 +13,7 @@ import msgspec
 
 from vehicle_iface import clock
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.recorder.files import FORMAT, META, PROFILE, Meta
+from vehicle_iface.recorder.files import FORMAT, INPUT_FILES, META, PROFILE, Meta, RunOptions
 from vehicle_iface.telemetry import SessionInfo
 
 _REMEDIES = {
@@ -37,6 +37,11 @@ class RecordingRequest(msgspec.Struct, kw_only=True, frozen=True):
     named_files: list[str]
     """The DBCs and Python files that the profile names."""
     command_line: list[str]
+    run: RunOptions | None = None
+    input_files: list[str] = []
+    """The files of trajectory and controller."""
+    inputs_fd: int = -1
+    """Where the loop's inputs come from: a descriptor of the recorder's process; −1: none are recorded."""
 
 
 def not_writable_error(folder: Path, error: OSError) -> ConfigError:
@@ -57,6 +62,10 @@ def create_folder(request: RecordingRequest, info: SessionInfo) -> Path:
         copy = copies / _relative_place(file, request.profile)
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(file, copy)
+    if request.input_files:
+        (folder / INPUT_FILES).mkdir()
+    for file in request.input_files:
+        shutil.copyfile(file, folder / INPUT_FILES / Path(file).name)
     meta = Meta(
         format=FORMAT,
         session=info,
@@ -70,6 +79,7 @@ def create_folder(request: RecordingRequest, info: SessionInfo) -> Path:
             for path in sorted(copies.rglob("*"))
             if path.is_file()
         },
+        run=request.run,
     )
     text = msgspec.json.format(msgspec.json.encode(meta)) + b"\n"
     (folder / META).write_bytes(text)

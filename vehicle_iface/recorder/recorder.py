@@ -11,6 +11,7 @@ import msgspec
 from vehicle_iface.recorder import files
 from vehicle_iface.recorder.folder import RecordingRequest, create_folder, empty_folder, not_writable_error
 from vehicle_iface.recorder.frame_tap import FrameTaps
+from vehicle_iface.recorder.inputs_tap import InputsTap
 from vehicle_iface.recorder.sink import Sink
 from vehicle_iface.recorder.telemetry_tap import TelemetryTap
 from vehicle_iface.units import ns_from_s
@@ -22,6 +23,7 @@ class Recorder:
     def __init__(self, request: RecordingRequest, notify: Callable[[str], None]) -> None:
         self._telemetry = TelemetryTap(request.telemetry)
         self._frames = FrameTaps(request.channels, notify) if request.channels else None
+        self._inputs = InputsTap(request.inputs_fd) if request.inputs_fd >= 0 else None
         folder = Path(request.folder)
         try:
             create_folder(request, self._telemetry.info)
@@ -36,6 +38,8 @@ class Recorder:
             }
             if self._frames is not None:
                 self._sinks["frames"] = Sink(folder / files.FRAMES, notify)
+            if self._inputs is not None:
+                self._sinks["inputs"] = Sink(folder / files.INPUTS, notify)
         except OSError as error:
             empty_folder(folder)
             raise not_writable_error(folder, error) from error
@@ -48,6 +52,8 @@ class Recorder:
         lines = self._telemetry.read(now_ns)
         if self._frames is not None:
             self._sinks["frames"].write(self._frames.read(now_ns), now_ns)
+        if self._inputs is not None:
+            self._sinks["inputs"].write(self._inputs.read(now_ns), now_ns)
         self._sinks["snapshots"].write(lines.snapshots, now_ns)
         self._sinks["trajectories"].write(lines.trajectories, now_ns)
         self._sinks["counters"].write(lines.counters, now_ns)
@@ -68,6 +74,9 @@ class Recorder:
 
     def close(self, now_ns: int) -> files.RecorderStatus:
         """Write the final status and close all files."""
+        if self._inputs is not None:
+            self._sinks["inputs"].write(self._inputs.read(now_ns, is_last=True), now_ns)
+            self._inputs.close()
         status = self.status(now_ns, is_over=True)
         self._save(status)
         os.close(self._file)

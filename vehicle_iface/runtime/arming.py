@@ -21,6 +21,8 @@ class ArmingRequests:
         self._engagement = engagement
         self._is_requested = False
         self._refusals, self._refused_ns = 0, 0
+        self.applied = 0
+        """Number of requests that were applied or rejected."""
         self.answers = 0
         """Number of requests that were applied, or rejected and logged."""
         self.answer = ""
@@ -35,6 +37,7 @@ class ArmingRequests:
         if not self._is_requested:
             return False
         self._is_requested = False
+        self.applied += 1
         if link not in OPEN:
             self._refuse(f"the link is {link.name}", now_ns)
         elif not self._engagement.apply(Event.ARMED, now_ns):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from vehicle_iface.bus.base import Bus, SupportsErrorEvents, SupportsTraffic, prefix_bus
 from vehicle_iface.bus.controller_events import ControllerEvent
 from vehicle_iface.bus.link_state import TABLE, LinkEvent, LinkState
-from vehicle_iface.bus.several import SeveralBuses, buses_by_name
+from vehicle_iface.bus.several import Described, buses_by_name, name_refusing
 from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.bus_load import BusLoads
@@ -146,7 +146,7 @@ class Link:
         if self._refused_since_ns is not None and now_ns - self._refused_since_ns > REFUSED_NS:
             self._draining, self._bus = self._bus, None
             text = f"{self.description}: accepts no frames; is another node on the bus?"
-            self._on_drop(BusError(prefix_bus(_refusing(self._draining), text)))
+            self._on_drop(BusError(prefix_bus(name_refusing(self._draining), text)))
         if not self._watch_timer.is_due(now_ns):
             return
         self._poll_controller()
@@ -213,7 +213,7 @@ class Link:
                 self._drop(error)
                 return
 
-    def _parts(self) -> Mapping[str, Bus]:
+    def _parts(self) -> Mapping[str, Described]:
         """The open buses by name."""
         return buses_by_name(self._bus) if self._bus is not None else {}
 
@@ -231,7 +231,7 @@ class Link:
             self._refused_since_ns = self._now_ns()
         self._refused_in_row += 1
         self.is_stalled = self.is_stalled or self._refused_in_row >= STALLED_AFTER
-        self._degrade(prefix_bus(_refusing(self._bus), "transmit queue full"))
+        self._degrade(prefix_bus(name_refusing(self._bus), "transmit queue full"))
 
     def _degrade(self, why: str) -> None:
         self._troubled_ns = self._now_ns()
@@ -288,8 +288,3 @@ class Link:
 
 def _event_of(error: BusError) -> LinkEvent:
     return LinkEvent.GONE if isinstance(error, BusGoneError) else LinkEvent.LOST
-
-
-def _refusing(bus: Bus | None) -> str:
-    """Return the name of the bus that had no room last; "" for a single bus."""
-    return bus.refusing if isinstance(bus, SeveralBuses) else ""

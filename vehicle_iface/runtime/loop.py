@@ -27,7 +27,8 @@ AT_REST_SAMPLES = 3
 
 
 class Loop:
-    """One thread, no locks. `run` returns after a requested end, once the vehicle has been released."""
+    """One thread, no locks. Call `begin`, then `step` until `shutdown.is_done`: after a requested end, once the vehicle
+    has been released."""
 
     def __init__(self, components: LoopComponents) -> None:
         parts = components
@@ -59,11 +60,6 @@ class Loop:
         while (frames := self.link.receive(begin_ns)) and frames[-1].stamp_ns < begin_ns:
             pass
         self.timer.restart(self._now_ns())
-
-    def run(self) -> None:
-        """Repeat `step` until the shutdown is done."""
-        while not self.shutdown.is_done:
-            self.step()
 
     def step(self) -> None:
         """One pass: receive, send a command for each complete sample, keep time."""

@@ -21,6 +21,8 @@ class Shutdown:
     def __init__(self, engagement: Engagement, handover: Handover) -> None:
         self._engagement, self._handover = engagement, handover
         self._requests = 0
+        self.applied = 0
+        """Number of requests that were known when they were last applied."""
         self._is_due = False
         self.has_begun = False
         """Whether the shutdown has begun: on schedule, or on request."""
@@ -45,12 +47,12 @@ class Shutdown:
     @property
     def cause(self) -> str:
         """What the shutdown was begun by."""
-        return "by request" if self._requests else "on schedule"
+        return "by request" if self.applied else "on schedule"
 
     @property
     def must_release_now(self) -> bool:
         """Whether it was requested twice."""
-        return self._requests > 1 and not self.is_done
+        return self.applied > 1 and not self.is_done
 
     def may_hold_or_release(self, now_ns: int) -> bool:
         """Whether a vehicle at standstill may now be held or, at the end, released."""
@@ -59,7 +61,8 @@ class Shutdown:
 
     def begin_if_due(self, now_ns: int) -> None:
         """Begin the shutdown when it is due or was requested; it is done at once where nothing may be sent."""
-        if self.has_begun or not (self._is_due or self._requests):
+        self.applied = self._requests  # a signal may add another one at any time
+        if self.has_begun or not (self._is_due or self.applied):
             return
         self.has_begun = True
         self.ended_in_fault = self._engagement.ends_in_fault
