@@ -83,6 +83,10 @@ def _run_command(options: argparse.Namespace) -> int:
         from vehicle_iface.cli.commission import commission
 
         return commission(options)
+    if options.command == "replay":
+        from vehicle_iface.cli.replay import replay
+
+        return replay(options)
     if options.command == "rerun":
         from vehicle_iface.cli.rerun import run_again
 

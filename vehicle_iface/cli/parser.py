@@ -37,6 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
         _command(commands, "new-profile", "draft a profile from a DBC; each binding comes with its reason")
     )
     _add_decode(_command(commands, "decode", "decode a log of a bus into one NumPy array for each signal"))
+    _add_replay(_command(commands, "replay", "put the frames of a recorded drive back on a bus, with their timing"))
     _add_rerun(
         _command(commands, "rerun", "run a recorded drive through the code of today; report each command that differs")
     )
@@ -214,6 +215,27 @@ def _add_decode(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_replay(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", metavar="DIR", help="the folder of `run --record`")
+    _add_channels(parser)
+    parser.add_argument(
+        "--interface", type=_interface, default="socketcan", help="socketcan, or the name of a python-can interface"
+    )
+    parser.add_argument(
+        "--with-commands",
+        action="store_true",
+        help="also send the frames that the controller had sent: command, lights, report and [[send]] of the recorded "
+        "profile (default: only frames of all other nodes)",
+    )
+    parser.add_argument(
+        "--real-bus", action="store_true", help="allow a bus that may be real: its nodes take the frames for true"
+    )
+    parser.epilog = (
+        "A pause of more than 60 s is shortened to 60 s. Exit status: 0 done, 2 bad usage or no recording, 3 the bus "
+        "cannot be used."
+    )
+
+
 def _add_rerun(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", metavar="DIR", help="the folder of `run --record`, or a case of --save")
     parser.add_argument("--profile", help="profile to use instead of the recorded one: its name, or a .toml file")
@@ -289,6 +311,17 @@ def _add_log_channels(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_bus(parser: argparse.ArgumentParser) -> None:
+    _add_channels(parser)
+    parser.add_argument(
+        "--interface",
+        type=_interface,
+        default="socketcan",
+        help="socketcan, embedded, or the name of a python-can interface",
+    )
+    parser.add_argument("--profile", default="reference", help="profile of the vehicle: its name, or a .toml file")
+
+
+def _add_channels(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--channel",
         dest="channels",
@@ -298,13 +331,6 @@ def _add_bus(parser: argparse.ArgumentParser) -> None:
         help="the bus: vcan0 (default), can0, or what the interface calls it; of a profile with several buses each, by "
         "its name there: --channel vehicle=can0 --channel ins=can1",
     )
-    parser.add_argument(
-        "--interface",
-        type=_interface,
-        default="socketcan",
-        help="socketcan, embedded, or the name of a python-can interface",
-    )
-    parser.add_argument("--profile", default="reference", help="profile of the vehicle: its name, or a .toml file")
 
 
 def _above_0(unit: str) -> Callable[[str], float]:
