@@ -11,6 +11,7 @@ import pytest
 from tests.harness import straight
 from tests.rerun.recorded import RecordedDrive
 from vehicle_iface.rerun.drive import rerun
+from vehicle_iface.sim.driver_commands import execute
 
 PROFILES = ("reference", "reference_fd")
 FRAGILE = '''"""Raises now and then."""
@@ -67,14 +68,19 @@ def other_frame(drive: RecordedDrive) -> None:
     drive.tell("frame ODOM")
 
 
+def recover(drive: RecordedDrive) -> None:
+    """What is needed to drive again; the vehicle refuses what is not."""
+    drive.loop.arming.request()
+    for line in ("reset", "ready"):
+        execute(drive.vehicle, line)
+
+
 def cut(drive: RecordedDrive) -> None:
     drive.bus.is_down = True
     drive.run_s(0.45)
     drive.bus.is_down = False
     drive.run_s(0.5)
-    drive.loop.arming.request()
-    drive.tell("reset")
-    drive.tell("ready")
+    recover(drive)
 
 
 def half(drive: RecordedDrive) -> None:
@@ -94,7 +100,7 @@ def beside(drive: RecordedDrive) -> None:
 
 
 def stall(drive: RecordedDrive) -> None:
-    drive.clock.sleep_until(drive.clock.peek_ns() + 200_000_000)
+    drive.clock.sleep_until(drive.clock.peek_ns() + 400_000_000)
 
 
 def end(drive: RecordedDrive) -> None:
@@ -119,7 +125,7 @@ STOPS: dict[Callable[[RecordedDrive], None], str] = {
     half: "LINK_DOWN",
     full: "LINK_DOWN",
     beside: "DUPLICATE_COMMANDER",
-    stall: "STATE_STALE",
+    stall: "VEHICLE_FAULT",
     end: "SHUTDOWN",
     end_twice: "SHUTDOWN",
 }
@@ -173,6 +179,7 @@ def test_no_command_differs_when_everything_happens_at_random(tmp_path: Path) ->
     chance, drive = random.Random(3), RecordedDrive()
     for _ in range(12):
         drive.run_s(chance.uniform(0.3, 1.5))
+        recover(drive)
         chance.choice([brake, mute, doubt, cut, half, full, stall])(drive)
     drive.loop.shutdown.request()
     drive.run_s(15.0)
