@@ -23,6 +23,7 @@ TOP = {
     "commission",
     "compose",
     "drivable",
+    "export",
     "opening",
     "process",
     "recorder",
@@ -51,6 +52,7 @@ LISTENER_READS = (["codec"], ["bus", "raw_socket"], ["bus", "receive"], ["proces
 HOMES = {
     "can": ("vehicle_iface/bus/", "vehicle_iface/logs/"),
     "cantools": ("vehicle_iface/codec/", "vehicle_iface/logs/", "viewer/vehicle_iface_viewer/bus_table/"),
+    "mcap": ("vehicle_iface/export/",),
     "e2e": ("vehicle_iface/codec/",),
     "viser": ("viewer/",),
     "trimesh": ("viewer/",),

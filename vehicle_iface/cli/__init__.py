@@ -83,6 +83,10 @@ def _run_command(options: argparse.Namespace) -> int:
         from vehicle_iface.cli.commission import commission
 
         return commission(options)
+    if options.command == "export":
+        from vehicle_iface.cli.export import export
+
+        return export(options)
     if options.command == "replay":
         from vehicle_iface.cli.replay import replay
 

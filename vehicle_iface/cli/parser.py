@@ -37,6 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
         _command(commands, "new-profile", "draft a profile from a DBC; each binding comes with its reason")
     )
     _add_decode(_command(commands, "decode", "decode a log of a bus into one NumPy array for each signal"))
+    _add_export(_command(commands, "export", "write a recorded drive as CSV, or as MCAP for Foxglove and PlotJuggler"))
     _add_replay(_command(commands, "replay", "put the frames of a recorded drive back on a bus, with their timing"))
     _add_rerun(
         _command(commands, "rerun", "run a recorded drive through the code of today; report each command that differs")
@@ -212,6 +213,29 @@ def _add_decode(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", required=True, metavar="FILE.npz", help="the arrays; numpy.load reads them")
     parser.add_argument(
         "--message", action="append", default=[], metavar="NAME", help="decode only this message; may be repeated"
+    )
+
+
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", metavar="DIR", help="the folder of `run --record`")
+    parser.add_argument("--csv", metavar="FILE", help="write one row for each snapshot: SI units, states as names")
+    parser.add_argument(
+        "--mcap",
+        metavar="FILE",
+        help="write snapshots, events, counters and trajectories with JSON schemas; needs pip install "
+        "'vehicle-iface[mcap]'",
+    )
+    parser.add_argument(
+        "--from", type=_above_0("seconds"), default=0.0, metavar="S", help="begin S seconds after the first snapshot"
+    )
+    parser.add_argument(
+        "--to",
+        type=_above_0("seconds"),
+        metavar="S",
+        help="end S seconds after the first snapshot (default: at the end)",
+    )
+    parser.epilog = (
+        "Overwrites existing files. Exit status: 0 done, 2 bad usage, no recording or a file that cannot be written."
     )
 
 

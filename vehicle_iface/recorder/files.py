@@ -22,10 +22,12 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import msgspec
 import numpy as np
 
+from vehicle_iface.errors import ConfigError
 from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot
 from vehicle_iface.telemetry.details import LiveDetails
 from vehicle_iface.telemetry.events import LoopEvent
@@ -154,6 +156,20 @@ class TrajectoryLine(msgspec.Struct, kw_only=True, frozen=True):
 
 
 _COLUMNS = ("x_m", "y_m", "heading_rad", "speed_mps", "time_s")
+
+
+def load_meta(folder: Path) -> Meta:
+    """Load `meta.json` of a recording; `ConfigError` when it is none, damaged or of another format."""
+    path = folder / META
+    try:
+        meta = msgspec.json.decode(path.read_bytes(), type=Meta)
+    except OSError as error:
+        raise ConfigError(f"{folder}: not a recording: {META}: {error.strerror}") from None
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise ConfigError(f"{path}: damaged: {error}") from None
+    if meta.format != FORMAT:
+        raise ConfigError(f"{path}: of format {meta.format}; this version reads format {FORMAT}")
+    return meta
 
 
 def format_snapshot(snapshot: Snapshot) -> bytes:

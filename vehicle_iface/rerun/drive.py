@@ -3,8 +3,6 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-import msgspec
-
 from vehicle_iface import compose, drivable
 from vehicle_iface.arming import cap_speed
 from vehicle_iface.codec.database import VehicleDatabase, load_database
@@ -49,13 +47,7 @@ def rerun(folder: Path, *, profile: str | None = None, controller: str | None = 
 
 def load_options(folder: Path) -> files.RunOptions:
     """Return the options that the drive was run with. Raises `ConfigError` when they are not recorded."""
-    path = folder / files.META
-    try:
-        meta = msgspec.json.decode(path.read_bytes(), type=files.Meta)
-    except OSError as error:
-        raise ConfigError(f"{folder}: not a recording: {files.META}: {error.strerror}") from None
-    except (msgspec.MsgspecError, ValueError) as error:
-        raise ConfigError(f"{path}: damaged: {error}") from None
+    meta = files.load_meta(folder)
     if meta.run is None:
         raise ConfigError(f"{folder}: recorded by a version that kept no inputs, so it cannot be run again")
     return meta.run
