@@ -114,6 +114,59 @@ def test_a_recorded_drive_is_run_again_without_a_difference(start: Start, folder
     assert report(folder)["lost"]["inputs"] == 0
 
 
+def test_a_killed_loop_leaves_a_black_box_beside_its_recording(start: Start, folder: Path) -> None:
+    loop = start()
+    wait_for("a drive", lambda: has_driven(folder))
+    recorder = recorder_of(loop)
+    loop.kill()
+    wait_for("the recorder's end", lambda: is_gone(recorder))
+    (box,) = (folder / "events").iterdir()
+    assert box.name.endswith("-LOOP-KILLED")
+    assert Playback(str(box)).length_s > 1.0
+
+
+def test_without_a_recording_only_the_black_box_is_written(tmp_path: Path, folder: Path) -> None:
+    loop = subprocess.Popen(
+        [
+            *(
+                sys.executable,
+                "-P",
+                "-m",
+                "vehicle_iface",
+                "run",
+                "--interface",
+                "embedded",
+                "--arm",
+                "--route",
+                "figure8",
+            ),
+            *("--telemetry", str(tmp_path / "loop"), "--black-box", str(folder)),
+        ],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    assert loop.stdout is not None
+    for line in loop.stdout:
+        if "ENGAGED" in line:
+            break
+    recorder = recorder_of(loop)
+    loop.kill()
+    loop.communicate()
+    wait_for("the recorder's end", lambda: is_gone(recorder))
+    (box,) = folder.iterdir()
+    assert box.name.endswith("-LOOP-KILLED")
+    assert sorted(path.name for path in box.iterdir()) == [
+        "counters.jsonl",
+        "events.jsonl",
+        "meta.json",
+        "profile",
+        "snapshots.csv",
+        "trajectories.jsonl",
+    ]
+
+
 def test_a_folder_that_is_not_empty_is_refused_before_anything_drives(start: Start, folder: Path) -> None:
     folder.mkdir()
     (folder / "notes").write_text("mine")

@@ -126,6 +126,14 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--telemetry", default=DEFAULT_TELEMETRY, metavar="ADDRESS", help="name, or path, that `view` connects to"
     )
     parser.add_argument("--record", metavar="DIR", help="record frames and telemetry into DIR, which must not exist")
+    black_box = parser.add_mutually_exclusive_group()
+    black_box.add_argument(
+        "--black-box",
+        metavar="DIR",
+        help="keep the 30 s before and 5 s after each stop in this folder, at most 100 MB, then the oldest are removed "
+        "(default: DIR/events of --record; of an armed drive on a real bus ~/.local/state/vehicle-iface/black-box)",
+    )
+    black_box.add_argument("--no-black-box", action="store_true", help="keep no stops")
     parser.add_argument("--summary", metavar="FILE.json", help="write counts and latencies of the run to this file")
     parser.add_argument("--cpu", type=_processor, metavar="N", help="run on this CPU only, counted from 0")
     parser.add_argument(

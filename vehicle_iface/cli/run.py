@@ -25,7 +25,7 @@ from vehicle_iface.cli.parser import DEFAULT_TELEMETRY, EMBEDDED
 from vehicle_iface.cli.signals import Flag, on_end_signals
 from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec.database import VehicleDatabase, load_database
-from vehicle_iface.errors import ConfigError
+from vehicle_iface.errors import ConfigError, VehicleIfaceError
 from vehicle_iface.motion_sources import cap_unconfirmed_speed
 from vehicle_iface.opening import Channels, describe_channels, open_buses, require_socketcan
 from vehicle_iface.profile import Profile, load_profile
@@ -109,8 +109,9 @@ def run(options: argparse.Namespace) -> int:
             realtime.release_priority()
         on_end_signals(None)  # the vehicle is released: a terminal or disk that hangs must not keep the program
         summary = msgspec.structs.replace(loop.summary(), review=review)
-        if recording is not None and tap is not None:
+        if tap is not None and recording is not None:
             tap.close(recording.write_last_inputs)
+        if recording is not None:
             summary = msgspec.structs.replace(summary, recorder=recording.end())
             recording.save_summary(as_json(summary))
     is_saved = not options.summary or _try_to_save(options.summary, summary)
@@ -194,7 +195,7 @@ def run_for(loop: Loop, duration_s: float | None, tap: "InputTap | None" = None)
 
 def _tap_inputs(recording: "RecorderProcess | None") -> "InputTap | None":
     """Return the tap that notes the inputs of a recorded loop."""
-    if recording is None:
+    if recording is None or not recording.records_inputs:
         return None
     from vehicle_iface.rerun.tap import InputTap
 
@@ -255,8 +256,9 @@ def _telemetry(options: argparse.Namespace, channels: Channels, database: Vehicl
 def _recording(
     options: argparse.Namespace, channels: Channels, database: VehicleDatabase, frame_id: str
 ) -> "Iterator[RecorderProcess | None]":
-    """Start the recorder, or yield None without `--record`. It is started last, after all checks."""
-    if not options.record:
+    """Start the recorder, or yield None where nothing is recorded. It is started last, after all checks."""
+    black_box = _find_black_box(options, channels)
+    if not options.record and not black_box:
         yield None
         return
     from vehicle_iface.recorder.child import RecorderProcess
@@ -275,7 +277,8 @@ def _recording(
         channels=list(channels.values()),
     )
     request = RecordingRequest(
-        folder=options.record,
+        folder=options.record or "",
+        black_box=black_box,
         telemetry=options.telemetry,
         channels=list(channels.values()) if options.interface == "socketcan" else [],
         profile=database.profile.file,
@@ -287,9 +290,37 @@ def _recording(
         ],
         command_line=[argument.encode(errors="replace").decode() for argument in sys.argv],
     )
-    with RecorderProcess(request) as recording:
-        log.info("recording to %s", options.record)
+    try:
+        process = RecorderProcess(request)
+    except VehicleIfaceError as error:
+        if options.record or options.black_box:
+            raise
+        log.warning("no black box: %s", error)
+        yield None
+        return
+    with process as recording:
+        log.info("recording to %s", options.record) if options.record else log.info("black boxes in %s", black_box)
         yield recording
+
+
+def _find_black_box(options: argparse.Namespace, channels: Channels) -> str:
+    """Return the folder of the black boxes; empty for none.
+
+    By default, a recording and an armed drive on a bus that may be real have them.
+    """
+    from vehicle_iface.recorder.files import BLACK_BOXES
+
+    if options.no_black_box:
+        return ""
+    if options.black_box:
+        return str(options.black_box)
+    if options.record:
+        return str(Path(options.record) / BLACK_BOXES)
+    if not options.arm or all(is_virtual(options.interface, channel) for channel in channels.values()):
+        return ""
+    from vehicle_iface.recorder.black_box import default_place
+
+    return str(default_place())
 
 
 def _arming(options: argparse.Namespace) -> str:

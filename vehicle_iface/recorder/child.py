@@ -25,6 +25,7 @@ START_TIMEOUT_S, STOP_TIMEOUT_S = 20.0, 5.0
 """Time limits for the recorder's start, before the loop drives, and its end, after the vehicle was released."""
 
 
+INPUTS_TIMEOUT_S = 1.0
 INPUTS_PIPE_BYTES = 1 << 20
 """Room in the pipe for the inputs of more than ten seconds."""
 
@@ -41,11 +42,14 @@ class RecorderProcess:
     """A running recorder. `ConfigError` or `BusError` when it cannot record."""
 
     def __init__(self, request: RecordingRequest) -> None:
-        self._folder = Path(request.folder)
+        self._folder = Path(request.folder or request.black_box)
+        self.records_inputs = bool(request.folder)
+        """Whether it records more than black boxes."""
         self._is_stuck = self._is_over = False
         command_line, environment = module_command("vehicle_iface.recorder")
         reader, self._writer = _open_pipe()
-        request = msgspec.structs.replace(request, inputs_fd=reader)
+        if self.records_inputs:
+            request = msgspec.structs.replace(request, inputs_fd=reader)
         self._process = subprocess.Popen(
             command_line,
             env=environment,
@@ -76,10 +80,10 @@ class RecorderProcess:
             return len(data)
 
     def write_last_inputs(self, data: bytes) -> None:
-        """Hand over the rest, waiting up to `STOP_TIMEOUT_S` for each part of it."""
+        """Hand over the rest; a recorder that takes nothing for `INPUTS_TIMEOUT_S` gets no more."""
         output = select.poll()
         output.register(self._writer, select.POLLOUT)
-        while data and output.poll(STOP_TIMEOUT_S * 1e3):
+        while data and output.poll(INPUTS_TIMEOUT_S * 1e3):
             data = data[self.write_inputs(data) :]
 
     def end(self) -> RecorderSummary:
@@ -104,7 +108,7 @@ class RecorderProcess:
 
     def save_summary(self, summary: bytes) -> None:
         """Write `summary.json`, unless the recorder got stuck: this process would, too."""
-        if self._is_stuck:
+        if self._is_stuck or not self.records_inputs:
             return
         try:
             with open(self._folder / SUMMARY, "xb") as file:

@@ -11,6 +11,7 @@
 | `counters.jsonl` | all counters, twice a second, one object a line |
 | `recorder.json` | status of the recorder: what was written and lost so far; updated each second |
 | `summary.json` | the loop's summary of the run |
+| `events/` | the black boxes: the seconds around each stop, each a recording by itself |
 | `profile/` | the profile and its DBC, copied |
 | `inputs/` | the files of trajectory and controller, copied |
 
@@ -37,7 +38,7 @@ STATUS_BYTES = 4096
 STATUS_PERIOD_S = 1.0
 META, STATUS, SUMMARY, PROFILE = "meta.json", "recorder.json", "summary.json", "profile"
 FRAMES, SNAPSHOTS = "frames.log", "snapshots.csv"
-INPUTS, INPUT_FILES = "inputs.log", "inputs"
+INPUTS, INPUT_FILES, BLACK_BOXES = "inputs.log", "inputs", "events"
 TRAJECTORIES, COUNTERS, EVENTS = "trajectories.jsonl", "counters.jsonl", "events.jsonl"
 FORMAT = 1
 

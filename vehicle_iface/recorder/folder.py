@@ -29,6 +29,7 @@ class RecordingRequest(msgspec.Struct, kw_only=True, frozen=True):
     """What to record, and where."""
 
     folder: str
+    """Of the recording; empty for black boxes only."""
     telemetry: str
     channels: list[str]
     """The SocketCAN interface of each bus; none where the bus has no frames on a socket."""
@@ -40,6 +41,8 @@ class RecordingRequest(msgspec.Struct, kw_only=True, frozen=True):
     run: RunOptions | None = None
     input_files: list[str] = []
     """The files of trajectory and controller."""
+    black_box: str = ""
+    """The folder of the black boxes; empty for none."""
     inputs_fd: int = -1
     """Where the loop's inputs come from: a descriptor of the recorder's process; −1: none are recorded."""
 

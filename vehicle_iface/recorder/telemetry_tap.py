@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.recorder.files import format_counters, format_event, format_snapshot, format_trajectory
-from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryReader
+from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryReader, WriterState
 from vehicle_iface.units import NS_PER_S
 
 COUNTERS_NS = NS_PER_S // 2
@@ -60,6 +60,11 @@ class TelemetryTap:
             counters = self._reader.details()
             lines.counters = [format_counters(now_ns, counters)] if counters is not None else []
         return lines
+
+    @property
+    def is_loop_dead(self) -> bool:
+        """Whether the loop ended without closing its telemetry."""
+        return self._reader.writer_state is WriterState.DEAD
 
     def close(self) -> None:
         """Close the telemetry file."""
