@@ -299,7 +299,7 @@ def _recording(
         yield None
         return
     with process as recording:
-        log.info("recording to %s", options.record) if options.record else log.info("black boxes in %s", black_box)
+        log.info("recording to %s", options.record or black_box)
         yield recording
 
 
