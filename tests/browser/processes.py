@@ -27,6 +27,10 @@ class _Process:
         assert self._process.stdout is not None
         return self._process.stdout.readline()
 
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
     def end(self, number: int) -> tuple[int, str]:
         """Send a signal; the exit status and all that was printed after the greeting."""
         self._process.send_signal(number)
@@ -50,10 +54,6 @@ class Publisher(_Process):
 
     def __init__(self, address: str, *options: str) -> None:
         super().__init__("tests.browser.publisher", address, *options)
-
-    @property
-    def pid(self) -> int:
-        return self._process.pid
 
     def order(self, word: str) -> None:
         assert self._process.stdin is not None

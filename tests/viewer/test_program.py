@@ -47,7 +47,7 @@ def test_a_viewer_for_other_machines_prints_an_address_that_opens_the_page(tmp_p
         assert viewer.url.endswith(f"/?token={TOKEN}")
         assert fetch(viewer.url)[0] == 200
         assert fetch(viewer.url.partition("?")[0])[0] == 401
-        assert is_in_no_command_line(TOKEN)
+        assert is_in_no_command_line(viewer, TOKEN)
     finally:
         viewer.close()
 
@@ -60,7 +60,7 @@ def test_a_token_in_the_environment_guards_the_page_and_is_in_no_command_line(
     try:
         assert fetch(viewer.url)[0] == 200
         assert fetch(viewer.url.partition("?")[0])[0] == 401
-        assert is_in_no_command_line(TOKEN)
+        assert is_in_no_command_line(viewer, TOKEN)
     finally:
         viewer.close()
 
@@ -73,18 +73,19 @@ def test_a_token_as_an_argument_still_works_with_a_warning_that_names_the_file(t
         url = viewer.read_line().split()[1]
         assert url.endswith(f"/?token={TOKEN}")
         assert fetch(url)[0] == 200
-        assert not is_in_no_command_line(TOKEN)
+        assert not is_in_no_command_line(viewer, TOKEN)
     finally:
         viewer.close()
 
 
-def is_in_no_command_line(secret: str) -> bool:
-    """Return whether `ps` shows the secret nowhere."""
-    return not any(secret.encode() in read_if_there(path) for path in Path("/proc").glob("[0-9]*/cmdline"))
+def is_in_no_command_line(viewer: Viewer, secret: str) -> bool:
+    """Return whether `ps` shows the secret in none of the viewer's processes."""
+    return not any(secret.encode() in Path(f"/proc/{pid}/cmdline").read_bytes() for pid in family(viewer.pid))
 
 
-def read_if_there(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError:  # ended since
-        return b""
+def family(pid: int) -> list[int]:
+    """The process and all that it has started."""
+    children = [
+        int(child) for path in Path(f"/proc/{pid}/task").glob("*/children") for child in path.read_text().split()
+    ]
+    return [pid, *(one for child in children for one in family(child))]

@@ -308,13 +308,13 @@ def _find_black_box(options: argparse.Namespace, channels: Channels) -> str:
 
     By default, a recording and an armed drive on a bus that may be real have them.
     """
-    from vehicle_iface.recorder.files import BLACK_BOXES
-
     if options.no_black_box:
         return ""
     if options.black_box:
         return str(options.black_box)
     if options.record:
+        from vehicle_iface.recorder.files import BLACK_BOXES
+
         return str(Path(options.record) / BLACK_BOXES)
     if not options.arm or all(is_virtual(options.interface, channel) for channel in channels.values()):
         return ""
