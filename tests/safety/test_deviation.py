@@ -9,6 +9,7 @@ import pytest
 
 from tests.harness import reference, straight
 from vehicle_iface import Trajectory, VehicleState
+from vehicle_iface.safety import path_distance
 from vehicle_iface.safety.deviation import DeviationKind, DeviationMonitor
 from vehicle_iface.safety.path_distance import PathLocator
 
@@ -279,3 +280,19 @@ def test_the_path_of_points_at_one_place_is_that_place() -> None:
 @pytest.mark.parametrize(("greatest_mps", "stops"), [(21.0, False), (21.01, True)])
 def test_the_greatest_speed_of_all_sources_counts(greatest_mps: float, stops: bool) -> None:
     assert monitor().update(state(speed_mps=10.0), PATH, 10, 5.0, greatest_mps=greatest_mps) is stops
+
+
+def test_only_the_prepared_trajectory_is_searched_without_computing_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    def must_not_run(*_: object) -> None:
+        raise AssertionError
+
+    far, other = state(x_m=90.0, y_m=3.1), straight(length_m=100.0)
+    watching, unprepared = monitor(), monitor()
+    for _ in watching.prepare(PATH):
+        pass
+    assert unprepared.update(far, PATH, 10, 5.0)
+    monkeypatch.setattr(path_distance, "compute_boxes", must_not_run)
+    assert watching.update(far, PATH, 10, 5.0)
+    assert watching.counts == unprepared.counts
+    with pytest.raises(AssertionError):
+        watching.update(far, other, 10, 5.0)

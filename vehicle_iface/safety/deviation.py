@@ -40,7 +40,7 @@ class DeviationMonitor:
         self._limits = limits
         self._greatest_mps = speed_max_mps + limits.overspeed_mps
         self._path: PathLocator | None = None
-        self._boxes: Boxes | None = None
+        self._boxes: Boxes
         self._boxes_of: FloatArray | None = None
         """The locked array `x_m` of the trajectory that they belong to."""
         self._left: Trajectory | None = None

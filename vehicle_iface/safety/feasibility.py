@@ -67,19 +67,17 @@ def _find_sharp_turn(trajectory: Trajectory, limits: Limits, wheelbase_m: float)
 
 
 class _Turns(NamedTuple):
-    """The changes of the direction of travel, in the order of the points; both (t,)."""
+    """The changes of the direction of travel, in the order of the points."""
 
     last: IntArray
-    """The last point of the motion before each."""
+    """(t,) the last point of the motion before each."""
     first: IntArray
-    """The first point of the motion after each."""
+    """(t + 1,) the first point of the motion after each, and a number beyond every point."""
 
     def are_between(self, i: IntArray, k: IntArray) -> npt.NDArray[np.bool_]:
         """(w,) whether there are points with both directions of travel among the points i to k, both included."""
-        if not len(self.last):
-            return np.zeros(len(i), dtype=bool)
-        turn = np.searchsorted(self.last, i)
-        return (turn < len(self.last)) & (self.first[np.minimum(turn, len(self.last) - 1)] <= k)
+        between: npt.NDArray[np.bool_] = self.first[np.searchsorted(self.last, i)] <= k
+        return between
 
 
 def _measure(trajectory: Trajectory, s_m: FloatArray) -> Generator[None]:
@@ -96,7 +94,7 @@ def _measure(trajectory: Trajectory, s_m: FloatArray) -> Generator[None]:
 
 def _find_turns(speed_mps: FloatArray) -> Generator[None, None, _Turns]:
     lasts, firsts = [], []
-    point, sign = np.zeros(1, dtype=np.int64), np.zeros(1)
+    point, sign = np.array([], dtype=np.int64), np.array([])
     for part in slices(len(speed_mps)):
         moving = np.flatnonzero(speed_mps[part])
         point = np.concatenate((point[-1:], part.start + moving))  # each piece begins with the last moving point before
@@ -105,7 +103,7 @@ def _find_turns(speed_mps: FloatArray) -> Generator[None, None, _Turns]:
         lasts.append(point[turns])
         firsts.append(point[turns + 1])
         yield
-    return _Turns(np.concatenate(lasts), np.concatenate(firsts))
+    return _Turns(np.concatenate(lasts), np.concatenate((*firsts, [len(speed_mps)])))
 
 
 def _window_starts(s_m: FloatArray, step_m: float) -> Iterator[IntArray]:
