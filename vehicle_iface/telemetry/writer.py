@@ -47,6 +47,7 @@ from vehicle_iface.telemetry.layout import (
     SLOT_BYTES,
     TRAJECTORY,
     TRAJECTORY_AT,
+    TRAJECTORY_BYTES,
     TRAJECTORY_STRIDE,
     VERSION,
 )
@@ -77,6 +78,10 @@ class TelemetryWriter:
         self._body = memoryview(self._scratch)[: RECORD.size]
         self._frame_id, self._frame = "", b""
         self._sequence = 0
+        # Memory that is there already: a trajectory may be accepted when there is no more.
+        self._trajectory = bytearray(TRAJECTORY_BYTES + CRC.size)
+        points = np.frombuffer(self._trajectory, offset=TRAJECTORY.size, count=len(COLUMNS) * MAX_POINTS)
+        self._points = points.reshape(len(COLUMNS), MAX_POINTS)
         self._trajectory_version = 0
         self._details_number = 0
 
@@ -93,11 +98,25 @@ class TelemetryWriter:
     def publish_trajectory(self, trajectory: Trajectory | None) -> int:
         """Publish `trajectory` (None: there is none) and return its version, for snapshots to refer to."""
         version = self._trajectory_version = self._trajectory_version + 1
-        record = _pack_trajectory(version, trajectory)
+        self._pack_trajectory(version, Trajectory.empty(stamp_ns=0) if trajectory is None else trajectory)
+        record = self._trajectory
         at = TRAJECTORY_AT + version % 2 * TRAJECTORY_STRIDE
         # Two areas in turn: while one is being written, the one before it can still be read.
         self._view[at : at + len(record)] = record
         return version
+
+    def _pack_trajectory(self, version: int, trajectory: Trajectory) -> None:
+        total, points, record = len(trajectory), self._points, self._trajectory
+        count = min(total, MAX_POINTS)
+        # Evenly by index, in integers: 0 and total − 1 are always among them.
+        chosen = np.arange(count) * (total - 1) // max(count - 1, 1)
+        for row, name in zip(points, COLUMNS[:-1], strict=False):
+            np.take(getattr(trajectory, name), chosen, out=row[:count], mode="clip")
+        points[-1, :count] = trajectory.time_from_start_ns[chosen] * 1e-9
+        points[:, count:] = 0.0
+        frame = _frame_bytes(trajectory.frame_id)
+        TRAJECTORY.pack_into(record, 0, version, trajectory.stamp_ns, count, total, frame)
+        CRC.pack_into(record, TRAJECTORY_BYTES, zlib.crc32(memoryview(record)[:TRAJECTORY_BYTES]))
 
     def publish_details(self, details: LiveDetails) -> None:
         """Publish all counters, shortened where their JSON is over 32 KiB. Too slow for each pass: it encodes JSON."""
@@ -237,19 +256,3 @@ def _frame_bytes(frame_id: str) -> bytes:
     if len(encoded) > FRAME_BYTES:
         raise InvalidValueError(f"frame_id = {frame_id!r}: must be at most {FRAME_BYTES} bytes in UTF-8")
     return encoded
-
-
-def _pack_trajectory(version: int, trajectory: Trajectory | None) -> bytes:
-    if trajectory is None:
-        trajectory = Trajectory.empty(stamp_ns=0)
-    total = len(trajectory)
-    count = min(total, MAX_POINTS)
-    # Evenly by index, in integers: 0 and total − 1 are always among them.
-    chosen = np.arange(count) * (total - 1) // max(count - 1, 1)
-    points = np.zeros((len(COLUMNS), MAX_POINTS))  # (columns, points)
-    for row, name in zip(points, COLUMNS[:-1], strict=False):
-        row[:count] = getattr(trajectory, name)[chosen]
-    points[-1, :count] = trajectory.time_from_start_ns[chosen] * 1e-9
-    frame = _frame_bytes(trajectory.frame_id)
-    body = TRAJECTORY.pack(version, trajectory.stamp_ns, count, total, frame) + points.tobytes()
-    return body + CRC.pack(zlib.crc32(body))
