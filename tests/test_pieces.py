@@ -1,5 +1,7 @@
 """Long work in pieces."""
 
+import errno
+import mmap
 from collections.abc import Generator
 
 import numpy as np
@@ -45,3 +47,12 @@ def test_released_scratch_takes_no_memory() -> None:
     for _ in scratch.release():
         pass
     assert not scratch.numbers.any()  # the system gives zeros for pages that it took back
+
+
+def test_scratch_memory_that_is_refused_is_a_memory_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOMEM, "Cannot allocate memory")
+
+    monkeypatch.setattr(mmap, "mmap", refuse)
+    with pytest.raises(MemoryError, match="no memory for 100000 numbers"):
+        Scratch(100_000)

@@ -32,12 +32,18 @@ def slices(count: int, size: int = PIECE) -> Iterator[slice]:
 
 
 class Scratch:
-    """Memory for one number per point that is returned to the system in pieces: all at once, 8 MB take over 1 ms."""
+    """Memory for one number per point that is returned to the system in pieces: all at once, 8 MB take over 1 ms.
+
+    Raises `MemoryError` where there is none.
+    """
 
     def __init__(self, count: int) -> None:
         self._map = None
         if count > PIECE and hasattr(mmap, "MADV_DONTNEED"):
-            self._map = mmap.mmap(-1, 8 * count, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+            try:
+                self._map = mmap.mmap(-1, 8 * count, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+            except OSError as error:
+                raise MemoryError(f"no memory for {count} numbers") from error
         self.numbers = np.empty(count) if self._map is None else np.frombuffer(self._map, np.float64, count)
         """(count,) without values at first."""
 
