@@ -47,7 +47,7 @@ BUILDERS = {"SafeCommand": "safety/gate.py", "WireCommand": "command_forms/forme
 """Who builds what the encoder takes."""
 VIEWER_READS = (["telemetry"], ["recorder", "files"])
 LISTENER = "viewer/vehicle_iface_viewer/bus_table/"
-LISTENER_READS = (["codec"], ["bus", "raw_socket"], ["bus", "receive"], ["process"])
+LISTENER_READS = (["codec"], ["bus", "listening"], ["bus", "frame_io"], ["process"])
 """The viewer's own listener, another process, decodes what it receives."""
 HOMES = {
     "can": ("vehicle_iface/bus/", "vehicle_iface/logs/"),

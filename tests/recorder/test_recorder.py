@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from vehicle_iface import Trajectory
+from vehicle_iface.bus import listening
 from vehicle_iface.bus.receive import SO_TIMESTAMPNS
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import load_profile
-from vehicle_iface.recorder import frame_tap
 from vehicle_iface.recorder.files import SNAPSHOT_HEADER, parse_event, parse_snapshot
 from vehicle_iface.recorder.folder import RecordingRequest
 from vehicle_iface.recorder.frame_tap import FrameTaps
@@ -248,7 +248,7 @@ def test_the_frames_of_two_buses_are_lines_in_the_order_of_their_stamps(monkeypa
     pairs = {name: socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM) for name in ("can0", "can1")}
     for near, _ in pairs.values():
         near.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
-    monkeypatch.setattr(frame_tap, "open_socket", lambda channel, *_, **__: pairs[channel][0])
+    monkeypatch.setattr(listening, "open_socket", lambda channel, *_, **__: pairs[channel][0])
     taps = FrameTaps(list(pairs), print)
     for number, name in enumerate(("can1", "can0", "can1", "can0")):
         pairs[name][1].send(struct.pack("=IB3x8s", 0x100, 1, bytes((number,))))

@@ -2,14 +2,21 @@
 
 import os
 import select
+import socket
+import struct
 import time
 from collections.abc import Iterator
 
 import msgspec
 import pytest
 
+from vehicle_iface import clock
+from vehicle_iface.bus import listening
+from vehicle_iface.bus.receive import SO_TIMESTAMPNS
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.telemetry import SessionInfo, WriterState
+from vehicle_iface.units import NS_PER_S
+from vehicle_iface_viewer.bus_table.listener import Listener
 from vehicle_iface_viewer.bus_table.report import BusReport
 from vehicle_iface_viewer.bus_table.source import ListenerProcess
 from vehicle_iface_viewer.feed import View
@@ -121,3 +128,21 @@ def test_the_listener_ends_when_the_viewer_has_gone() -> None:
         time.sleep(0.02)
     assert process.returncode == 0
     source.close()
+
+
+@pytest.mark.parametrize("is_stamped", [True, False])
+def test_a_frame_without_a_stamp_or_with_one_later_than_now_is_stamped_now(
+    monkeypatch: pytest.MonkeyPatch, *, is_stamped: bool
+) -> None:
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    near.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, int(is_stamped))
+    monkeypatch.setattr(listening, "open_socket", lambda *_, **__: near)
+    wall_ns = clock.wall_ns
+    monkeypatch.setattr(clock, "wall_ns", lambda: wall_ns() - 60 * NS_PER_S)  # set back since the frame was received
+    far.send(struct.pack("=IB3x8s", 0x123, 2, b"ab"))
+    before_ns = clock.monotonic_ns()
+    (frame,) = Listener({"vehicle": "can0", "ins": "can1"}).read(0)[:1]
+    assert before_ns <= frame.stamp_ns <= clock.monotonic_ns()
+    assert (frame.can_id, frame.data, frame.bus) == (0x123, b"ab", 0)
+    near.close()
+    far.close()

@@ -3,24 +3,11 @@
 import heapq
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
 
-from vehicle_iface.bus.raw_socket import (
-    EFF_FLAG,
-    EFF_MASK,
-    ERR_FLAG,
-    ERR_MASK,
-    RTR_FLAG,
-    SFF_MASK,
-    count_dropped_frames,
-    open_socket,
-)
-from vehicle_iface.bus.receive import BATCH, BatchReceiver, Packet
-from vehicle_iface.errors import BusError
+from vehicle_iface.bus.listening import ListeningSocket
+from vehicle_iface.bus.raw_socket import EFF_FLAG, EFF_MASK, ERR_FLAG, ERR_MASK, RTR_FLAG, SFF_MASK
+from vehicle_iface.bus.receive import BatchReceiver, Packet
 from vehicle_iface.units import NS_PER_S
-
-if TYPE_CHECKING:
-    import socket
 
 RECEIVE_BUFFER_BYTES = 16 << 20
 """Room for the frames received while the disk blocks, where the kernel allows it."""
@@ -35,60 +22,36 @@ class FrameTap:
     def __init__(self, channel: str, notify: Callable[[str], None]) -> None:
         self._channel = channel
         self._notify = notify
-        self._lost_before = 0
-        self._lost_now = 0
-        self._reopen_due_ns = 0
-        self._socket: socket.socket | None = None
-        self._open()
+        self._socket = ListeningSocket(channel, BatchReceiver, receive_bytes=RECEIVE_BUFFER_BYTES, reopen_ns=REOPEN_NS)
+        self._socket.open()
 
     @property
     def lost(self) -> int:
         """Number of frames that the kernel dropped because its buffer was full."""
-        return self._lost_before + self._lost_now
+        return self._socket.lost
 
     def read(self, now_ns: int) -> list[bytes]:
         """Return all frames since the last call, as lines."""
         lines: list[bytes] = []
-        if self._socket is None and not self._try_reopen(now_ns):
-            return lines
-        try:
-            for _ in range(_MAX_BATCHES):
-                packets = self._receiver.receive(wait=False)
-                lines += [
-                    format_frame(self._channel, packet, self._receiver.flags(place))
-                    for place, packet in enumerate(packets)
-                ]
-                if len(packets) < BATCH:
-                    break
-            assert self._socket is not None
-            self._lost_now = count_dropped_frames(self._socket)
-        except OSError as error:
-            self._notify(f"{self._channel}: {error.strerror}; no frames are recorded until it is back")
-            self.close()
-            self._reopen_due_ns = now_ns + REOPEN_NS
+
+        def receive(receiver: BatchReceiver) -> int:
+            packets = receiver.receive(wait=False)
+            lines.extend(
+                format_frame(self._channel, packet, receiver.flags(place)) for place, packet in enumerate(packets)
+            )
+            return len(packets)
+
+        was_open = self._socket.is_open
+        self._socket.read(now_ns, receive, most_batches=_MAX_BATCHES)
+        if was_open and not self._socket.is_open:
+            self._notify(f"{self._socket.problem}; no frames are recorded until it is back")
+        elif self._socket.is_open and not was_open:
+            self._notify(f"{self._channel}: is back; frames are recorded again")
         return lines
 
     def close(self) -> None:
         """Close the socket. May be called twice."""
-        if self._socket is not None:
-            self._socket.close()
-        self._socket = None
-        self._lost_before, self._lost_now = self.lost, 0
-
-    def _open(self) -> None:
-        self._socket = open_socket(self._channel, None, receive_bytes=RECEIVE_BUFFER_BYTES, errors=True)
-        self._receiver = BatchReceiver(self._socket.fileno())
-
-    def _try_reopen(self, now_ns: int) -> bool:
-        if now_ns < self._reopen_due_ns:
-            return False
-        self._reopen_due_ns = now_ns + REOPEN_NS
-        try:
-            self._open()
-        except BusError:
-            return False
-        self._notify(f"{self._channel}: is back; frames are recorded again")
-        return True
+        self._socket.close()
 
 
 class FrameTaps:

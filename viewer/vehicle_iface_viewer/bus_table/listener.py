@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Mapping
+from functools import partial
 
 from vehicle_iface import clock
-from vehicle_iface.bus.raw_socket import count_dropped_frames, open_socket, unpack_frame
-from vehicle_iface.bus.receive import BATCH, BatchReceiver
-from vehicle_iface.errors import BusError
+from vehicle_iface.bus.frame_io import FrameReceiver, open_receiver
+from vehicle_iface.bus.listening import ListeningSocket
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.units import NS_PER_S
 
@@ -22,7 +21,15 @@ class Listener:
     """Receives from all buses. One that is absent, down or lost is opened again once a second."""
 
     def __init__(self, channels: Mapping[str, str]) -> None:
-        self._sockets = [_Socket(channel, number) for number, channel in enumerate(channels.values())]
+        self._sockets = [
+            ListeningSocket(
+                channel,
+                partial(open_receiver, bus=number),
+                receive_bytes=RECEIVE_BUFFER_BYTES,
+                reopen_ns=_REOPEN_NS,
+            )
+            for number, channel in enumerate(channels.values())
+        ]
 
     @property
     def lost(self) -> int:
@@ -35,52 +42,16 @@ class Listener:
         return "; ".join(each.problem for each in self._sockets if each.problem)
 
     def read(self, now_ns: int) -> list[CanFrame]:
-        """Return the frames since the last call, those of each bus in order."""
-        return [frame for each in self._sockets for frame in each.read(now_ns)]
-
-
-class _Socket:
-    def __init__(self, channel: str, number: int) -> None:
-        self._channel, self._number = channel, number
-        self._socket: socket.socket | None = None
-        self._due_ns = 0
-        self._lost_before = self._lost_now = 0
-        self.problem = ""
-
-    @property
-    def lost(self) -> int:
-        return self._lost_before + self._lost_now
-
-    def read(self, now_ns: int) -> list[CanFrame]:
-        if self._socket is None and not self._open(now_ns):
-            return []
-        assert self._socket is not None
+        """Return the frames since the last call, those of each bus in order, stamped on the monotonic clock."""
         frames: list[CanFrame] = []
-        # Kernel stamps are wall-clock time.
-        offset_ns = clock.monotonic_ns() - clock.wall_ns()
-        try:
-            for _ in range(_MAX_BATCHES):
-                packets = self._receiver.receive(wait=False)
-                frames += [unpack_frame(packet, packet[3] + offset_ns, self._number) for packet in packets]
-                if len(packets) < BATCH:
-                    break
-            self._lost_now = count_dropped_frames(self._socket)
-        except OSError as error:
-            self.problem = f"{self._channel}: {error.strerror}"
-            self._socket.close()
-            self._socket = None
-            self._lost_before, self._lost_now = self.lost, 0
-        return frames
 
-    def _open(self, now_ns: int) -> bool:
-        if now_ns < self._due_ns:
-            return False
-        self._due_ns = now_ns + _REOPEN_NS
-        try:
-            self._socket = open_socket(self._channel, None, receive_bytes=RECEIVE_BUFFER_BYTES, errors=True)
-        except BusError as error:
-            self.problem = str(error)
-            return False
-        self._receiver = BatchReceiver(self._socket.fileno())
-        self.problem = ""
-        return True
+        def receive(receiver: FrameReceiver) -> int:
+            count = receiver.receive(False)
+            if count:
+                received_ns = clock.monotonic_ns()
+                receiver.take(frames, received_ns - clock.wall_ns(), received_ns)
+            return count
+
+        for each in self._sockets:
+            each.read(now_ns, receive, most_batches=_MAX_BATCHES)
+        return frames
