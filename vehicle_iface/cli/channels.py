@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from vehicle_iface.cli.parser import EMBEDDED
+from vehicle_iface.cli.option_types import EMBEDDED
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.opening import Channels
 from vehicle_iface.profile import Profile

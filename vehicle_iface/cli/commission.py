@@ -16,7 +16,7 @@ from vehicle_iface.cli.channels import find_channels
 from vehicle_iface.cli.exit_status import CONTRADICTED, DONE, NOT_SEEN
 from vehicle_iface.cli.files import check_writable, write_text
 from vehicle_iface.cli.logging import CLEAR_LINE
-from vehicle_iface.cli.parser import EMBEDDED
+from vehicle_iface.cli.option_types import EMBEDDED
 from vehicle_iface.cli.signals import Flag, on_end_signals
 from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec.binding import Binding

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from vehicle_iface.bus.raw_socket import find_socketcan_error
 from vehicle_iface.bus.receive import CANFD_MTU
-from vehicle_iface.cli.parser import EMBEDDED
+from vehicle_iface.cli.option_types import EMBEDDED
 from vehicle_iface.opening import Channels, describe_channels
 from vehicle_iface.profile import Profile
 

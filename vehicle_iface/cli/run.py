@@ -18,10 +18,11 @@ from vehicle_iface import clock, compose, drivable
 from vehicle_iface.arming import is_virtual, report_review, require_reviewed_profile
 from vehicle_iface.bus.base import Bus
 from vehicle_iface.cli.channels import find_channels
+from vehicle_iface.cli.drive_options import DEFAULT_TELEMETRY
 from vehicle_iface.cli.exit_status import BAD_USAGE, DONE, LATCHED_FAULT
 from vehicle_iface.cli.files import check_writable, write_text
 from vehicle_iface.cli.frames import check_frame
-from vehicle_iface.cli.parser import DEFAULT_TELEMETRY, EMBEDDED
+from vehicle_iface.cli.option_types import EMBEDDED
 from vehicle_iface.cli.signals import Flag, on_end_signals
 from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec.database import VehicleDatabase, load_database

@@ -9,7 +9,7 @@ from vehicle_iface.bus.base import Bus
 from vehicle_iface.cli.channels import find_channels
 from vehicle_iface.cli.exit_status import BAD_USAGE, DONE
 from vehicle_iface.cli.frames import check_frame
-from vehicle_iface.cli.parser import EMBEDDED
+from vehicle_iface.cli.option_types import EMBEDDED
 from vehicle_iface.cli.signals import Flag, on_end_signals
 from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.codec.database import load_database
