@@ -15,6 +15,7 @@ from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
 
 from .processes import Publisher, Replay, Viewer
+from .strip import click_strip
 from .tunnel import open_tunnel
 
 Start = Callable[..., Publisher]
@@ -352,6 +353,10 @@ def test_a_recording_is_marked_as_such_and_can_be_paused_and_wound_back(page: Pa
         expect(shown).to_contain_text("paused")
         page.get_by_role("slider").first.press("End")
         expect(shown).to_contain_text("at its end")
+        page.get_by_role("slider").first.press("Home")
+        expect(shown).to_contain_text("0.0 s of")
+        click_strip(page, "drive", 0.5)
+        expect(shown).to_contain_text(re.compile(r"(1\.[89]|2\.[0-3]) s of"))
         page.get_by_role("slider").first.press("Home")
         expect(shown).to_contain_text("0.0 s of")
         page.evaluate("document.activeElement.blur()")

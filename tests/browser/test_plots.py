@@ -1,17 +1,19 @@
 """The plots in a real browser: the pixels of their curves."""
 
+import re
 from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Page, expect
 
 from .processes import Publisher, Viewer
+from .strip import click_strip
 
 Start = Callable[..., Publisher]
 _COLUMNS = """([title, red, green, blue]) => {
     const plot = [...document.querySelectorAll(".uplot")].find(
         each => each.querySelector(".u-title").innerText.startsWith(title));
-    const canvas = plot.querySelector("canvas"), pixels = canvas.getContext("2d").getImageData(
+    const canvas = plot.querySelector("canvas"), pixels = canvas.width && canvas.getContext("2d").getImageData(
         0, 0, canvas.width, canvas.height).data;
     let columns = "";
     for (let x = 0; x < canvas.width; x++) {
@@ -131,10 +133,13 @@ def test_plots_can_be_paused_and_look_back_while_the_head_stays_live(
     expect(past).to_contain_text("ENGAGED · NOMINAL")
     page.get_by_label("Pause plots").click(force=True)
     expect(past).to_have_count(0)
-    page.get_by_role("slider").first.press("End")
+    page.get_by_role("slider").last.press("Home")
     expect(past).to_contain_text("PLOTS END 600.0 s AGO")
     expect(past).to_contain_text("nothing is kept of that time")
-    page.get_by_role("slider").first.press("Home")
+    expect(page.locator("#strip-recent path")).to_have_count(3)  # engaged, fault, dropped
+    click_strip(page, "recent", 0.9)
+    expect(past).to_contain_text(re.compile(r"PLOTS END [23]\.\d s AGO"))
+    page.get_by_role("slider").last.press("End")
     expect(past).to_have_count(0)
     page.evaluate("document.activeElement.blur()")
     page.keyboard.press("p")

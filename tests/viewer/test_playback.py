@@ -108,6 +108,15 @@ def test_the_snapshots_between_two_times_are_all_that_were_not_lost(recording: P
     assert recording.between(at_ns(50), at_ns(50)) == []
 
 
+def test_a_sample_of_the_drive_has_its_first_and_its_last_snapshot(recording: Playback) -> None:
+    for count in (10, 400, 10_000):
+        found = [each.published_ns for each in recording.sample(count)]
+        assert (found[0], found[-1]) == (at_ns(0), at_ns(COUNT - 1))
+        assert found == sorted(set(found))
+        assert len(found) <= 2 * count + 1
+    assert len(found) == COUNT - 20
+
+
 def test_after_a_jump_while_paused_the_rates_are_those_of_the_second_before(recording: Playback) -> None:
     feed = Feed(recording)
     feed.read(recording.advance(0))

@@ -86,6 +86,17 @@ def test_the_past_is_named_with_what_was_known_then(client: viser.ClientHandle, 
     assert time._note.content == ""
 
 
+def test_both_strips_show_how_far_back_the_plots_end(client: viser.ClientHandle) -> None:
+    time = PlotTime(client, is_live=True)
+    recent, long = time._sliders
+    time._set_back(12.0, moved=recent)
+    assert (long.value, time.end_ns(20 * NS_PER_S)) == (-12.0, 8 * NS_PER_S)
+    time._set_back(400.0, moved=long)
+    assert recent.value == -30.0
+    time._set_back(0.0, moved=long)
+    assert recent.value == 0.0
+
+
 def test_a_recording_has_no_second_pause(client: viser.ClientHandle) -> None:
     before = len(client.gui._gui_input_handle_from_uuid)
     PlotTime(client, is_live=False)

@@ -14,6 +14,7 @@ from vehicle_iface_viewer.bus_table.report import BusReport
 from vehicle_iface_viewer.bus_table.source import BusTableSource
 from vehicle_iface_viewer.feed import LIVE_S, RECORDED_S, Feed, LiveTelemetry, View
 from vehicle_iface_viewer.panels.left_panel import LeftPanel
+from vehicle_iface_viewer.panels.live_strips import LiveStrips
 from vehicle_iface_viewer.panels.plot_time import PlotTime
 from vehicle_iface_viewer.panels.plots import Plots
 from vehicle_iface_viewer.panels.side_panel import SidePanel
@@ -45,6 +46,7 @@ class App:
         self._scene = Scene(self.server, is_recording=self._playback is not None)
         self._side_panel = SidePanel(self.server.gui)
         self._controls = PlaybackControls(self.server.gui, self._playback) if self._playback is not None else None
+        self._strips = LiveStrips(self.server.gui) if self._playback is None else None
         self._bus_table = bus_table
         self._clients: dict[int, _Client] = {}
 
@@ -82,6 +84,8 @@ class App:
             for client in present:
                 client.show_plots(view, tick // _PANELS_EVERY)
         if tick % _PANELS_EVERY == 1:  # not with the texts and plots, so that no update is long
+            if self._strips is not None:
+                self._strips.show(view, self._feed, tick // _PANELS_EVERY)
             report = self._bus_table.read(view) if self._bus_table is not None else _NO_TABLE
             for client in present:
                 client.left_panel.show(view, report, self._feed, tick // _PANELS_EVERY)

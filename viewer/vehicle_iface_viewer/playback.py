@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -62,6 +63,11 @@ class Playback:
     def info(self) -> SessionInfo:
         """The session as the loop described it."""
         return replace(self._meta.session, recording="")  # it is no longer being recorded
+
+    @property
+    def begin_ns(self) -> int:
+        """Time of the first snapshot."""
+        return self._begin_ns
 
     @property
     def length_s(self) -> float:
@@ -136,6 +142,18 @@ class Playback:
         """Return the events with a number above `after`, up to the time that is shown."""
         first = bisect_right(self._events, after, key=lambda event: event.number)
         return self._events[first : bisect_right(self._events, self._at_ns, key=lambda event: event.at_ns)]
+
+    def all_events(self) -> Sequence[LoopEvent]:
+        """Return the events of the whole drive."""
+        return self._events
+
+    def sample(self, count: int) -> Iterator[Snapshot]:
+        """Yield about `count` snapshots of the whole drive, evenly spaced, the first and the last one."""
+        step = max((len(self._snapshots) - 1) // count, 1)
+        for index in [*range(1, len(self._snapshots) - 1, step), len(self._snapshots) - 1]:
+            snapshot = files.parse_snapshot(self._columns, self._snapshots.text(index))
+            if snapshot is not None:
+                yield snapshot
 
     def seek_stop(self, step: int) -> None:
         """Show the beginning of the next stop or fault (`step` 1), or of the previous one (−1), if there is one."""

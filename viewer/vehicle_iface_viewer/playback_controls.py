@@ -10,9 +10,11 @@ import math
 
 import viser
 
-from vehicle_iface.units import NS_PER_S
+from vehicle_iface.units import NS_PER_S, ns_from_s
 from vehicle_iface_viewer.access import handle_checkbox, handle_key, handle_slider
+from vehicle_iface_viewer.panels.strip import COLUMNS, Span, strip_html
 from vehicle_iface_viewer.playback import SPEEDS, Playback
+from vehicle_iface_viewer.recent import RecentSnapshots
 
 ORDER = 1.5
 """Between the banner and the Follow switch."""
@@ -31,6 +33,7 @@ class PlaybackControls:
         self._due_ns = 0
         self._is_moved = False
         self._pause = gui.add_checkbox("Pause", initial_value=False, order=ORDER)
+        gui.add_html(_strip(playback, self._length_s), order=ORDER + 0.09)  # below the slider, see the style sheet
         self._time = gui.add_slider("Time, s", 0.0, self._length_s, 0.1, round(playback.at_s, 1), order=ORDER + 0.1)
         self._previous = gui.add_button("Previous stop", order=ORDER + 0.3)
         self._next = gui.add_button("Next stop", order=ORDER + 0.4)
@@ -80,3 +83,11 @@ class PlaybackControls:
 
     def _set_speed(self, speed: float) -> None:
         self._playback.speed = speed
+
+
+def _strip(playback: Playback, length_s: float) -> str:
+    rows = RecentSnapshots(length_s=length_s + 1.0, rate_hz=2 * COLUMNS / length_s)
+    rows.extend(playback.sample(2 * COLUMNS))
+    span = Span.between(playback.begin_ns, playback.begin_ns + ns_from_s(length_s))
+    ends = ("0 s", f"{length_s:.1f} s")
+    return strip_html("drive", span, rows.between(0, span.end_ns), playback.all_events(), ends)

@@ -11,41 +11,29 @@ from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry import Snapshot, WriterState
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.panels.colors import GREY, RED, state_color
 from vehicle_iface_viewer.panels.text import enum_name, plain
 from vehicle_iface_viewer.panels.words import Words, find_words, is_armed, vehicle_fault
 
 OLD_STATE_S = 0.1
 """An older state is marked. The loop stops at half of this; the rest allows for the delay of the page."""
-# White on each has a contrast of at least 4.5, also where it is a little transparent.
-_GREEN, _AMBER, _RED, _BLUE, _TEAL, _GREY = "#237032", "#a04f00", "#b02525", "#1864ab", "#0a6475", "#495057"
-_VIOLET = "#862e9c"
-"""The driver drives."""
 _TAKE_OVER, _BLACK = "#ffe600", "#000000"
 _SMALL = "opacity:.85;font-size:12px"
 _MOST_NAMES = 6
 _PURPLE, _LILAC = "#43305c", "#d0b8f5"
-_STATE_COLORS = {
-    ControllerState.ENGAGED: _GREEN,
-    ControllerState.ENGAGING: _TEAL,
-    ControllerState.STOPPING: _AMBER,
-    ControllerState.FAULT: _RED,
-    ControllerState.SHADOW: _BLUE,
-    ControllerState.STARTING: _TEAL,
-    ControllerState.STANDBY: _TEAL,
-}
 
 
 def banner_html(view: View | None) -> str:
     """Return the banner; grey where the data is stale."""
     if view is None:
-        return _banner(_GREY, Words(headline="WAITING", sentence=""), [], state="", reason="", stale=True)
+        return _banner(GREY, Words(headline="WAITING", sentence=""), [], state="", reason="", stale=True)
     words = find_words(view)
     snapshot = view.snapshot
     if snapshot is None:
         lines = [f"<div>{plain(view.problem)}</div>"] if view.problem else []
         if view.writer_state is WriterState.ABSENT:
             lines.append(f"<div>waiting for a loop at {plain(view.address)}</div>")
-        return _recording_box(view) + _banner(_GREY, words, lines, state="", reason="", stale=True)
+        return _recording_box(view) + _banner(GREY, words, lines, state="", reason="", stale=True)
     state, reason = enum_name(ControllerState, snapshot.controller_state), enum_name(Reason, snapshot.reason)
     lines = [*_vehicle_fault(view), *_staleness(view), *_session_lines(view), _rates(view)]
     banner = _banner(_color(view, snapshot), words, lines, state=state, reason=reason, stale=view.is_stale)
@@ -53,13 +41,9 @@ def banner_html(view: View | None) -> str:
 
 
 def _color(view: View, snapshot: Snapshot) -> str:
-    color = _STATE_COLORS.get(snapshot.controller_state, _RED)  # type: ignore[call-overload]
+    color = state_color(snapshot.controller_state, snapshot.reason)
     if view.is_stale:
-        color = _RED if view.writer_state is WriterState.DEAD else _GREY
-    elif snapshot.reason == Reason.SHUTDOWN:
-        color = _GREY
-    elif snapshot.reason == Reason.DRIVER_OVERRIDE:
-        color = _VIOLET
+        color = RED if view.writer_state is WriterState.DEAD else GREY
     return f"repeating-linear-gradient(135deg,{color} 0 16px,{_PURPLE} 16px 32px)" if view.recording else color
 
 
@@ -112,7 +96,7 @@ def _vehicle_fault(view: View) -> Iterator[str]:
     fault = vehicle_fault(view.snapshot)
     if fault and not view.is_stale:
         yield (
-            f'<div id="vehicle-fault" style="background:{_RED};border:2px solid #fff;border-radius:5px;padding:2px 8px;'
+            f'<div id="vehicle-fault" style="background:{RED};border:2px solid #fff;border-radius:5px;padding:2px 8px;'
             f'margin:4px 0;font-size:20px;font-weight:750">{fault}</div>'
         )
 
@@ -213,7 +197,7 @@ def _rate(rate_hz: float | None) -> str:
 
 
 def _tile(name: str, value: str, *, is_bad: bool = False) -> str:
-    back = f"{_RED};outline:2px solid #fff" if is_bad else "rgba(0,0,0,.22)"
+    back = f"{RED};outline:2px solid #fff" if is_bad else "rgba(0,0,0,.22)"
     return (
         f'<div style="flex:1;background:{back};border-radius:5px;padding:3px 7px;white-space:nowrap">'
         f'<div style="font-size:11px;opacity:.85">{name}</div>'

@@ -18,6 +18,10 @@ WINDOWS = {"10 s": 10.0, "20 s": 20.0, "30 s": 30.0, "120 s": 120.0}
 USUAL_WINDOW = "20 s"
 BACK_S = 600.0
 """How far one can look back."""
+RECENT_S = 30.0
+"""How far the strip below the banner goes back."""
+ORDER, RECENT_ORDER = 9.3, 1.3
+"""Positions of the sliders: each over its strip."""
 _ORDER = 9.0
 _YELLOW, _BLACK = "#ffd43b", "#000000"
 
@@ -31,6 +35,7 @@ class PlotTime:
         self._is_paused = False
         self._paused_ns: int | None = None
         self._back_s = 0.0
+        self._sliders: list[viser.GuiSliderHandle[float]] = []
         self._note = client.gui.add_html("", order=_ORDER + 0.4)
         windows = client.gui.add_dropdown("Plots", tuple(WINDOWS), initial_value=USUAL_WINDOW, order=_ORDER + 0.1)
         handle_text(client, windows._impl.uuid, max(map(len, WINDOWS)), self._set_window)
@@ -38,8 +43,13 @@ class PlotTime:
             pause = client.gui.add_checkbox("Pause plots", initial_value=False, order=_ORDER + 0.2)
             handle_checkbox(client, pause._impl.uuid, self._set_pause)
             handle_key(client, "Pause the plots, or go on", "P", lambda: self._toggle_pause(pause))
-            back = client.gui.add_slider("Back, s", 0.0, BACK_S, 0.5, 0.0, order=_ORDER + 0.3)
-            handle_slider(client, back._impl.uuid, 0.0, BACK_S, self._set_back)
+            self._add_slider(client, "Last 30 s", RECENT_S, 0.1, RECENT_ORDER)
+            self._add_slider(client, "Last ten minutes", BACK_S, 0.5, ORDER)
+
+    def _add_slider(self, client: viser.ClientHandle, name: str, length_s: float, step_s: float, order: float) -> None:
+        slider = client.gui.add_slider(name, -length_s, 0.0, step_s, 0.0, order=order)
+        self._sliders.append(slider)
+        handle_slider(client, slider._impl.uuid, -length_s, 0.0, lambda at_s: self._set_back(-at_s, moved=slider))
 
     def end_ns(self, newest_ns: int) -> int:
         """Return when the plots end, given the time of the newest snapshot; both in ns."""
@@ -68,8 +78,11 @@ class PlotTime:
         self._is_paused = not self._is_paused
         box.value = self._is_paused  # type: ignore[misc]  # viser declares no setter
 
-    def _set_back(self, back_s: float) -> None:
+    def _set_back(self, back_s: float, moved: viser.GuiSliderHandle[float] | None = None) -> None:
         self._back_s = back_s
+        for slider in self._sliders:
+            if slider is not moved:
+                slider.value = max(-back_s, slider.min)  # type: ignore[misc]  # viser declares no setter
 
 
 def _note(rows: Columns, ago_ns: int) -> str:

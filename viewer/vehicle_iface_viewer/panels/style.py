@@ -4,6 +4,8 @@ FROZEN_AFTER_S = 1.2
 """The cover appears when it was not replaced for this long (see `frozen`)."""
 # viser's sheet on a phone is as wide as its panel on a large screen, 20em, and begins at the right.
 _PHONE = "@media (max-width: 576px)"
+# viser puts each element of the panel into a box of its own: a slider that follows a strip is laid over it.
+_OVER = "div:has(> .vi-strip) + div"
 BAD, NEW = "#ff6b6b", "#74c0fc"
 STYLE = f"""<style>
 @keyframes frozen {{ to {{ visibility: visible }} }}
@@ -35,6 +37,20 @@ STYLE = f"""<style>
 .vi-values, .vi-bar {{ margin-right: 10px }} .vi-values {{ margin-bottom: 8px }}
 .vi-bar > :first-child {{ width: 92px }} .vi-bar > :nth-child(2) {{ flex: 1 }}
 .vi-bar u {{ display: block; height: 9px; margin-top: 3px; background: #4dabf7 }}
+.vi-strip {{ margin: 0 14px 6px 8px; font-size: 11.5px; line-height: 1.3; font-variant-numeric: tabular-nums }}
+.vi-strip svg {{ display: block; width: 100%; height: 32px; border-radius: 3px; fill: none;
+  background: linear-gradient(#212529, #212529) 0 100% / 100% 11px no-repeat,
+  repeating-linear-gradient(135deg, #343a40 0 4px, #212529 4px 8px) }}
+.vi-strip > div {{ display: flex; justify-content: space-between; gap: 10px; padding-top: 1px }}
+.vi-strip i {{ display: inline-block; width: 8px; height: 8px; margin-right: 4px; outline: 1px solid #868e96 }}
+{_OVER} {{ position: relative; z-index: 2; height: 32px; margin: -53px 14px 21px 8px; padding: 0 !important }}
+{_OVER} label, {_OVER} .mantine-NumberInput-root, {_OVER} .mantine-Slider-markWrapper {{ display: none }}
+{_OVER} > div > :first-child {{ display: none }}
+{_OVER} .mantine-Slider-root {{ --slider-size: 0px !important; height: 32px; padding: 0 !important }}
+{_OVER} .mantine-Slider-trackContainer, {_OVER} .mantine-Slider-track {{ height: 32px; cursor: pointer }}
+{_OVER} .mantine-Slider-track::before, {_OVER} .mantine-Slider-bar {{ background: none }}
+{_OVER} .mantine-Slider-thumb {{ width: 4px !important; height: 36px !important; border-radius: 2px;
+  background: #fff !important; outline: 1px solid #000 }}
 {_PHONE} {{ .mantine-Paper-root:has(#banner), .mantine-Paper-root:has(#banner) [style*="width: 20em"] {{
   left: 0 !important; width: 100% !important; max-width: none !important }} }}
 </style>"""
