@@ -128,6 +128,10 @@ def test_on_a_phone_nothing_of_the_panel_is_cut_off(publish: Start, viewer: View
         const box = each.getBoundingClientRect(); return box.left < 0 || box.right > 390; }).length"""
     page.wait_for_function(f"() => document.querySelector('#numbers td') && ({outside})() === 0")
     page.wait_for_function("() => document.querySelector('#banner').getBoundingClientRect().width > 350")
+    drawn = """() => {
+        const box = document.querySelector(".vi-phone .vi-map use[href='#vi-moving']").getBoundingClientRect();
+        return box.left > 0 && box.right < 390 && box.width > 5; }"""
+    page.wait_for_function(drawn)
 
 
 def test_fault_and_shadow_are_named(publish: Start, viewer: Viewer, page: Page) -> None:

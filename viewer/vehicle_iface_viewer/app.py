@@ -15,6 +15,8 @@ from vehicle_iface_viewer.bus_table.source import BusTableSource
 from vehicle_iface_viewer.feed import LIVE_S, RECORDED_S, Feed, LiveTelemetry, View
 from vehicle_iface_viewer.panels.left_panel import LeftPanel
 from vehicle_iface_viewer.panels.live_strips import LiveStrips
+from vehicle_iface_viewer.panels.map_drawing import MapDrawing
+from vehicle_iface_viewer.panels.map_panel import MapPanel
 from vehicle_iface_viewer.panels.plot_time import PlotTime
 from vehicle_iface_viewer.panels.plots import Plots
 from vehicle_iface_viewer.panels.side_panel import SidePanel
@@ -26,6 +28,7 @@ from vehicle_iface_viewer.scene.scene import Scene
 
 _PERIOD_NS = NS_PER_S // 30
 _PANELS_EVERY = 3
+_MAP_EVERY = 6
 _PANEL_WIDTH_PX = 430
 _NO_TABLE = BusReport(problem="nothing is received")
 
@@ -44,6 +47,7 @@ class App:
         self.server.gui.main_panel.dock_right()
         self.server.gui.main_panel.set_width(_PANEL_WIDTH_PX)
         self._scene = Scene(self.server, is_recording=self._playback is not None)
+        self._map = MapDrawing()
         self._side_panel = SidePanel(self.server.gui)
         self._controls = PlaybackControls(self.server.gui, self._playback) if self._playback is not None else None
         self._strips = LiveStrips(self.server.gui) if self._playback is None else None
@@ -89,6 +93,11 @@ class App:
             report = self._bus_table.read(view) if self._bus_table is not None else _NO_TABLE
             for client in present:
                 client.left_panel.show(view, report, self._feed, tick // _PANELS_EVERY)
+        if tick % _MAP_EVERY == _MAP_EVERY - 2:
+            self._scene.journey.mark(self._feed.events, self._feed.recent)
+            self._map.update(view, self._scene.journey)
+            for client in present:
+                client.map_panel.show(self._map)
         # Both at once: the vehicle's position and the world's shift belong in the same frame.
         self.server.flush()
 
@@ -132,6 +141,7 @@ class _Client:
         handle_checkbox(client, box._impl.uuid, self._set_following)
         handle_key(client, "Follow the vehicle, or not", "F", self._toggle_following)
         self.left_panel = LeftPanel(client)
+        self.map_panel = MapPanel(client, above=self.left_panel.panel)
         self._recent = recent
         self._time = PlotTime(client, is_live=is_live)
         self._plots = Plots(client.gui, recent)

@@ -23,7 +23,7 @@ class LeftPanel:
     """Four tabs, one of which is updated in each turn."""
 
     def __init__(self, client: viser.ClientHandle) -> None:
-        panel = client.gui.add_panel(order=5.0)
+        panel = self.panel = client.gui.add_panel(order=5.0)
         with panel.add_tab("Signals"):
             box = client.gui.add_text("Filter", "", hint="a part of a message's or signal's name, or an identifier")
             self._signals = client.gui.add_html("")

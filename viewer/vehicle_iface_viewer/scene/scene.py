@@ -9,6 +9,7 @@ import viser
 
 from vehicle_iface.telemetry import Snapshot
 from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.journey import LAST_M, Journey
 from vehicle_iface_viewer.scene.ground import SECTION_M, Ground
 from vehicle_iface_viewer.scene.long_line import LongLine
 from vehicle_iface_viewer.scene.markers import Markers
@@ -28,13 +29,14 @@ class Scene:
     """All nodes of the scene."""
 
     def __init__(self, server: viser.ViserServer, *, is_recording: bool = False) -> None:
+        self.journey = Journey()
         self._origin: tuple[float, float] | None = None
         self._session = 0
         self._ground = Ground(server.scene)
         self._path = TrajectoryPath(server.scene)
         self._trail = Trail(server.scene)
-        self._route = LongLine(server.scene, "route", ROUTE_COLOR, thickness_m=0.14, z_m=0.02)
-        self._track = LongLine(server.scene, "track", TRACK_COLOR, thickness_m=0.07, z_m=0.04)
+        self._route = LongLine(server.scene, "route", self.journey.route, ROUTE_COLOR, thickness_m=0.14, z_m=0.02)
+        self._track = LongLine(server.scene, "track", self.journey.track, TRACK_COLOR, thickness_m=0.07, z_m=0.04)
         self._markers = Markers(server.scene)
         self._vehicle = Vehicle(server.scene)
         server.scene.set_up_direction("+z")
@@ -49,11 +51,13 @@ class Scene:
         snapshot = view.snapshot
         if view.session != self._session:
             self._session = view.session
-            for line in (self._trail, self._route, self._track):
-                line.clear()
+            self._trail.clear()
+            self.journey.clear()
+            for line in (self._route, self._track):
+                line.hide()
             if view.info is not None:
                 self._vehicle.reshape(view.info.shape)
-        if snapshot is None or not snapshot.has_state or not is_near(snapshot.x_m, snapshot.y_m, 1e9):
+        if snapshot is None or not snapshot.has_state or not is_near(snapshot.x_m, snapshot.y_m, LAST_M):
             self._vehicle.show(None)
             self._markers.show(None, (0.0, 0.0))
             return None
@@ -63,10 +67,9 @@ class Scene:
         paint = STALE_COLOR if view.is_stale else RECORDED_COLOR if view.recording else PAINT_COLOR
         self._vehicle.show(snapshot, paint=paint, origin=origin)
         self._trail.extend(snapshot, origin, view.now_ns)
-        self._track.extend(snapshot.x_m, snapshot.y_m, origin, view.now_ns)
-        if snapshot.has_reference and is_near(snapshot.spatial_reference_x_m, snapshot.spatial_reference_y_m, 1e9):
-            reference = (snapshot.spatial_reference_x_m, snapshot.spatial_reference_y_m)
-            self._route.extend(*reference, origin, view.now_ns)
+        self.journey.add(snapshot)
+        self._track.draw(origin, view.now_ns)
+        self._route.draw(origin, view.now_ns)
         return snapshot.x_m - origin[0], snapshot.y_m - origin[1]
 
     def _update_origin(self, snapshot: Snapshot) -> tuple[float, float]:

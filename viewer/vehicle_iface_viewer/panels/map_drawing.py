@@ -1,0 +1,192 @@
+"""The map: the drive from above, as SVG in metres.
+
+Route, track and what moves are definitions that the visible picture refers to, so that each is sent only when it has
+changed, however often the picture is shown.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle_iface.telemetry import DrawnTrajectory, Snapshot
+from vehicle_iface.telemetry.events import EventKind
+from vehicle_iface.trajectory import FloatArray
+from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.journey import LAST_M, Journey, Mark
+from vehicle_iface_viewer.panels.text import css, plain
+from vehicle_iface_viewer.scene.markers import SPATIAL_COLOR
+
+ROUTE, TRACK, VEHICLE, STALE = "#748fc0", "#f08c00", "#4dabf7", "#868e96"
+_MARK_COLORS = {EventKind.STOP: "#ff922b", EventKind.FAULT: "#ff6b6b", EventKind.MODE: "#4dabf7"}
+_MOST_POINTS = 400
+"""Of the trajectory; the places of the drive are bounded already."""
+_SMALLEST_M = 20.0
+_MARGIN = 0.12
+"""Part of the extent beyond what is drawn: the picture is changed when that is used up."""
+_ARROW = "M1 0L-.8 .62L-.45 0L-.8 -.62z"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """What is visible, m east and north of the map's origin."""
+
+    west: float
+    south: float
+    width: float
+    height: float
+
+    @classmethod
+    def around(cls, points: FloatArray) -> Box:
+        """Return the box of (n, 2) points with a margin."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        width, height = np.maximum(high - low, _SMALLEST_M) * (1.0 + 2.0 * _MARGIN)
+        west, south = (low + high - (width, height)) / 2.0
+        return cls(west=float(west), south=float(south), width=float(width), height=float(height))
+
+    def holds(self, points: FloatArray) -> bool:
+        """Whether all points are inside, and use more than a third of it in one direction."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        corner, size = np.array((self.west, self.south)), np.array((self.width, self.height))
+        is_used = bool(((high - low) > size / 3.0).any()) or max(size) <= _SMALLEST_M * (1.0 + 2.0 * _MARGIN)
+        return bool((low >= corner).all() and (high <= corner + size).all()) and is_used
+
+
+class MapDrawing:
+    """The map of one drive: strings of HTML, each of which changes only when its content does."""
+
+    def __init__(self) -> None:
+        self.route = self.track = self.moving = self.picture = ""
+        self._journey: Journey | None = None
+        self._trajectory: DrawnTrajectory | None = None
+        self._changes = (-1, -1)
+        self._origin: FloatArray | None = None
+        self._points = np.empty((0, 2))
+        self._box: Box | None = None
+
+    def update(self, view: View, journey: Journey) -> None:
+        """Draw `view`, and the drive so far."""
+        if journey is not self._journey:
+            self._journey, self._origin = journey, None
+        here = _place(view.snapshot)
+        self._draw_lines(view.trajectory, journey, here)
+        if self._origin is None:
+            return
+        points = np.concatenate((self._points, here - self._origin))
+        if self._box is None or not self._box.holds(points):
+            self._box = Box.around(points)
+        self.moving = self._moving(view, self._box) if len(here) else _definition("vi-moving", "")
+        self.picture = _picture(self._box, [_mark(mark, self._origin, self._box) for mark in journey.marks])
+
+    def _draw_lines(self, trajectory: DrawnTrajectory | None, journey: Journey, here: FloatArray) -> None:
+        changes = (journey.route.changes, journey.track.changes)
+        if trajectory is self._trajectory and changes == self._changes and self._origin is not None:
+            return
+        self._trajectory, self._changes = trajectory, changes
+        ahead = _positions(trajectory)
+        route, track = journey.route.positions_m(), journey.track.positions_m()
+        points = np.concatenate((here, track, route, ahead))
+        if not len(points):
+            return
+        if self._origin is None or float(np.abs(points[0] - self._origin).max()) > 1e5:
+            self._origin, self._box = np.round(points[0]), None
+        self._points = np.concatenate((track, route, ahead)) - self._origin
+        self.route = _definition(
+            "vi-route",
+            _line(ahead - self._origin, np.ones(len(ahead), np.bool_), ROUTE, 2.5)
+            + _line(route - self._origin, journey.route.joints(), ROUTE, 2.5),
+        )
+        self.track = _definition("vi-track", _line(track - self._origin, journey.track.joints(), TRACK, 1.6))
+
+    def _moving(self, view: View, box: Box) -> str:
+        assert view.snapshot is not None
+        assert self._origin is not None
+        s, size = view.snapshot, _unit(box) * 1.6
+        east, north = s.spatial_reference_x_m - self._origin[0], s.spatial_reference_y_m - self._origin[1]
+        shape = ""
+        if s.has_reference and abs(east) < LAST_M and abs(north) < LAST_M:
+            shape = (
+                f'<circle cx="{east:.2f}" cy="{-north:.2f}" r="{size:.2f}" fill="none" '
+                f'stroke="{css(SPATIAL_COLOR)}" stroke-width="2.5" vector-effect="non-scaling-stroke"/>'
+            )
+        x, y = s.x_m - self._origin[0], s.y_m - self._origin[1]
+        turn = -math.degrees(s.heading_rad) if math.isfinite(s.heading_rad) else 0.0
+        shape += (
+            f'<path d="{_ARROW}" transform="translate({x:.2f} {-y:.2f}) rotate({turn:.1f}) scale({size:.2f})" '
+            f'fill="{STALE if view.is_stale else VEHICLE}" stroke="#000" stroke-width=".1"/>'
+        )
+        return _definition("vi-moving", shape)
+
+
+def _place(snapshot: Snapshot | None) -> FloatArray:
+    """Return the vehicle's place, (1, 2), or (0, 2) where it is not known."""
+    if snapshot is None or not snapshot.has_state:
+        return np.empty((0, 2))
+    is_near = abs(snapshot.x_m) < LAST_M and abs(snapshot.y_m) < LAST_M
+    return np.array([(snapshot.x_m, snapshot.y_m)] if is_near else [], dtype=np.float64).reshape(-1, 2)
+
+
+def _positions(trajectory: DrawnTrajectory | None) -> FloatArray:
+    if trajectory is None:
+        return np.empty((0, 2))
+    points = np.column_stack((trajectory.x_m, trajectory.y_m))
+    points = points[(np.abs(points) < LAST_M).all(axis=1)]  # NaN is not below
+    chosen = np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(np.intp)
+    return points[chosen]
+
+
+def _definition(name: str, content: str) -> str:
+    return f'<svg width="0" height="0" style="position:absolute"><defs><g id="{name}">{content}</g></defs></svg>'
+
+
+def _line(points: FloatArray, is_joined: npt.NDArray[np.bool_], color: str, width: float) -> str:
+    if len(points) < 2:
+        return ""
+    steps = [f"{'L' if joined else 'M'}{x:.1f} {-y:.1f}" for (x, y), joined in zip(points, is_joined, strict=True)]
+    path = "M" + "".join(steps)[1:]
+    return (
+        f'<path d="{path}" fill="none" stroke="{color}" stroke-width="{width}" stroke-linejoin="round" '
+        'vector-effect="non-scaling-stroke"/>'
+    )
+
+
+def _unit(box: Box) -> float:
+    """Return a length that looks the same on each map, m."""
+    return max(box.width, box.height) / 40.0
+
+
+def _mark(mark: Mark, origin: FloatArray, box: Box) -> str:
+    x, y, size = mark.x_m - origin[0], mark.y_m - origin[1], _unit(box) * 0.8
+    color = _MARK_COLORS.get(mark.event.kind, STALE)
+    words = plain(f"{mark.event.kind} {mark.event.name} {mark.event.text}")
+    return (
+        f'<path class="vi-mark" d="M0 -1L1 0L0 1L-1 0z" transform="translate({x:.1f} {-y:.1f}) scale({size:.2f})" '
+        f'fill="{color}" stroke="#000" stroke-width=".15"><title>{words}</title></path>'
+    )
+
+
+def _picture(box: Box, marks: list[str]) -> str:
+    length_m = _round_length(box.width / 3.0)
+    unit = _unit(box)
+    x, y = box.west + unit, -box.south - unit
+    bar = (
+        f'<path d="M{x:.1f} {y - unit / 2:.1f}v{unit / 2:.1f}h{length_m:g}v{-unit / 2:.1f}" fill="none" '
+        'stroke="currentColor" stroke-width="1" vector-effect="non-scaling-stroke"/>'
+        f'<text x="{x + unit / 2:.1f}" y="{y - unit / 2:.1f}" font-size="{unit * 1.6:.2f}" fill="currentColor">'
+        f"{length_m:g} m</text>"
+    )
+    lines = "".join(f'<use href="#vi-{name}"/>' for name in ("route", "track"))
+    top = -(box.south + box.height)
+    return (
+        f'<svg class="vi-map" viewBox="{box.west:.1f} {top:.1f} {box.width:.1f} {box.height:.1f}" '
+        f'role="img" aria-label="map">{bar}{lines}{"".join(marks)}<use href="#vi-moving"/></svg>'
+    )
+
+
+def _round_length(most_m: float) -> float:
+    """Return 1, 2 or 5 times a power of ten, not above `most_m`."""
+    power = 10.0 ** math.floor(math.log10(most_m))
+    return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= most_m)
