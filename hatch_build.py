@@ -18,7 +18,8 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-FOLDER, SOURCES, LIBRARY = "vehicle_iface", ("_wire.c", "_wire.h", "_wire_codec.c"), "vehicle_iface/_wire.abi3.so"
+FOLDER, LIBRARY = "vehicle_iface", "vehicle_iface/_wire.abi3.so"
+SOURCES = ("_wire.c", "_wire.h", "_wire_pack.c", "_wire_payload.c", "_wire_unpack.c")
 
 
 class WireBuildHook(BuildHookInterface):  # type: ignore[type-arg]

@@ -4,6 +4,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.machinery import ExtensionFileLoader
 from pathlib import Path
 from types import ModuleType
@@ -55,8 +56,8 @@ def install_wire(library: str, patch: pytest.MonkeyPatch) -> ModuleType:
     return module
 
 
-def run_tests(file: Path, library: Path, *preload: str, without: str = "nothing") -> None:
-    """Run the tests of `file` in a process of their own with these libraries preloaded, except for those named so."""
+def run_tests(files: Sequence[Path], library: Path, *preload: str, without: str = "nothing") -> None:
+    """Run the tests of files in a process of their own with these libraries preloaded, except for those named so."""
     environment = os.environ | {
         LIBRARY: str(library),
         "LD_PRELOAD": " ".join(preload),
@@ -64,7 +65,7 @@ def run_tests(file: Path, library: Path, *preload: str, without: str = "nothing"
         "ASAN_OPTIONS": "detect_leaks=0",  # the interpreter never frees everything
         "PYTHONPATH": str(ROOT),
     }
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", str(file)]
-    command += ["-k", f"not {without}"]
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0"]
+    command += [*map(str, files), "-k", f"not {without}"]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]

@@ -1,14 +1,12 @@
 /* Frames from and to a CAN socket in C: what bus/frame_io.py does in Python, which decides what is right.
  *
- * Optional: hatch_build.py compiles this file and _wire_codec.c where there is a compiler, and wire.py chooses at start.
+ * Optional: hatch_build.py compiles this file and _wire_*.c where there is a compiler, and wire.py chooses at start.
  *
  * It uses Python's limited API. One binary then serves every CPython from 3.11 on and survives an update of Python;
  * the functions that take the place of macros cost some nanoseconds a frame.
  */
 #define _GNU_SOURCE
-#define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
-#include <Python.h>
+#include "_wire.h"
 
 #include <errno.h>
 #include <limits.h>
@@ -18,8 +16,6 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/uio.h>
-
-#include "_wire.h"
 
 /* From <linux/can.h>, <linux/socket.h> and <asm-generic/socket.h>, as in bus/receive.py and bus/raw_socket.py. */
 enum { CAN_MTU = 16, CANFD_MTU = 72, DATA_AT = 8, MAX_DATA = 64, MAX_CLASSICAL_DATA = 8 };
@@ -32,16 +28,13 @@ enum { SO_TIMESTAMPNS_ = 35, SO_RXQ_OVFL_ = 40, CANFD_BRS_ = 1 };
 #define SFF_MASK 0x7FFu
 #define NS_PER_S 1000000000LL
 
-/* The fields of CanFrame, in order. */
-enum { CAN_ID, DATA, STAMP_NS, IS_EXTENDED, IS_REMOTE, IS_FD, IS_ERROR, BUS, FRAME_FIELDS };
-
 typedef struct {
     long seconds, nanoseconds;
 } Timespec;
 
 /* Returns a new instance of a subclass of tuple; takes the reference to `fields`. Only the type's own tp_new knows how
  * to lay out the instance in every version of Python. */
-static PyObject *new_tuple_of(PyTypeObject *type, PyObject *fields)
+PyObject *new_tuple_of(PyTypeObject *type, PyObject *fields)
 {
     newfunc make = (newfunc)PyType_GetSlot(&PyTuple_Type, Py_tp_new);
     PyObject *arguments = fields == NULL ? NULL : PyTuple_Pack(1, fields);
@@ -51,7 +44,7 @@ static PyObject *new_tuple_of(PyTypeObject *type, PyObject *fields)
     return made;
 }
 
-static PyTypeObject *require_tuple_type(PyObject *type)
+PyTypeObject *require_tuple_type(PyObject *type)
 {
     if (!PyType_Check(type) || !PyType_IsSubtype((PyTypeObject *)type, &PyTuple_Type)) {
         PyErr_SetString(PyExc_TypeError, "a subclass of tuple is needed");
@@ -435,7 +428,7 @@ static int fill_module(PyObject *module)
 {
     if (PyModule_AddStringConstant(module, "SOURCE_SHA256", SOURCE_SHA256) < 0)
         return -1;
-    PyType_Spec *const specs[] = {&receiver_spec, &sender_spec, &packer_spec};
+    PyType_Spec *const specs[] = {&receiver_spec, &sender_spec, &packer_spec, &unpacker_spec};
     for (size_t i = 0; i < sizeof specs / sizeof *specs; i++)
         if (add_type(module, specs[i]) < 0)
             return -1;

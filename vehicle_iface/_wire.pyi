@@ -1,6 +1,7 @@
 from collections.abc import Callable
 from typing import final
 
+from vehicle_iface.decoded import DecodedMessage
 from vehicle_iface.frame import CanFrame
 
 SOURCE_SHA256: str
@@ -20,3 +21,18 @@ class FrameSender:
 class Packer:
     def __new__(cls, base: bytes, fields: tuple[object, ...], counter: object, checksum: object, /) -> Packer: ...
     def pack(self, values: object, counter: int, /) -> bytes | None: ...
+
+@final
+class Unpacker:
+    def __new__(
+        cls,
+        message_type: type[DecodedMessage],
+        name: str,
+        length: int,
+        is_fd: bool,
+        inputs: tuple[object, ...],
+        counter: object,
+        checksum: object,
+        /,
+    ) -> Unpacker: ...
+    def unpack(self, frame: CanFrame, counter: int, /) -> DecodedMessage | None: ...

@@ -32,13 +32,13 @@ def _fake_kernel(folder: Path) -> str:
 
 
 def test_c_and_python_do_the_same_with_every_datagram_and_frame(tmp_path: Path) -> None:
-    run_tests(HERE / "on_fake_kernel.py", build_wire(tmp_path), _fake_kernel(tmp_path))
+    run_tests([HERE / "on_fake_kernel.py"], build_wire(tmp_path), _fake_kernel(tmp_path))
 
 
 @pytest.mark.timeout(300)
 def test_no_datagram_or_frame_makes_c_leave_its_memory(tmp_path: Path) -> None:
     library = build_wire(tmp_path, *SANITIZERS)
-    run_tests(HERE / "on_fake_kernel.py", library, find_runtime("libasan.so"), _fake_kernel(tmp_path))
+    run_tests([HERE / "on_fake_kernel.py"], library, find_runtime("libasan.so"), _fake_kernel(tmp_path))
 
 
 class Ends:

@@ -1,10 +1,8 @@
-"""The codec in C beside the codec in Python: the same payload for every value, or Python's own answer."""
+"""The encoder in C beside the encoder in Python: the same payload for every value, or Python's own answer."""
 
 import math
-import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from enum import IntEnum
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -14,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.wire_library import LIBRARY, SANITIZERS, build_wire, find_runtime, install_wire, run_tests
+from tests.wire_library import SANITIZERS, build_wire, find_runtime, run_tests
 from vehicle_iface import wire
 from vehicle_iface.codec.c_codec import EXACT_BITS, Pack, build_pack
 from vehicle_iface.codec.checksums import (
@@ -27,19 +25,17 @@ from vehicle_iface.codec.checksums import (
     xor_function,
 )
 from vehicle_iface.codec.compiled import MessageCodec
-from vehicle_iface.codec.database import BoundMessage, VehicleDatabase, load_database
+from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.codec.e2e import autosar_protection
 from vehicle_iface.codec.encoder import Encoder
 from vehicle_iface.codec.layout import Field
 from vehicle_iface.codec.protection import ChecksumRecipe, Payload, PayloadBits, Protection, Reduction
 from vehicle_iface.errors import SignalError
-from vehicle_iface.profile import load_profile
 
-from .conftest import DBC_FOLDER
+from .conftest import PROFILES, load
 from .layouts import messages
 from .test_encoder import COMMAND
 
-PROFILES = sorted(path.stem for path in DBC_FOLDER.glob("*.toml"))
 SILENT = "toyota_rav4"
 """The profile without sent messages."""
 
@@ -52,24 +48,14 @@ class Member(IntEnum):
     SEVEN = 7
 
 
-@pytest.fixture(scope="module", autouse=True)
-def c_wire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
-    """The C code, used by the program."""
-    library = os.environ.get(LIBRARY) or str(build_wire(tmp_path_factory.mktemp("wire")))
-    with pytest.MonkeyPatch.context() as patch:
-        yield install_wire(library, patch)
-    wire.find_problem.cache_clear()
+pytestmark = pytest.mark.usefixtures("c_wire")
 
 
 @pytest.mark.timeout(300)
 def test_no_value_makes_c_leave_its_memory(tmp_path: Path) -> None:
     library = build_wire(tmp_path, *SANITIZERS)
-    run_tests(Path(__file__), library, find_runtime("libasan.so"), without="leave_its_memory")
-
-
-@cache
-def load(name: str) -> VehicleDatabase:
-    return load_database(load_profile(name))
+    files = [Path(__file__), Path(__file__).with_name("test_c_decoder.py")]
+    run_tests(files, library, find_runtime("libasan.so"), without="leave_its_memory")
 
 
 def sent_messages(name: str) -> list[BoundMessage]:

@@ -17,7 +17,7 @@ from vehicle_iface.codec.e2e import (
     autosar_protection,
     header_bits,
 )
-from vehicle_iface.codec.protection import PartKind, ProtectionRecipe, Reduction
+from vehicle_iface.codec.protection import NO_COUNTER, PartKind, ProtectionRecipe, Reduction
 from vehicle_iface.errors import ConfigError
 
 P02_IDS = tuple(range(16))
@@ -208,7 +208,7 @@ def test_a_counter_step_that_hides_the_order_of_frames_is_refused(step: int) -> 
         CounterCheck(15, step)
 
 
-def damaged(check: CounterCheck, count: int) -> None:
+def damaged(check: DamageCheck, count: int) -> None:
     for _ in range(count):
         check.note_damaged()
 
@@ -390,10 +390,18 @@ def test_the_next_counter_is_expected_while_all_frames_are_intact() -> None:
     assert check.expected == WINDOW % 15 + 1
 
 
-def test_without_a_counter_none_is_expected() -> None:
+def test_without_a_counter_each_frame_is_judged_until_all_of_the_last_ones_are_intact() -> None:
     check = DamageCheck()
-    check.step(-1)
-    assert check.expected is None
+    assert check.expected == NO_COUNTER == check.following[NO_COUNTER]
+    damaged(check, 1)
+    expected = []
+    for _ in range(WINDOW):
+        check.step(NO_COUNTER)
+        expected.append(check.expected)
+    assert expected == [*[None] * (WINDOW - 1), NO_COUNTER]
+    damaged(check, 1)
+    check.reset()
+    assert check.expected == NO_COUNTER
 
 
 def compute_recipe(recipe: ProtectionRecipe, payload: bytes, counter: int) -> bytes:

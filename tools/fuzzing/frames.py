@@ -2,15 +2,18 @@
 
 The first byte chooses the vehicle; then frames as `engine.traffic` makes them, 0 to 12.75 ms apart.
 Law: each frame is taken or counted as dropped; what comes out is finite, no sample is from the future, and nobody is
-engaged who has not heard an autonomous vehicle.
+engaged who has not heard an autonomous vehicle. Where the decoder in C is built, the one in Python does the same.
 """
 
 import dataclasses
 import math
+import os
 from collections.abc import Iterator
+from unittest import mock
 
 from fuzzing.engine.input_bytes import Bytes
 from fuzzing.engine.traffic import Traffic
+from vehicle_iface import wire
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.profile import load_profile
@@ -41,12 +44,17 @@ class _Receiver:
     def __init__(self, database: VehicleDatabase) -> None:
         profile = database.profile
         self.decoder, self.assembler = Decoder(database.received), build_state_assembler(database)
+        with mock.patch.dict(os.environ, {wire.VARIABLE: "python"}):
+            self._in_python = Decoder(database.received)
         self.plausibility = PlausibilityCheck(profile.plausibility, wheelbase_m=profile.geometry.wheelbase_m)
         self.engagement = Engagement(_TIMING, armed=True)
 
     def receive(self, traffic: Traffic, now_ns: int) -> None:
         self.engagement.on_tick(now_ns)
-        received = self.decoder.decode(traffic.next_frame(now_ns))
+        frame = traffic.next_frame(now_ns)
+        received = self.decoder.decode(frame)
+        assert repr(received) == repr(self._in_python.decode(frame))
+        assert (self.decoder.drops, self.decoder.lost) == (self._in_python.drops, self._in_python.lost)
         if received is None:
             return
         assert all(value is None or math.isfinite(value) for value in received.values)

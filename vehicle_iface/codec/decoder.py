@@ -6,6 +6,7 @@ Any other frame is dropped as a whole and counted by cause and message; no frame
 from collections.abc import Callable, Iterable
 from enum import Enum
 
+from vehicle_iface.codec.c_codec import build_unpack
 from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.database import EXACT_ID, BoundMessage, find_masked
 from vehicle_iface.codec.e2e import CounterCheck, DamageCheck, Sequence
@@ -60,6 +61,7 @@ class _Input:
         "name",
         "read_counter",
         "seen",
+        "unpack_in_c",
     )
 
     def __init__(self, message: BoundMessage) -> None:
@@ -77,6 +79,7 @@ class _Input:
             )
             self.intact, self.read_counter = protection.intact, protection.read_counter
         self.convert = _compile_conversion(message)
+        self.unpack_in_c = build_unpack(message)
         self.seen = 0
 
 
@@ -110,18 +113,31 @@ class Decoder:
 
     def decode(self, frame: CanFrame) -> DecodedMessage | None:
         """Return the message in `frame`, or None if the frame is not ours or was dropped."""
-        can_id, data, stamp_ns, is_extended, is_remote, is_fd, is_error, bus = frame
+        can_id, _, _, is_extended, _, _, _, bus = frame
         key = can_id | _EXTENDED if is_extended else can_id
         if bus:
             key |= bus << _BUS
         entry = self._inputs.get(key)
         if entry is None and self._masked and is_extended:
-            message = find_masked(self._masked, can_id, bus)
-            entry = None if message is None else self._inputs[_key(message)]
+            masked = find_masked(self._masked, can_id, bus)
+            entry = None if masked is None else self._inputs[_key(masked)]
         if entry is None:
             self._drop_unknown(frame)
             return None
         entry.seen += 1
+        counters = entry.counters
+        expected = NO_COUNTER if counters is None else counters.expected
+        if expected is not None and entry.unpack_in_c is not None:
+            message = entry.unpack_in_c(frame, expected)
+            if message is not None:
+                if counters is not None:
+                    counters.expected = counters.following[expected]
+                self.accepted += 1
+                return message
+        return self._decode_in_python(entry, frame)
+
+    def _decode_in_python(self, entry: _Input, frame: CanFrame) -> DecodedMessage | None:
+        _, data, stamp_ns, _, is_remote, is_fd, is_error, _ = frame
         if is_remote or is_error or is_fd is not entry.is_fd:
             self._drop(DropCause.WRONG_TYPE, entry.name)
             return None

@@ -14,6 +14,7 @@ import e2e.p05
 import e2e.p11
 
 from vehicle_iface.codec.protection import (
+    NO_COUNTER,
     ChecksumRecipe,
     CoveredPart,
     PartKind,
@@ -205,26 +206,30 @@ class DamageCheck:
     __slots__ = ("_history", "expected", "following")
 
     following: tuple[int, ...]
-    """The counter after each; only where there is one."""
+    """The counter after each."""
 
     def __init__(self) -> None:
         self._history = _ALL_GOOD
-        self.expected: int | None = None
+        self.following = (NO_COUNTER,)
+        self.expected: int | None = NO_COUNTER
         """The counter that an intact frame may have without `step`, by `expected = following[expected]`: the usual case
         costs no call. None where each frame has to be judged."""
 
     def step(self, _counter: int) -> Sequence:
         """Judge the next intact frame."""
         self._history = (self._history << 1 | 1) & _ALL_GOOD
+        if self._history == _ALL_GOOD:
+            self.expected = NO_COUNTER
         return Sequence.OK if self._is_trusted() else Sequence.UNTRUSTED
 
     def note_damaged(self) -> None:
         """Count a frame whose checksum was wrong."""
         self._history = self._history << 1 & _ALL_GOOD
+        self.expected = None
 
     def reset(self) -> None:
         """Forget the last frames."""
-        self._history = _ALL_GOOD
+        self._history, self.expected = _ALL_GOOD, NO_COUNTER
 
     def _is_trusted(self) -> bool:
         return self._history.bit_count() >= WINDOW // 2
@@ -246,7 +251,7 @@ class CounterCheck(DamageCheck):
         super().__init__()
         self._states = states
         self._max_step = max_step
-        self.following = (*range(1, states), 0)
+        self.following, self.expected = (*range(1, states), 0), None
         self._last = -1
         self._damaged = 0
         self.lost = 0
