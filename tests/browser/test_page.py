@@ -13,6 +13,7 @@ from playwright.sync_api import Page, Request, expect
 from vehicle_iface.process import module_command
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
+from vehicle_iface_viewer.cameras import Look
 
 from .processes import Publisher, Replay, Viewer
 from .strip import click_strip
@@ -220,25 +221,32 @@ def test_the_picture_is_drawn_beside_legend_and_plots(publish: Start, viewer: Vi
 
 
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
-def test_a_browser_decides_for_itself_whether_to_follow(publish: Start, app: App, page: Page) -> None:
+def test_a_browser_chooses_its_camera_with_buttons_and_keys(publish: Start, app: App, page: Page) -> None:
     publish()
     page.goto(f"http://127.0.0.1:{app.port}/")
     banner(page, "ENGAGED", "NOMINAL")
     while not app._clients:
         page.wait_for_timeout(20)
     (client,) = app._clients.values()
-    switch = page.get_by_role("checkbox").first
-    expect(switch).to_be_checked()
-    switch.click()
-    expect(switch).not_to_be_checked()
-    while client._is_following:
-        page.wait_for_timeout(20)
-    app_tick, kept = page.locator("#n-x").inner_text(), tuple(client._frame.position)
+    camera = client.camera
+
+    def wait_for(look: Look) -> None:
+        expect(page.get_by_role("button", name=f"● {look}", exact=True)).to_be_visible()
+        assert camera._view is look
+
+    wait_for(Look.FOLLOW)
+    page.keyboard.press("f")
+    wait_for(Look.STAY)
+    app_tick, kept = page.locator("#n-x").inner_text(), tuple(camera._frame.position)
     expect(page.locator("#n-x")).not_to_have_text(app_tick)
-    assert tuple(client._frame.position) == kept
-    switch.click()
-    while tuple(client._frame.position) == kept:
+    assert tuple(camera._frame.position) == kept
+    page.get_by_role("button", name="Chase", exact=True).click()
+    wait_for(Look.CHASE)
+    while tuple(camera._frame.position) == kept:
         page.wait_for_timeout(20)
+    for key, look in (("t", Look.TOP), ("r", Look.FIT), ("c", Look.CHASE), ("f", Look.FOLLOW)):
+        page.keyboard.press(key)
+        wait_for(look)
 
 
 def test_two_pages_see_the_same_drive(publish: Start, viewer: Viewer, page: Page) -> None:

@@ -13,13 +13,16 @@ from hypothesis import strategies as st
 from tests.narrowing import at_present
 from vehicle_iface.telemetry import DrawnTrajectory, SessionInfo, Snapshot, VehicleShape, WriterState
 from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
+from vehicle_iface.telemetry.events import EventKind, LoopEvent
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.access import Access, open_server
 from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.journey import Mark
 from vehicle_iface_viewer.panels.plots import Plots
 from vehicle_iface_viewer.panels.side_panel import SidePanel
 from vehicle_iface_viewer.recent import RecentSnapshots
+from vehicle_iface_viewer.scene.guides import braking_arc
 from vehicle_iface_viewer.scene.scene import Scene
 from vehicle_iface_viewer.scene.trajectory_path import select_drawable
 
@@ -134,6 +137,55 @@ def test_a_trajectory_in_another_frame_is_not_drawn(server: viser.ViserServer) -
     scene = Scene(server)
     scene.draw(view(1, 0.0, 0.0, path([0.0, 1.0], [0.0, 0.0]), frame_id="odom"))
     assert not scene._path._line.visible
+
+
+def moving(speed_mps: float, front_rad: float = 0.0) -> View:
+    return view(1, 100.0, 200.0, speed_mps=speed_mps, front_wheel_angle_rad=front_rad, heading_rad=1.0)
+
+
+def test_the_braking_distance_is_that_of_the_hardest_braking_ahead_of_the_vehicles_end() -> None:
+    front_m = SHAPE.length_m - SHAPE.rear_overhang_m
+    ahead = braking_arc(moving(12.0))
+    assert ahead[0, :2] == pytest.approx((front_m, 0.0))
+    assert ahead[-3, :2] == pytest.approx((front_m + 12.0**2 / (2 * 6.0), 0.0))
+    assert ahead[-2:, 1] == pytest.approx((SHAPE.width_m / 2, -SHAPE.width_m / 2))
+    back = braking_arc(moving(-6.0))
+    assert back[-3, :2] == pytest.approx((-SHAPE.rear_overhang_m - 3.0, 0.0))
+    left = braking_arc(moving(6.0, front_rad=0.3))
+    radius_m = SHAPE.wheelbase_m / math.tan(0.3)
+    assert np.hypot(left[:-2, 0], left[:-2, 1] - radius_m) == pytest.approx(radius_m)
+    assert left[-3, 1] > 0.5
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, -0.1, math.nan, math.inf, 1e200])
+def test_a_vehicle_at_rest_has_no_braking_distance_and_an_absurd_one_is_bounded(speed_mps: float) -> None:
+    arc = braking_arc(moving(speed_mps, front_rad=math.nan))
+    assert len(arc) == (18 if speed_mps == 1e200 else 0)
+    assert (np.abs(arc) < 1000.0).all()
+
+
+def test_the_error_line_joins_vehicle_and_reference(server: viser.ViserServer) -> None:
+    scene = Scene(server)
+    scene.draw(view(2, 3.0, 4.0, has_reference=True, spatial_reference_x_m=3.0, spatial_reference_y_m=5.0))
+    assert at_present(scene._guides._error.visible)
+    assert scene._guides._error.points[0, :, :2].tolist() == [[3.0, 5.0], [3.0, 4.0]]
+    scene.draw(view(3, 3.0, 4.0, speed_mps=5.0))
+    assert not at_present(scene._guides._error.visible)
+    assert at_present(scene._guides._braking.visible)
+    scene.draw(view(4, math.nan, 4.0))
+    assert not at_present(scene._guides._braking.visible)
+
+
+def test_stops_are_pins_at_their_places(server: viser.ViserServer) -> None:
+    scene = Scene(server)
+    scene.draw(view(1, 1000.0, 0.0))
+    for number, kind in enumerate((EventKind.STOP, EventKind.MODE, EventKind.FAULT)):
+        event = LoopEvent(number=number, at_ns=number, kind=kind, name="x")
+        scene.journey.marks.append(Mark(x_m=1000.0 + 10.0 * number, y_m=2.0, event=event))
+    scene.draw(view(2, 1000.0, 0.0))
+    tips = scene._marks._mesh.vertices[4::5, 0]
+    assert tips.tolist() == [0.0, 20.0]
+    assert scene._marks._mesh.visible
 
 
 @given(st.lists(st.tuples(st.floats(), st.floats()), max_size=30))

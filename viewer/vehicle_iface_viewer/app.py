@@ -9,9 +9,10 @@ import viser
 
 from vehicle_iface import clock
 from vehicle_iface.units import NS_PER_S
-from vehicle_iface_viewer.access import Access, handle_checkbox, handle_key, open_server
+from vehicle_iface_viewer.access import Access, open_server
 from vehicle_iface_viewer.bus_table.report import BusReport
 from vehicle_iface_viewer.bus_table.source import BusTableSource
+from vehicle_iface_viewer.cameras import Camera, look_first
 from vehicle_iface_viewer.feed import LIVE_S, RECORDED_S, Feed, LiveTelemetry, View
 from vehicle_iface_viewer.panels.left_panel import LeftPanel
 from vehicle_iface_viewer.panels.live_strips import LiveStrips
@@ -23,7 +24,6 @@ from vehicle_iface_viewer.panels.side_panel import SidePanel
 from vehicle_iface_viewer.playback import Playback
 from vehicle_iface_viewer.playback_controls import PlaybackControls
 from vehicle_iface_viewer.recent import RecentSnapshots
-from vehicle_iface_viewer.scene.nodes import ROOT
 from vehicle_iface_viewer.scene.scene import Scene
 
 _PERIOD_NS = NS_PER_S // 30
@@ -47,6 +47,7 @@ class App:
         self.server.gui.main_panel.dock_right()
         self.server.gui.main_panel.set_width(_PANEL_WIDTH_PX)
         self._scene = Scene(self.server, is_recording=self._playback is not None)
+        look_first(self.server)
         self._map = MapDrawing()
         self._side_panel = SidePanel(self.server.gui)
         self._controls = PlaybackControls(self.server.gui, self._playback) if self._playback is not None else None
@@ -82,8 +83,9 @@ class App:
                 self._side_panel.show(view, tick // _PANELS_EVERY)
         present = self._update_clients()
         if position is not None:
+            drive = self._scene.relative(self._map.visible)
             for client in present:
-                client.follow(position)
+                client.camera.move(position, drive)
         if tick % _PANELS_EVERY == 2:
             for client in present:
                 client.show_plots(view, tick // _PANELS_EVERY)
@@ -130,36 +132,17 @@ class App:
 
 
 class _Client:
-    """One browser, with its own choice to follow the vehicle, and its own plots."""
+    """One browser, with a camera and plots of its own."""
 
     def __init__(self, client: viser.ClientHandle, recent: RecentSnapshots, *, is_live: bool) -> None:
-        self._client = client
-        self._is_following = True
-        self._frame = client.scene.add_frame(ROOT, show_axes=False)
-        box = client.gui.add_checkbox("Follow", initial_value=True, order=SidePanel.FOLLOW_ORDER)
-        self._box = box
-        handle_checkbox(client, box._impl.uuid, self._set_following)
-        handle_key(client, "Follow the vehicle, or not", "F", self._toggle_following)
+        self.camera = Camera(client)
         self.left_panel = LeftPanel(client)
         self.map_panel = MapPanel(client, above=self.left_panel.panel)
         self._recent = recent
         self._time = PlotTime(client, is_live=is_live)
         self._plots = Plots(client.gui, recent)
 
-    def _toggle_following(self) -> None:
-        self._is_following = not self._is_following
-        self._box.value = self._is_following  # type: ignore[misc]  # viser declares no setter
-
-    def _set_following(self, is_following: bool) -> None:
-        self._is_following = is_following
-
     def show_plots(self, view: View, turn: int) -> None:
         """Update the plots."""
         self._time.show(self._recent)
         self._plots.show(view, turn, end_ns=self._time.end_ns(self._recent.newest_ns), window_s=self._time.window_s)
-
-    def follow(self, position: tuple[float, float]) -> None:
-        """Shift this browser's world so that `position` stays in the middle of the picture, if it follows."""
-        if self._is_following:
-            self._frame.position = (-position[0], -position[1], 0.0)
-            self._client.flush()

@@ -1,7 +1,7 @@
 """Pause, time and speed of a recording, on its page.
 
-The page of a running loop has none of these controls: of its browsers only the camera and the Follow switch
-are handled.
+The page of a running loop has none of these controls: of its browsers only the camera and their own
+plots are handled.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vehicle_iface_viewer.playback import SPEEDS, Playback
 from vehicle_iface_viewer.recent import RecentSnapshots
 
 ORDER = 1.5
-"""Between the banner and the Follow switch."""
+"""Between the banner and the buttons of the camera."""
 _HOLD_NS = 2 * NS_PER_S
 """For this time after the user moved the slider, it is not updated."""
 _PERIOD_NS = NS_PER_S // 3

@@ -7,7 +7,7 @@ import numpy as np
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.text import css
-from vehicle_iface_viewer.scene import ground, markers, scene, trail
+from vehicle_iface_viewer.scene import event_marks, ground, guides, markers, scene, trail
 
 
 def legend_html(view: View | None) -> str:
@@ -24,6 +24,9 @@ def legend_html(view: View | None) -> str:
         ("clip-path:polygon(0 0,100% 0,50% 100%)", markers.LOOKAHEAD_COLOR, "look-ahead"),
         ("height:3px;margin-bottom:3px", trail.TRAIL_COLOR, "trail"),
         ("height:3px;margin-bottom:3px", scene.ROUTE_COLOR, "path behind"),
+        ("height:3px;margin-bottom:3px", guides.ERROR_COLOR, "error"),
+        ("height:3px;margin-bottom:3px", guides.BRAKING_COLOR, "braking distance"),
+        ("clip-path:polygon(0 0,100% 0,50% 100%)", event_marks.MARK_COLOR, "stop"),
     )
     items = "".join(
         '<span style="white-space:nowrap"><i style="display:inline-block;width:10px;height:10px;margin-right:5px;'

@@ -7,7 +7,7 @@ changed, however often the picture is shown.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from vehicle_iface.telemetry import DrawnTrajectory, Snapshot
 from vehicle_iface.telemetry.events import EventKind
 from vehicle_iface.trajectory import FloatArray
+from vehicle_iface_viewer.box import Box
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.journey import LAST_M, Journey, Mark
 from vehicle_iface_viewer.panels.text import css, plain
@@ -24,35 +25,7 @@ ROUTE, TRACK, VEHICLE, STALE = "#748fc0", "#f08c00", "#4dabf7", "#868e96"
 _MARK_COLORS = {EventKind.STOP: "#ff922b", EventKind.FAULT: "#ff6b6b", EventKind.MODE: "#4dabf7"}
 _MOST_POINTS = 400
 """Of the trajectory; the places of the drive are bounded already."""
-_SMALLEST_M = 20.0
-_MARGIN = 0.12
-"""Part of the extent beyond what is drawn: the picture is changed when that is used up."""
 _ARROW = "M1 0L-.8 .62L-.45 0L-.8 -.62z"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Box:
-    """What is visible, m east and north of the map's origin."""
-
-    west: float
-    south: float
-    width: float
-    height: float
-
-    @classmethod
-    def around(cls, points: FloatArray) -> Box:
-        """Return the box of (n, 2) points with a margin."""
-        low, high = points.min(axis=0), points.max(axis=0)
-        width, height = np.maximum(high - low, _SMALLEST_M) * (1.0 + 2.0 * _MARGIN)
-        west, south = (low + high - (width, height)) / 2.0
-        return cls(west=float(west), south=float(south), width=float(width), height=float(height))
-
-    def holds(self, points: FloatArray) -> bool:
-        """Whether all points are inside, and use more than a third of it in one direction."""
-        low, high = points.min(axis=0), points.max(axis=0)
-        corner, size = np.array((self.west, self.south)), np.array((self.width, self.height))
-        is_used = bool(((high - low) > size / 3.0).any()) or max(size) <= _SMALLEST_M * (1.0 + 2.0 * _MARGIN)
-        return bool((low >= corner).all() and (high <= corner + size).all()) and is_used
 
 
 class MapDrawing:
@@ -66,6 +39,13 @@ class MapDrawing:
         self._origin: FloatArray | None = None
         self._points = np.empty((0, 2))
         self._box: Box | None = None
+
+    @property
+    def visible(self) -> Box | None:
+        """What is visible, in the frame of the drive; None before anything is known."""
+        if self._box is None or self._origin is None:
+            return None
+        return replace(self._box, west=self._box.west + self._origin[0], south=self._box.south + self._origin[1])
 
     def update(self, view: View, journey: Journey) -> None:
         """Draw `view`, and the drive so far."""

@@ -7,7 +7,7 @@ import viser
 from vehicle_iface_viewer.panels.map_drawing import MapDrawing
 
 _PHONE_ORDER = 2.5
-"""Between the Follow switch and the numbers."""
+"""Between the buttons of the camera and the numbers."""
 _NOTHING = '<div class="vi-note">no place of the vehicle is known yet</div>'
 
 

@@ -13,10 +13,7 @@ from vehicle_iface_viewer.panels.style import STYLE
 
 
 class SidePanel:
-    """The control panel, except for what each browser has of its own: the Follow switch and the plots."""
-
-    FOLLOW_ORDER = 2.0
-    """Position of the Follow switch: under the banner."""
+    """The control panel, except for what each browser has of its own: the camera and the plots."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         gui.add_html(STYLE, order=0.1)

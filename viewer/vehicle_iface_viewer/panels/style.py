@@ -51,7 +51,8 @@ STYLE = f"""<style>
 {_OVER} .mantine-Slider-track::before, {_OVER} .mantine-Slider-bar {{ background: none }}
 {_OVER} .mantine-Slider-thumb {{ width: 4px !important; height: 36px !important; border-radius: 2px;
   background: #fff !important; outline: 1px solid #000 }}
-.vi-map {{ display: block; width: calc(100% - 14px); height: 300px; margin-left: 6px }}
+.vi-map {{ display: block; width: calc(100% - 14px); height: max(calc(50vh - 90px), 150px);
+  margin-left: 6px }}
 .vi-phone {{ display: none }}
 {_PHONE} {{ .vi-phone {{ display: block }} .vi-phone > .vi-map {{ height: 220px }} }}
 {_PHONE} {{ .mantine-Paper-root:has(#banner), .mantine-Paper-root:has(#banner) [style*="width: 20em"] {{

@@ -1,12 +1,22 @@
-"""Root, drawing range and update of the scene's nodes."""
+"""Root, places, drawing range and update of the scene's nodes."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import viser
 
 ROOT = "/world"
 FAR_M = 1e5
 """Nothing farther from the local origin is drawn."""
+
+
+class Place(NamedTuple):
+    """Where the vehicle is, relative to the local origin of the scene."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
 
 
 def is_near(x_m: float, y_m: float, limit_m: float = FAR_M) -> bool:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import viser
 
 from vehicle_iface.telemetry import Snapshot
+from vehicle_iface_viewer.box import Box
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.journey import LAST_M, Journey
+from vehicle_iface_viewer.scene.event_marks import EventMarks
 from vehicle_iface_viewer.scene.ground import SECTION_M, Ground
+from vehicle_iface_viewer.scene.guides import Guides
 from vehicle_iface_viewer.scene.long_line import LongLine
 from vehicle_iface_viewer.scene.markers import Markers
-from vehicle_iface_viewer.scene.nodes import is_near
+from vehicle_iface_viewer.scene.nodes import Place, is_near
 from vehicle_iface_viewer.scene.trail import Trail
 from vehicle_iface_viewer.scene.trajectory_path import TrajectoryPath
 from vehicle_iface_viewer.scene.vehicle import PAINT_COLOR, RECORDED_COLOR, STALE_COLOR, Vehicle
@@ -39,15 +43,15 @@ class Scene:
         self._track = LongLine(server.scene, "track", self.journey.track, TRACK_COLOR, thickness_m=0.07, z_m=0.04)
         self._markers = Markers(server.scene)
         self._vehicle = Vehicle(server.scene)
+        self._guides = Guides(server.scene)
+        self._marks = EventMarks(server.scene)
         server.scene.set_up_direction("+z")
         server.scene.configure_default_lights(True, cast_shadow=False)
         background = _RECORDED_BACKGROUND if is_recording else _BACKGROUND
         server.scene.set_background_image(np.full((2, 2, 3), background, dtype=np.uint8), format="png")
-        server.initial_camera.position = (-11.0, -11.0, 12.0)
-        server.initial_camera.look_at = (0.0, 0.0, 0.0)
 
-    def draw(self, view: View) -> tuple[float, float] | None:
-        """Update all nodes to `view`; the vehicle's position relative to the local origin, m, or None."""
+    def draw(self, view: View) -> Place | None:
+        """Update all nodes to `view`; the vehicle's place relative to the local origin, or None."""
         snapshot = view.snapshot
         if view.session != self._session:
             self._session = view.session
@@ -60,6 +64,7 @@ class Scene:
         if snapshot is None or not snapshot.has_state or not is_near(snapshot.x_m, snapshot.y_m, LAST_M):
             self._vehicle.show(None)
             self._markers.show(None, (0.0, 0.0))
+            self._guides.hide()
             return None
         origin = self._update_origin(snapshot)
         self._path.show(view.trajectory, origin, snapshot.frame_id)
@@ -70,7 +75,15 @@ class Scene:
         self.journey.add(snapshot)
         self._track.draw(origin, view.now_ns)
         self._route.draw(origin, view.now_ns)
-        return snapshot.x_m - origin[0], snapshot.y_m - origin[1]
+        self._guides.show(view, origin)
+        self._marks.show(self.journey.marks, origin)
+        return Place(snapshot.x_m - origin[0], snapshot.y_m - origin[1], snapshot.heading_rad)
+
+    def relative(self, box: Box | None) -> Box | None:
+        """Return a box of the drive's frame, relative to the local origin."""
+        if box is None or self._origin is None:
+            return None
+        return replace(box, west=box.west - self._origin[0], south=box.south - self._origin[1])
 
     def _update_origin(self, snapshot: Snapshot) -> tuple[float, float]:
         """Return the local origin, moved when the vehicle is far from it; always on a corner of the grid."""

@@ -11,6 +11,8 @@ from vehicle_iface.telemetry import Snapshot, VehicleShape
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.scene.nodes import ROOT, assign_changed
 
+FRAME = "vehicle"
+"""Name of its frame."""
 PAINT_COLOR = (236, 240, 245)
 RECORDED_COLOR = (190, 150, 235)
 STALE_COLOR = (108, 117, 125)
@@ -20,7 +22,7 @@ class Vehicle:
     """A car with a cabin, lamps and steered wheels. The origin of its frame is the rear axle's centre on the ground."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
-        name = f"{ROOT}/vehicle"
+        name = f"{ROOT}/{FRAME}"
         shape = self._shape = VehicleShape()
         self._frame = scene.add_frame(name, show_axes=False, visible=False)
         self._body = _add_part(scene, f"{name}/body", shapes.body(shape), PAINT_COLOR)
