@@ -9,44 +9,18 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from tests.harness import Drive
+from tests.export.recorded import Recorded, record_drive
 from vehicle_iface.cli import main
 from vehicle_iface.export import mcap_file
-from vehicle_iface.profile import load_profile
 from vehicle_iface.recorder import files
-from vehicle_iface.recorder.folder import RecordingRequest
-from vehicle_iface.recorder.recorder import Recorder
-from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryReader, TelemetryWriter
+from vehicle_iface.telemetry import Snapshot
 
 SECONDS = 3.0
 
 
 @pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Snapshot], Drive]:
-    """A recording, and the snapshots and the loop that it was made of."""
-    home = tmp_path_factory.mktemp("export")
-    profile, shown = load_profile("reference"), list[Snapshot]()
-    with TelemetryWriter(str(home / "loop"), SessionInfo(channel="embedded", bus="embedded", route="x,y")) as writer:
-        request = RecordingRequest(
-            folder=str(home / "drive"),
-            telemetry=str(home / "loop"),
-            channels=[],
-            profile=profile.file,
-            named_files=[profile.dbc],
-            command_line=[],
-        )
-        recorder, driven, reader = (
-            Recorder(request, lambda _: None),
-            Drive(telemetry=writer),
-            TelemetryReader(writer.address),
-        )
-        reader.poll()
-        while driven.now_s < SECONDS:
-            driven.run_s(0.1)
-            recorder.step(driven.clock.t_ns)
-            shown += reader.since(shown[-1].sequence if shown else 0)
-        recorder.close(driven.clock.t_ns)
-    return home / "drive", shown, driven
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    return record_drive(tmp_path_factory.mktemp("export"), SECONDS)
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -61,8 +35,8 @@ def read_mcap(path: Path, topic: str) -> list[tuple[int, dict[str, Any]]]:
         ]
 
 
-def test_csv_has_every_snapshot_with_its_values(drive: tuple[Path, list[Snapshot], Drive], tmp_path: Path) -> None:
-    folder, shown, _ = drive
+def test_csv_has_every_snapshot_with_its_values(drive: Recorded, tmp_path: Path) -> None:
+    folder, shown = drive.folder, drive.shown
     assert main(["export", str(folder), "--csv", str(tmp_path / "d.csv")]) == 0
     rows = read_csv(tmp_path / "d.csv")
     assert [int(row["sequence"]) for row in rows] == [snapshot.sequence for snapshot in shown]
@@ -73,18 +47,16 @@ def test_csv_has_every_snapshot_with_its_values(drive: tuple[Path, list[Snapshot
     assert (rows[-1]["controller_state"], rows[-1]["reason"], rows[-1]["frame_id"]) == ("ENGAGED", "NOMINAL", "map")
 
 
-def test_csv_of_a_window_has_only_its_rows(drive: tuple[Path, list[Snapshot], Drive], tmp_path: Path) -> None:
-    folder, shown, _ = drive
+def test_csv_of_a_window_has_only_its_rows(drive: Recorded, tmp_path: Path) -> None:
+    folder, shown = drive.folder, drive.shown
     assert main(["export", str(folder), "--csv", str(tmp_path / "d.csv"), "--from", "1.0", "--to", "1.5"]) == 0
     within = [one for one in shown if 1_000_000_000 <= one.published_ns - shown[0].published_ns <= 1_500_000_000]
     assert [int(row["sequence"]) for row in read_csv(tmp_path / "d.csv")] == [one.sequence for one in within]
     assert 10 < len(within) < len(shown)
 
 
-def test_mcap_has_samples_events_counters_and_trajectories(
-    drive: tuple[Path, list[Snapshot], Drive], tmp_path: Path
-) -> None:
-    folder, shown, driven = drive
+def test_mcap_has_samples_events_counters_and_trajectories(drive: Recorded, tmp_path: Path) -> None:
+    folder, shown, driven = drive.folder, drive.shown, drive.driven
     path = tmp_path / "d.mcap"
     assert main(["export", str(folder), "--mcap", str(path)]) == 0
     meta = files.load_meta(folder)
@@ -102,10 +74,8 @@ def test_mcap_has_samples_events_counters_and_trajectories(
     assert read_mcap(path, "/trajectory")[0][1]["original_count"] == 501
 
 
-def test_mcap_is_in_the_order_of_time_in_small_chunks_with_schemas_that_fit(
-    drive: tuple[Path, list[Snapshot], Drive], tmp_path: Path
-) -> None:
-    folder, _, _ = drive
+def test_mcap_is_in_the_order_of_time_in_small_chunks_with_schemas_that_fit(drive: Recorded, tmp_path: Path) -> None:
+    folder = drive.folder
     path = tmp_path / "d.mcap"
     assert main(["export", str(folder), "--mcap", str(path)]) == 0
     with path.open("rb") as file:
@@ -136,11 +106,11 @@ def body_length(message: Any) -> int:
 
 
 def test_damaged_lines_are_left_out_and_counted(
-    drive: tuple[Path, list[Snapshot], Drive], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    drive: Recorded, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     import shutil
 
-    folder, shown, _ = drive
+    folder, shown = drive.folder, drive.shown
     copy = Path(shutil.copytree(folder, tmp_path / "copy"))
     lines = (copy / files.SNAPSHOTS).read_text().splitlines(keepends=True)
     lines[5] = "not, a, row\n"
@@ -151,13 +121,13 @@ def test_damaged_lines_are_left_out_and_counted(
 
 
 def test_mcap_without_the_library_is_refused_with_the_command_that_installs_it(
-    drive: tuple[Path, list[Snapshot], Drive],
+    drive: Recorded,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(mcap_file, "find_spec", lambda _: None)
-    assert main(["export", str(drive[0]), "--mcap", str(tmp_path / "d.mcap")]) == 2
+    assert main(["export", str(drive.folder), "--mcap", str(tmp_path / "d.mcap")]) == 2
     assert "pip install 'vehicle-iface[mcap]'" in capsys.readouterr().err
     assert not (tmp_path / "d.mcap").exists()
 
@@ -165,14 +135,14 @@ def test_mcap_without_the_library_is_refused_with_the_command_that_installs_it(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["DIR"], "--csv FILE or --mcap FILE"),
+        (["DIR"], "--html FILE, --csv FILE or --mcap FILE"),
         (["DIR", "--csv", "x", "--from", "2", "--to", "1"], "--to 1: must be greater than --from 2"),
         (["NOTHING", "--csv", "x"], "not a recording"),
         (["DIR", "--csv", "NOTHING/x"], "--csv NOTHING/x: cannot be written"),
     ],
 )
 def test_bad_usage_is_refused_with_what_is_missing(
-    drive: tuple[Path, list[Snapshot], Drive],
+    drive: Recorded,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -180,5 +150,5 @@ def test_bad_usage_is_refused_with_what_is_missing(
     said: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["export", *(str(drive[0]) if one == "DIR" else one for one in arguments)]) == 2
+    assert main(["export", *(str(drive.folder) if one == "DIR" else one for one in arguments)]) == 2
     assert said in capsys.readouterr().err

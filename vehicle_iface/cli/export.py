@@ -1,4 +1,4 @@
-"""`vehicle-iface export`: writes a recording as CSV or MCAP."""
+"""`vehicle-iface export`: writes a recording as CSV, as MCAP or as one HTML page."""
 
 import argparse
 from pathlib import Path
@@ -9,13 +9,15 @@ from vehicle_iface.cli.terminal import print_safely
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.export.csv_file import write_csv
 from vehicle_iface.export.mcap_file import require_mcap, write_mcap
+from vehicle_iface.export.page.drive import load_drive
+from vehicle_iface.export.page.render import render_drive, write_page
 from vehicle_iface.export.recording import RecordedDrive
 
 
 def export(options: argparse.Namespace) -> int:
     """Write the files that were asked for."""
-    if not (options.csv or options.mcap):
-        raise ConfigError("export: name what to write: --csv FILE or --mcap FILE")
+    if not (options.csv or options.mcap or options.html):
+        raise ConfigError("export: name what to write: --html FILE, --csv FILE or --mcap FILE")
     if options.to is not None and options.to <= getattr(options, "from"):
         raise ConfigError(f"--to {options.to:g}: must be greater than --from {getattr(options, 'from'):g}")
     if options.mcap:
@@ -34,6 +36,12 @@ def export(options: argparse.Namespace) -> int:
         except OSError as error:
             raise ConfigError(f"--mcap {options.mcap}: cannot be written: {error.strerror}") from None
         print_safely(f"{options.mcap}: " + ", ".join(f"/{topic} {count:,}" for topic, count in counts.items()))
+    if options.html:
+        check_writable(options.html, "--html")
+        drive.damaged = 0
+        html = render_drive(load_drive(drive))
+        write_page(html, Path(options.html), "--html")
+        print_safely(f"{options.html}: {len(html) / 1e6:.1f} MB, opens in any browser")
     if drive.damaged:
         print_safely(f"{options.recording}: {drive.damaged:,} damaged lines were left out")
     return DONE

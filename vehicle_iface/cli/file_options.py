@@ -41,6 +41,9 @@ def add_decode(parser: argparse.ArgumentParser) -> None:
 def add_export(parser: argparse.ArgumentParser) -> None:
     """Options of `export`."""
     parser.add_argument("recording", metavar="DIR", help="the folder of `run --record`")
+    parser.add_argument(
+        "--html", metavar="FILE", help="write one page that plays the drive in any browser, without a server"
+    )
     parser.add_argument("--csv", metavar="FILE", help="write one row for each snapshot: SI units, states as names")
     parser.add_argument(
         "--mcap",

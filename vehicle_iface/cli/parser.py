@@ -32,7 +32,11 @@ def build_parser() -> argparse.ArgumentParser:
     )
     file_options.add_decode(_command(commands, "decode", "decode a log of a bus into one NumPy array for each signal"))
     file_options.add_export(
-        _command(commands, "export", "write a recorded drive as CSV, or as MCAP for Foxglove and PlotJuggler")
+        _command(
+            commands,
+            "export",
+            "write a recorded drive as one HTML page, as CSV, or as MCAP for Foxglove and PlotJuggler",
+        )
     )
     file_options.add_replay(
         _command(commands, "replay", "put the frames of a recorded drive back on a bus, with their timing")

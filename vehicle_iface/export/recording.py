@@ -20,7 +20,7 @@ class RecordedDrive:
 
     def __init__(self, folder: Path, *, begin_s: float = 0.0, end_s: float | None = None) -> None:
         """`begin_s` and `end_s` are seconds after the first snapshot. `ConfigError` when it is no recording."""
-        self._folder = folder
+        self.folder = folder
         self.meta = files.load_meta(folder)
         self.damaged = 0
         """Number of lines that could not be read, so far."""
@@ -31,6 +31,8 @@ class RecordedDrive:
         self.first_ns = first.published_ns
         self._begin_ns = self.first_ns + ns_from_s(begin_s)
         self._end_ns = None if end_s is None else self.first_ns + ns_from_s(end_s)
+        self.is_whole = begin_s == 0.0 and end_s is None
+        """Whether nothing of the recording is left out."""
 
     def time_s(self, at_ns: int) -> float:
         """Seconds since the first snapshot."""
@@ -66,7 +68,7 @@ class RecordedDrive:
         def parse(line: str) -> Snapshot | None:
             return files.parse_snapshot(columns, line)
 
-        path = self._folder / files.SNAPSHOTS
+        path = self.folder / files.SNAPSHOTS
         try:
             with path.open(encoding="utf-8", errors="replace") as file:
                 columns = file.readline().strip().split(",")
@@ -76,7 +78,7 @@ class RecordedDrive:
 
     def _lines(self, name: str, parse: Callable[[str], Line | None], *, header_lines: int = 0) -> Iterator[Line]:
         """The complete lines of a file; a missing file has none."""
-        path = self._folder / name
+        path = self.folder / name
         try:
             with path.open(encoding="utf-8", errors="replace", newline="\n") as file:
                 for number, line in enumerate(file):
