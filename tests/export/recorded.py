@@ -8,6 +8,7 @@ from tests.harness import Drive, reference
 from vehicle_iface import compose, drivable
 from vehicle_iface.recorder.folder import RecordingRequest
 from vehicle_iface.recorder.recorder import Recorder
+from vehicle_iface.sim.model import BicycleState
 from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryReader, TelemetryWriter
 from vehicle_iface.trajectories.receding import RecedingRoute
 
@@ -37,9 +38,10 @@ def record_drive(
     *,
     name: str = "drive",
     route: str | None = None,
+    start_x_m: float = 0.0,
     act: Callable[[Drive], None] = lambda _: None,
 ) -> Recorded:
-    """Record a drive along a route, or along a straight line. `act` is called every 0.1 s."""
+    """Record a drive along a route, or along a straight line at the start. `act` is called every 0.1 s."""
     profile, shown = reference().profile, list[Snapshot]()
     info = SessionInfo(
         channel="embedded",
@@ -63,7 +65,7 @@ def record_drive(
         )
         recorder, driven, reader = (
             Recorder(request, lambda _: None),
-            Drive(source, telemetry=writer),
+            Drive(source, telemetry=writer, start=BicycleState(x_m=start_x_m)),
             TelemetryReader(address),
         )
         reader.poll()

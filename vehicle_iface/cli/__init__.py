@@ -87,6 +87,10 @@ def _run_command(options: argparse.Namespace) -> int:
         from vehicle_iface.cli.export import export
 
         return export(options)
+    if options.command == "compare":
+        from vehicle_iface.cli.compare import compare
+
+        return compare(options)
     if options.command == "replay":
         from vehicle_iface.cli.replay import replay
 

@@ -69,6 +69,19 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_compare(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("first", metavar="DIR", help="the folder of `run --record`")
+    parser.add_argument("second", metavar="DIR", help="that of the other drive")
+    parser.add_argument(
+        "--html",
+        metavar="FILE",
+        help="write one page with errors, commands and events of both, aligned by time or by way along the path",
+    )
+    parser.epilog = (
+        "Overwrites an existing file. Exit status: 0 done, 2 bad usage, no recording or a file that cannot be written."
+    )
+
+
 def add_replay(parser: argparse.ArgumentParser) -> None:
     """Options of `replay`."""
     parser.add_argument("recording", metavar="DIR", help="the folder of `run --record`")

@@ -38,6 +38,9 @@ def build_parser() -> argparse.ArgumentParser:
             "write a recorded drive as one HTML page, as CSV, or as MCAP for Foxglove and PlotJuggler",
         )
     )
+    file_options.add_compare(
+        _command(commands, "compare", "show two recorded drives side by side: a table, and one HTML page")
+    )
     file_options.add_replay(
         _command(commands, "replay", "put the frames of a recorded drive back on a bus, with their timing")
     )
