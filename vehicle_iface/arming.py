@@ -4,7 +4,6 @@ import ctypes
 import fcntl
 import socket
 import struct
-from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -12,6 +11,7 @@ import msgspec
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.review_record import find_changes
+from vehicle_iface.value import Value
 
 VIRTUAL_KINDS = ("vcan", "vxcan")
 VIRTUAL_INTERFACES = ("embedded", "virtual", "udp_multicast")
@@ -47,8 +47,7 @@ def cap_speed(profile: Profile, speed_cap_mps: float | None) -> Profile:
     return msgspec.structs.replace(profile, limits=limits)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReviewReport:
+class ReviewReport(Value, frozen=True, kw_only=True):
     """What is known about the review of a profile that may command a real bus."""
 
     text: str

@@ -9,14 +9,13 @@ from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import Gear
-from vehicle_iface.value import Value, as_dataclass
+from vehicle_iface.value import Value
 
 _NUMBERS = ("accel_mps2", "front_wheel_angle_rad", "rear_wheel_angle_rad", "speed_mps")
 _ALL_FLOAT = [float] * len(_NUMBERS)
 _NOMINAL = Reason.NOMINAL  # enumerations are slow to read
 
 
-@as_dataclass
 class Command(Value, frozen=True, kw_only=True, gc=False):
     """What a controller requests: acceleration, wheel angles and speed. Only `safety.gate` may permit it on the bus.
 
@@ -52,7 +51,6 @@ class Command(Value, frozen=True, kw_only=True, gc=False):
         return self.reason is not _NOMINAL
 
 
-@as_dataclass
 class SafeCommand(Value, frozen=True, kw_only=True, gc=False):
     """A permitted command, the only one that can be encoded. Only `safety.gate` builds it (`test_architecture` checks).
 

@@ -5,16 +5,15 @@ vehicle does not send is not compared. A position in a frame named `odom` counts
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import msgspec
 
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.state_pose import ODOMETRY_FRAME
+from vehicle_iface.value import Value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionSources:
+class MotionSources(Value, frozen=True, kw_only=True):
     """Which fields of the state the vehicle sends."""
 
     accel: bool = True

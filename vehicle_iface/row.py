@@ -4,12 +4,12 @@ The codec compiles a profile's fields, forms and conditions to the two functions
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from vehicle_iface.pose import Located, PoseInputs
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import VehicleStatus
+from vehicle_iface.value import Value
 
 Row = list[float | int | None]
 """In the fields' units; None where the sender has no value."""
@@ -26,8 +26,7 @@ class MeasuredState(NamedTuple):
     pose_valid: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RowReader:
+class RowReader(Value, frozen=True, kw_only=True):
     """Which values of a row are whose, and what they mean."""
 
     empty: tuple[int | None, ...]

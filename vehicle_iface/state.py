@@ -5,7 +5,7 @@ from math import isfinite
 import msgspec
 
 from vehicle_iface import checks
-from vehicle_iface.value import Value, as_dataclass
+from vehicle_iface.value import Value
 
 _NUMBERS = (
     "x_m",
@@ -21,7 +21,6 @@ _NUMBERS = (
 _ALL_FLOAT = [float] * len(_NUMBERS)
 
 
-@as_dataclass
 class VehicleState(Value, frozen=True, kw_only=True, gc=False):
     """Pose and motion of the rear axle's centre at one instant (ISO 8855 signs: x forward, y left).
 

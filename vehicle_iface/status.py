@@ -1,7 +1,8 @@
 """The vehicle's status besides its motion: mode, gear, driver, faults."""
 
-from dataclasses import dataclass
 from enum import IntEnum
+
+from vehicle_iface.value import Value
 
 
 class VehicleMode(IntEnum):
@@ -37,8 +38,7 @@ class ControllerState(IntEnum):
     SHADOW = 6
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleStatus:
+class VehicleStatus(Value, frozen=True, kw_only=True):
     """One status report of the vehicle."""
 
     stamp_ns: int
@@ -55,8 +55,7 @@ class VehicleStatus:
     fault_code: int = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BodyRequest:
+class BodyRequest(Value, frozen=True, kw_only=True):
     """Lights and horn, sent at the body period."""
 
     hazard_lights: bool = False
@@ -65,8 +64,7 @@ class BodyRequest:
     horn: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ControllerReport:
+class ControllerReport(Value, frozen=True, kw_only=True):
     """The controller's own state, sent at the report period."""
 
     state: ControllerState

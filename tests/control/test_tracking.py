@@ -208,12 +208,12 @@ def test_the_heading_error_is_wrapped_and_distance_is_kept(state: VehicleState, 
     assert math.cos(error.heading_rad) == pytest.approx(math.cos(state.heading_rad - reference.heading_rad), abs=1e-9)
     way_m = math.hypot(state.x_m - reference.x_m, state.y_m - reference.y_m)
     assert math.hypot(error.lateral_m, error.longitudinal_m) == pytest.approx(way_m)
-    assert all(type(getattr(error, name)) is float for name in type(error).__slots__)
+    assert all(type(getattr(error, name)) is float for name in type(error).__struct_fields__)
 
 
 def test_a_vehicle_on_its_reference_has_no_error() -> None:
     error = tracking_error(at(1.0), at(1.0))
-    assert not any(getattr(error, name) for name in type(error).__slots__)
+    assert not any(getattr(error, name) for name in type(error).__struct_fields__)
 
 
 def test_a_reference_without_a_frame_is_taken_to_be_in_the_states() -> None:

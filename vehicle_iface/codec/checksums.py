@@ -14,12 +14,12 @@ A checksum of at most 4 bits is computed over nibbles, a wider one over bytes. A
 
 import operator
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from typing import Literal
 
 from vehicle_iface.codec.layout import Field
 from vehicle_iface.codec.protection import CoveredPart, PartKind, Payload, PayloadBits
+from vehicle_iface.value import Value
 
 _NIBBLE = 4
 _NIBBLE_SUMS = bytes((byte >> 4) + (byte & 0x0F) for byte in range(256))
@@ -27,8 +27,7 @@ _NIBBLE_XORS = bytes(byte >> 4 ^ byte & 0x0F for byte in range(256))
 _Part = Callable[[Payload], Payload]
 
 
-@dataclass(frozen=True, slots=True)
-class BitPlace:
+class BitPlace(Value, frozen=True):
     """The bits of one signal in the payload, read as one integer of the signal's byte order."""
 
     shift: int
@@ -61,8 +60,7 @@ class BitPlace:
         data[:] = bits.to_bytes(len(data), self.order)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CoveredMessage:
+class CoveredMessage(Value, frozen=True, kw_only=True):
     """The parts of a message that a checksum may cover."""
 
     can_id: int

@@ -5,7 +5,6 @@ contradictions are reported before the first frame.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from vehicle_iface.codec.binding import SENT_ROLES, Binding, Role
@@ -25,6 +24,7 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.frame import FrameKey
 from vehicle_iface.profile import Profile
 from vehicle_iface.row import RowReader
+from vehicle_iface.value import Value
 
 EXACT_ID = 0x1FFF_FFFF
 J1939_PGN, J1939_SOURCE = 0x03FF_FF00, 0xFF
@@ -39,8 +39,7 @@ class Conversion(NamedTuple):
     offset: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BoundMessage:
+class BoundMessage(Value, frozen=True, kw_only=True):
     """A message of the DBC together with the fields of its signals."""
 
     name: str
@@ -96,8 +95,7 @@ def find_masked(messages: Iterable[BoundMessage], can_id: int, bus: int) -> Boun
     return None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleDatabase:
+class VehicleDatabase(Value, frozen=True, kw_only=True):
     """Everything that the program knows about the messages of one vehicle."""
 
     profile: Profile

@@ -2,7 +2,6 @@
 
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from cantools.database import Message, Signal
 from cantools.database.conversion import BaseConversion
@@ -11,6 +10,7 @@ from cantools.database.namedsignalvalue import NamedSignalValue
 from vehicle_iface.codec.dbc_notes import DbcNotes
 from vehicle_iface.codec.dbc_repair import EXTENDED, SoundMessage
 from vehicle_iface.codec.dbc_source import SignalText, parse_number
+from vehicle_iface.value import Value
 
 _NOBODY = "Vector__XXX"
 """The name that editors write where there is no node."""
@@ -20,8 +20,7 @@ _NO_ATTRIBUTES = Signal("", 0, 1).dbc
 """The program reads attributes from `DbcNotes`; all signals share cantools' empty ones."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StatedE2E:
+class StatedE2E(Value, frozen=True, kw_only=True):
     """The attributes of AUTOSAR end-to-end protection that a DBC states for one message; None where it does not."""
 
     data_id: int | None

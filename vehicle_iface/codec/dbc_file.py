@@ -1,9 +1,9 @@
 """Loads a DBC file message by message, so that a fault in one message does not hide the others; each has its line."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
 from cantools.database import Message
 from cantools.database.errors import Error as CantoolsError
 
@@ -15,6 +15,7 @@ from vehicle_iface.codec.dbc_repair import SoundMessage, repair_messages
 from vehicle_iface.codec.dbc_source import MessageText, collect_messages
 from vehicle_iface.codec.dbc_text import read_text, split_statements
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.value import Value
 
 _FOREIGN = (
     CantoolsError,
@@ -27,8 +28,7 @@ _FOREIGN = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DbcFile:
+class DbcFile(Value, frozen=True, kw_only=True):
     """A loaded DBC, with the lines of its messages and signals and all findings."""
 
     name: str
@@ -38,9 +38,9 @@ class DbcFile:
     """The line of each MESSAGE and MESSAGE.SIGNAL, from 1."""
     findings: Sequence[DbcFinding] = ()
     """All findings in the order of their lines. An error matters only if the program uses what it concerns."""
-    e2e: Mapping[str, StatedE2E] = field(default_factory=dict)
+    e2e: Mapping[str, StatedE2E] = msgspec.field(default_factory=dict)
     """Maps each message with attributes of end-to-end protection to what they state."""
-    parts: Mapping[str, "DbcFile"] = field(default_factory=dict)
+    parts: Mapping[str, "DbcFile"] = msgspec.field(default_factory=dict)
     """Maps the name of each bus to its file, if several were joined into this one; empty otherwise."""
 
     def part_of(self, dotted: str) -> "DbcFile":

@@ -1,13 +1,13 @@
 """Findings about a DBC: one for each fault or oddity, with the messages and signals that it concerns."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from vehicle_iface.value import Value
 
 ERROR, WARNING = "error", "warning"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DbcFinding:
+class DbcFinding(Value, frozen=True, kw_only=True):
     """One fault or oddity in a DBC."""
 
     line: int

@@ -13,6 +13,7 @@ from typing import Generic, TypeVar
 from vehicle_iface.codec.dbc_findings import DbcFindings
 from vehicle_iface.codec.dbc_source import NUMBER, MessageText, shorten, unquote
 from vehicle_iface.codec.dbc_text import STRING, Statement, cut_short
+from vehicle_iface.value import Value
 
 T = TypeVar("T")
 Place = tuple[int, str]
@@ -42,16 +43,14 @@ _DEFAULT = re.compile(rf'"(\w+)"\s*({NUMBER}|{STRING})')
 _GUESS = re.compile(r"\D*(\d{1,10})\s+(\w*)")
 
 
-@dataclass(frozen=True, slots=True)
-class MultiplexerRanges:
+class MultiplexerRanges(Value, frozen=True):
     """The values of a multiplexer for which a signal is present."""
 
     multiplexer: str
     ranges: tuple[tuple[int, int], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Note(Generic[T]):
+class _Note(Value, Generic[T], frozen=True):
     value: T
     line: int
 

@@ -1,15 +1,14 @@
 """Finds signals of a message that share bits."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from cantools.database import Message, Signal
 
 from vehicle_iface.codec.layout import bits_of
+from vehicle_iface.value import Value
 
 
-@dataclass(frozen=True, slots=True)
-class Overlap:
+class Overlap(Value, frozen=True):
     """A signal, and the earlier signals whose bits it shares in the same frame."""
 
     signal: str

@@ -2,11 +2,13 @@
 both."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+
+import msgspec
 
 from vehicle_iface.codec.dbc_findings import DbcFindings
 from vehicle_iface.codec.dbc_notes import DbcNotes
 from vehicle_iface.codec.dbc_source import MessageText, SignalText
+from vehicle_iface.value import Value
 
 EXTENDED = 1 << 31
 """The bit that marks extended identifiers in a DBC."""
@@ -19,8 +21,7 @@ _FLOAT_WIDTHS = (16, 32, 64)
 _TWICE = "names that are there twice"
 
 
-@dataclass(frozen=True, slots=True)
-class Condition:
+class Condition(Value, frozen=True):
     """The values of a multiplexer for which a signal is present."""
 
     multiplexer: str
@@ -28,8 +29,7 @@ class Condition:
     values: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SoundMessage:
+class SoundMessage(Value, frozen=True, kw_only=True):
     """A usable message with its usable signals."""
 
     text: MessageText
@@ -37,7 +37,7 @@ class SoundMessage:
     """The identifier, with the `EXTENDED` bit for an extended one."""
     frame_format: str
     """The name for VFrameFormat; empty for a classical frame."""
-    conditions: Mapping[str, Condition] = field(default_factory=dict)
+    conditions: Mapping[str, Condition] = msgspec.field(default_factory=dict)
     """Maps the written name of each multiplexed signal to its condition."""
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from vehicle_iface.codec.dbc_findings import DbcFindings
 from vehicle_iface.codec.dbc_text import STRING, Statement, cut_short
+from vehicle_iface.value import Value
 
 NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d{1,4})?"
 _UNASSIGNED = "VECTOR__INDEPENDENT_SIG_MSG"
@@ -25,8 +26,7 @@ _LONG_NAME = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SignalText:
+class SignalText(Value, frozen=True, kw_only=True):
     """One signal as written in the file."""
 
     name: str

@@ -2,11 +2,11 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.value import Value
 
 STRING = r'"(?:[^"\\]|\\.)*+"'
 """A string literal; `\\"` inside is a quotation mark."""
@@ -33,8 +33,7 @@ _QUOTING_COMMENT = re.compile(r'(CM_[^"\n]*)"(.*)"\s*;[ \t]*$', re.MULTILINE)
 """A comment in one line that contains unescaped quotation marks."""
 
 
-@dataclass(frozen=True, slots=True)
-class Statement:
+class Statement(Value, frozen=True):
     """One statement, or a piece of text that is not a statement."""
 
     keyword: str

@@ -4,7 +4,6 @@ See AUTOSAR PRS E2E Protocol. The checksums are computed by the autosar-e2e pack
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 
@@ -24,6 +23,7 @@ from vehicle_iface.codec.protection import (
     Reduction,
 )
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.value import Value
 
 _HEADER_BYTES = {1: 2, 2: 2, 5: 3, 11: 2}
 _COUNTER_BYTE = {1: 1, 2: 1, 5: 2, 11: 1}
@@ -43,8 +43,7 @@ _MODES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class HeaderBits:
+class HeaderBits(Value, frozen=True):
     """The places of an E2E profile's header: start bits in little-endian numbering, and lengths in bits."""
 
     checksum: tuple[int, int]

@@ -3,7 +3,6 @@ multiplexers."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
 
 from cantools.database import Message, Signal
 from cantools.database.conversion import (
@@ -14,13 +13,13 @@ from cantools.database.conversion import (
 )
 
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.value import Value
 
 _RANGE_TOLERANCE = 1e-6
 """Share of one step by which a decimal limit may be off the grid (the same as cantools')."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Field:
+class Field(Value, frozen=True, kw_only=True):
     """One signal, reduced to what the generated code needs."""
 
     index: int
@@ -124,8 +123,7 @@ def _bisect(low: int, high: int, holds: Callable[[int], bool]) -> int:
     return low
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SignalRules:
+class SignalRules(Value, frozen=True, kw_only=True):
     """A profile's statements about a signal; they take precedence over the DBC."""
 
     limits: tuple[float, float] | None = None
@@ -139,16 +137,14 @@ class SignalRules:
     """Whether only named numbers are allowed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Branch:
+class Branch(Value, frozen=True):
     """The signals that a multiplexer shows for some of its values."""
 
     ids: tuple[int, ...]
     fields: tuple[Field, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+class Layout(Value, frozen=True):
     """All signals of a message and the tree of its multiplexers."""
 
     message_name: str

@@ -5,9 +5,9 @@ bytes of both byte orders are counted from the least significant one, as in `Fie
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from vehicle_iface.codec.layout import Field
+from vehicle_iface.value import Value
 
 _SIZES = (8, 4, 2, 1)
 """Sizes of words in bytes."""
@@ -16,8 +16,7 @@ _FLOAT_CODES = {16: "e", 32: "f", 64: "d"}
 """Codes of `struct` for floats, by width in bits."""
 
 
-@dataclass(frozen=True, slots=True)
-class PackedWord:
+class PackedWord(Value, frozen=True):
     """Whole bytes that `struct` reads as one number."""
 
     name: str

@@ -1,9 +1,10 @@
 """The protection of one message (checksum, counter) as decoder and encoder use it, whatever its kind."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
+
+from vehicle_iface.value import Value
 
 Payload = bytes | bytearray
 NO_COUNTER = -1
@@ -66,8 +67,7 @@ class ProtectionRecipe(NamedTuple):
     checksum: ChecksumRecipe | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Protection:
+class Protection(Value, frozen=True, kw_only=True):
     """A checksum, a counter, or both."""
 
     intact: Callable[[bytes], bool]

@@ -5,7 +5,6 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from cantools.database import Message, Signal
@@ -32,13 +31,13 @@ from vehicle_iface.codec.protection import (
 from vehicle_iface.codec.user_checksum import UserChecksum, load_function
 from vehicle_iface.profile import Profile
 from vehicle_iface.profile.protection import Checksum, DataId, ProtectedMessage, ProtectionRule, SequenceCounter
+from vehicle_iface.value import Value
 
 CRC_BITS = {"crc8": 8, "crc16": 16}
 DEFAULT_STEP = 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MessageRule:
+class MessageRule(Value, frozen=True, kw_only=True):
     """The protection of one message, and the places in the profile where each part is stated."""
 
     checksum: Checksum | None
@@ -157,8 +156,7 @@ def _recipe(counter: BitPlace | None, checksum: "_ChecksumPart | None") -> Prote
     return ProtectionRecipe(counter.bits if counter else None, checksum.recipe if checksum else None)
 
 
-@dataclass(frozen=True, slots=True)
-class _ChecksumPart:
+class _ChecksumPart(Value, frozen=True):
     """The checksum of one message."""
 
     place: BitPlace

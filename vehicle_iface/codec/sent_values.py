@@ -4,7 +4,6 @@ In the source, `n` is the number of earlier frames of the message, and `x` the `
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from cantools.database import Message, Signal
@@ -16,6 +15,7 @@ from vehicle_iface.codec.protection_rules import count_states, find_places, find
 from vehicle_iface.command import Phases
 from vehicle_iface.profile.sends import ValueTable
 from vehicle_iface.row import Row
+from vehicle_iface.value import Value
 
 FindColumn = Callable[[str], int]
 """Returns the index in the row of a received MESSAGE.SIGNAL."""
@@ -37,8 +37,7 @@ class Complement(NamedTuple):
     """The bits that are inverted; None for the counter of the protection."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SentValues:
+class SentValues(Value, frozen=True, kw_only=True):
     """The changing values of one message."""
 
     expressions: Mapping[str, str]

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from cantools.database import Signal
 
 from vehicle_iface.codec.layout import SignalRules
 from vehicle_iface.codec.quantities import find_unit, unit_of_field
 from vehicle_iface.profile.notes import SignalNotes, is_whole_number
+from vehicle_iface.value import Value
 
 ENUMERATED_FIELDS = {"mode", "gear", "gear_request", "reason", "state", "headlights", "turn_indicator", "pose_frame"}
 """Fields in which each number needs a name."""
@@ -16,8 +16,7 @@ _GRID = 1e-6
 """Share of one step by which a decimal limit may be off the grid."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SignalView:
+class SignalView(Value, frozen=True, kw_only=True):
     """A signal converted to its field: field = scale · (value in the DBC's unit) + offset."""
 
     signal: Signal

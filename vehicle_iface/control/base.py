@@ -4,9 +4,10 @@ import logging
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import final
+
+from msgspec.structs import force_setattr, replace
 
 from vehicle_iface import checks
 from vehicle_iface.command import Command
@@ -20,6 +21,7 @@ from vehicle_iface.errors import (
 from vehicle_iface.reason import Reason
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
+from vehicle_iface.value import Value
 
 log = logging.getLogger(__name__)
 
@@ -42,8 +44,7 @@ class StopSteering(StrEnum):
     """The angle of `stop_steering_impl` while the state is good; otherwise 0 rad."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BehaviorConfig:
+class BehaviorConfig(Value, frozen=True, kw_only=True):
     """How a controller stops, and which point is its reference. Raises `InvalidValueError`."""
 
     safe_deceleration_mps2: float = 3.0
@@ -55,7 +56,7 @@ class BehaviorConfig:
 
     def __post_init__(self) -> None:
         for name in ("safe_deceleration_mps2", "time_step_s"):
-            object.__setattr__(self, name, checks.positive(name, getattr(self, name)))
+            force_setattr(self, name, checks.positive(name, getattr(self, name)))
         for name, kind in (("reference", ControlReference), ("stop_steering", StopSteering)):
             if not isinstance(getattr(self, name), kind):
                 raise InvalidValueError(f"{name} = {getattr(self, name)!r}: must be a {kind.__name__}")

@@ -8,8 +8,9 @@ after the other.
 
 import math
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass, replace
 from typing import NamedTuple
+
+from msgspec.structs import force_setattr, replace
 
 from vehicle_iface import checks
 from vehicle_iface.clock import monotonic_ns
@@ -26,6 +27,7 @@ from vehicle_iface.standstill import CREEPING_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import FloatArray, Trajectory
 from vehicle_iface.units import s_from_ns
+from vehicle_iface.value import Value
 
 LEAST_DISTANCE_M = 0.01
 """The acceleration law divides by this distance at least."""
@@ -33,8 +35,7 @@ GREATEST_AGE_S = 0.5
 """Delay compensation predicts at most this far ahead: an older state is too uncertain."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PurePursuitConfig:
+class PurePursuitConfig(Value, frozen=True, kw_only=True):
     """The vehicle and the look-ahead. Raises `InvalidValueError`."""
 
     wheelbase_m: float = 2.7
@@ -55,9 +56,9 @@ class PurePursuitConfig:
 
     def __post_init__(self) -> None:
         for name in ("wheelbase_m", "min_lookahead_m", "max_lookahead_m"):
-            object.__setattr__(self, name, checks.positive(name, getattr(self, name)))
+            force_setattr(self, name, checks.positive(name, getattr(self, name)))
         for name in ("lookahead_time_s", "standstill_speed_mps"):
-            object.__setattr__(self, name, checks.non_negative(name, getattr(self, name)))
+            force_setattr(self, name, checks.non_negative(name, getattr(self, name)))
         for name in ("interpolate", "delay_compensation"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidValueError(f"{name} = {getattr(self, name)!r}: must be true or false")

@@ -8,7 +8,6 @@ same arithmetic.
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -17,6 +16,7 @@ from vehicle_iface.errors import FrameMismatchError, InvalidValueError
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
 from vehicle_iface.units import wrapped_rad
+from vehicle_iface.value import Value
 
 PASSED_TOLERANCE = 1e-7
 """How far below zero a half-plane's product may be and still count as past it, in the product's own unit."""
@@ -144,8 +144,7 @@ class Reference(Protocol):
     def yaw_rate_radps(self) -> float: ...
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReferencePoint:
+class ReferencePoint(Value, frozen=True, kw_only=True):
     """One point of a trajectory, in plain floats."""
 
     stamp_ns: int
@@ -161,8 +160,7 @@ class ReferencePoint:
     front_wheel_angle_rad: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackingError:
+class TrackingError(Value, frozen=True, kw_only=True):
     """State minus reference. The position error is in the reference's axes: x along its heading, y to its left."""
 
     lateral_m: float

@@ -6,14 +6,13 @@ or that of its wheels. The yaw rate is the same everywhere on the vehicle.
 """
 
 import math
-from dataclasses import dataclass
 
 from vehicle_iface.pose.data import Pose
 from vehicle_iface.units import wrapped_rad
+from vehicle_iface.value import Value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorMount:
+class SensorMount(Value, frozen=True, kw_only=True):
     """Position and heading of a sensor on the vehicle, from the rear axle's centre in body axes."""
 
     x_m: float = 0.0

@@ -1,11 +1,11 @@
 """Counts that rise for a while: when they began to, and when they have not risen any more for some time."""
 
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from vehicle_iface.telemetry.events import Phase
 from vehicle_iface.units import NS_PER_MS
+from vehicle_iface.value import Value
 
 QUIET_NS = 500 * NS_PER_MS
 """A count that has not risen for this long has ended to rise."""
@@ -14,8 +14,7 @@ QUIET_NS = 500 * NS_PER_MS
 Name = TypeVar("Name", bound=Hashable)
 
 
-@dataclass(frozen=True, slots=True)
-class Change(Generic[Name]):
+class Change(Value, Generic[Name], frozen=True):
     """A count that began or ended to rise."""
 
     at_ns: int

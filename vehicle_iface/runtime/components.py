@@ -1,7 +1,6 @@
 """The components of the loop."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.frame import FrameKey
@@ -25,10 +24,10 @@ from vehicle_iface.safety.handover import Handover
 from vehicle_iface.safety.motion import MotionCheck
 from vehicle_iface.safety.plausibility import PlausibilityCheck
 from vehicle_iface.state_assembler import StateAssembler
+from vehicle_iface.value import Value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopComponents:
+class LoopComponents(Value, frozen=True, kw_only=True):
     """The parts of the loop, put together by `compose`."""
 
     link: Link

@@ -21,8 +21,9 @@ import gc
 import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+
+from vehicle_iface.value import Value
 
 FIFO_PRIORITY = 50
 """Above everything ordinary, below the kernel's interrupt threads of a real-time kernel (50 shares their class)."""
@@ -46,8 +47,7 @@ _BLAS_SETTERS = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RealtimeSettings:
+class RealtimeSettings(Value, frozen=True, kw_only=True):
     """The requested settings."""
 
     priority: int = FIFO_PRIORITY

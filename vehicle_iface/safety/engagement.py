@@ -1,13 +1,13 @@
 """Engagement: the mode now, and what raises the events (arming, driver override, vehicle fault) that change it."""
 
 import logging
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from vehicle_iface.reason import Reason
 from vehicle_iface.safety.modes import DRIVING, SETTLING, TABLE, Event, Mode
 from vehicle_iface.status import ControllerState, VehicleMode, VehicleStatus
 from vehicle_iface.units import NS_PER_MS
+from vehicle_iface.value import Value
 
 log = logging.getLogger(__name__)
 
@@ -17,8 +17,7 @@ the vehicle has no watchdog and nobody drives it."""
 MAX_TRANSITIONS = 1000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EngagementTiming:
+class EngagementTiming(Value, frozen=True, kw_only=True):
     """How long things may take, in nanoseconds."""
 
     settle_ns: int

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from math import isfinite, tan
 from typing import NamedTuple
 
@@ -17,14 +16,14 @@ from vehicle_iface.standstill import CREEPING_MPS
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import Gear
 from vehicle_iface.units import NS_PER_S
+from vehicle_iface.value import Value
 
 LONGEST_STEP_S = 0.1
 """The longest time that one step of a rate limit counts, also after a longer pause."""
 _NOMINAL = Reason.NOMINAL
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GateChannels:
+class GateChannels(Value, frozen=True, kw_only=True):
     """What the gate limits. The acceleration channel is for driving forwards; backwards it is mirrored."""
 
     accel_mps2: Channel

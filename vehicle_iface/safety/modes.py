@@ -1,14 +1,13 @@
 """The modes of engagement, with what each allows, and the table of the events that lead from one to another."""
 
-from dataclasses import dataclass
 from enum import Enum, auto
 
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState
+from vehicle_iface.value import Value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ModeRow:
+class ModeRow(Value, frozen=True, kw_only=True, eq=False):
     """The properties of a mode. Compared by identity, so that modes with equal columns stay different modes."""
 
     may_send: bool = False

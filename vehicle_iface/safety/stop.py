@@ -4,14 +4,14 @@ The brake is an acceleration against the motion, in m/s², positive. Only this m
 from the command that stops, the gate takes the steering and the reason.
 """
 
-from dataclasses import dataclass, fields
+from msgspec.structs import fields, force_setattr
 
 from vehicle_iface import checks
 from vehicle_iface.safety.limits import Channel, floor_raw
+from vehicle_iface.value import Value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StopShape:
+class StopShape(Value, frozen=True, kw_only=True):
     """Deceleration and jerk of a stop. Raises `InvalidValueError` for a number that is out of range."""
 
     deceleration_mps2: float
@@ -28,7 +28,7 @@ class StopShape:
     def __post_init__(self) -> None:
         for field in fields(self):
             check = checks.non_negative if field.name == "hold_mps2" else checks.positive
-            object.__setattr__(self, field.name, check(field.name, getattr(self, field.name)))
+            force_setattr(self, field.name, check(field.name, getattr(self, field.name)))
 
 
 def stop_accel_raw(

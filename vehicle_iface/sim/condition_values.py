@@ -1,7 +1,6 @@
 """Choose values of signals that only conditions use, so that the reported mode and driver are decoded."""
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +20,7 @@ from vehicle_iface.sim.condition_solver import (
     solve,
 )
 from vehicle_iface.status import VehicleMode
+from vehicle_iface.value import Value
 
 _MANUAL, _READY, _FAULT = VehicleMode.MANUAL, VehicleMode.READY, VehicleMode.FAULT
 NEXT_BEST = {
@@ -33,8 +33,7 @@ NEXT_BEST = {
 """Modes to report for each mode; the first that the bus can express is used."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RowSignal:
+class RowSignal(Value, frozen=True, kw_only=True):
     """A received signal, and its values in the row."""
 
     view: SignalView

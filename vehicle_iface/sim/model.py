@@ -11,12 +11,14 @@ Both hold backwards as well. Each inner step is an arc: the exact motion for a c
 """
 
 import math
-from dataclasses import dataclass, fields
+
+from msgspec.structs import fields, force_setattr
 
 from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.status import Gear
 from vehicle_iface.units import wrapped_rad
+from vehicle_iface.value import Value
 
 INNER_STEP_S = 0.001
 """No inner step is longer than this."""
@@ -25,8 +27,7 @@ DIRECTION = {Gear.DRIVE: 1.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.PARK: 
 """Direction of the drive force in each gear."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BicycleParameters:
+class BicycleParameters(Value, frozen=True, kw_only=True):
     """Parameters of the vehicle. Raises `InvalidValueError` for an impossible value."""
 
     wheelbase_m: float = 2.7
@@ -55,7 +56,7 @@ class BicycleParameters:
     def __post_init__(self) -> None:
         for field in fields(self):
             check = checks.non_negative if field.name in _MAY_BE_ZERO else checks.positive
-            object.__setattr__(self, field.name, check(field.name, getattr(self, field.name)))
+            force_setattr(self, field.name, check(field.name, getattr(self, field.name)))
         for name in ("front_wheel_angle_limit_rad", "rear_wheel_angle_limit_rad"):
             if getattr(self, name) >= math.pi / 2:
                 raise InvalidValueError(f"{name} = {getattr(self, name)}: must be below π/2")
@@ -64,8 +65,7 @@ class BicycleParameters:
 _MAY_BE_ZERO = frozenset({"rear_wheel_angle_limit_rad", "rolling_resistance_mps2"})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BicycleState:
+class BicycleState(Value, frozen=True, kw_only=True):
     """State of the vehicle; ISO 8855 signs, reference point at the rear axle's centre."""
 
     x_m: float = 0.0
@@ -85,14 +85,13 @@ class BicycleState:
 
     def __post_init__(self) -> None:
         for name in _STATE_FIELDS:
-            object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
+            force_setattr(self, name, checks.finite(name, getattr(self, name)))
 
 
 _STATE_FIELDS = tuple(field.name for field in fields(BicycleState))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Actuation:
+class Actuation(Value, frozen=True, kw_only=True):
     """Requests to engine, brakes and steering."""
 
     gear: Gear = Gear.PARK

@@ -1,16 +1,14 @@
 """Parameters of the simulated vehicle on its bus, and of its driver."""
 
-from dataclasses import dataclass
-
 from vehicle_iface import checks
 from vehicle_iface.units import NS_PER_MS
+from vehicle_iface.value import Value
 
 TORQUE_LIMIT_NM = 12.7
 """Maximum torque that the status message can express, to either side."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulationParameters:
+class SimulationParameters(Value, frozen=True, kw_only=True):
     """Behaviour of the vehicle on its bus. Raises `InvalidValueError` for a value that is not positive."""
 
     shortest_period_ns: int = 10 * NS_PER_MS
@@ -29,12 +27,11 @@ class SimulationParameters:
     fault_code_commands_lost: int = 1
 
     def __post_init__(self) -> None:
-        for name in self.__slots__:
+        for name in self.__struct_fields__:
             checks.positive(name, getattr(self, name))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Driver:
+class Driver(Value, frozen=True, kw_only=True):
     """Actions of the person in the vehicle."""
 
     brake: bool = False

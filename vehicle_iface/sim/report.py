@@ -1,16 +1,15 @@
 """The simulated vehicle's bus as fields: commands received, reports sent, and the wire that makes bytes of them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.sim.demands import Demands
 from vehicle_iface.status import Gear, VehicleMode
+from vehicle_iface.value import Value
 
 
-@dataclass(frozen=True, slots=True)
-class ReceivedMessage:
+class ReceivedMessage(Value, frozen=True):
     """One intact message to the vehicle."""
 
     name: str
@@ -20,8 +19,7 @@ class ReceivedMessage:
     """Changing signals that no field fills, by name, in the DBC's unit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleReport:
+class VehicleReport(Value, frozen=True, kw_only=True):
     """Everything that the vehicle can report at one instant, under the names that profiles use."""
 
     x_m: float

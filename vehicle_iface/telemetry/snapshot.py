@@ -6,12 +6,12 @@ follow from the annotations, and a reader of another layout reports that instead
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
 from vehicle_iface import checks
 from vehicle_iface.trajectory import FloatArray
+from vehicle_iface.value import Value
 
 RING_LENGTH = 512
 """Snapshots kept for readers: a reader that is later drops some. 5 s at 100 Hz."""
@@ -101,8 +101,7 @@ class Snapshot(NamedTuple):
     """Number of the snapshot in its session, from 1. Set by the writer; a value given here is ignored."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleShape:
+class VehicleShape(Value, frozen=True, kw_only=True):
     """Size of the vehicle, for drawing. The origin is the centre of the rear axle."""
 
     wheelbase_m: float = 2.7
@@ -114,12 +113,11 @@ class VehicleShape:
     wheel_radius_m: float = 0.33
 
     def __post_init__(self) -> None:
-        for name in self.__slots__:
+        for name in self.__struct_fields__:
             checks.positive(name, getattr(self, name))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DrivingLimits:
+class DrivingLimits(Value, frozen=True, kw_only=True):
     """Limits of the profile, for the ranges of the plots."""
 
     speed_max_mps: float = 20.0
@@ -134,13 +132,12 @@ class DrivingLimits:
 
     def __post_init__(self) -> None:
         checks.positive("-accel_min_mps2", -self.accel_min_mps2)
-        for name in self.__slots__:
+        for name in self.__struct_fields__:
             if name != "accel_min_mps2":
                 checks.positive(name, getattr(self, name))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SessionInfo:
+class SessionInfo(Value, frozen=True, kw_only=True):
     """Constant data of one run of the loop."""
 
     channel: str
@@ -164,8 +161,7 @@ class SessionInfo:
     limits: DrivingLimits = DrivingLimits()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DrawnTrajectory:
+class DrawnTrajectory(Value, frozen=True, kw_only=True, eq=False):
     """A trajectory as published: at most `MAX_POINTS` of its points, always with the first and the last."""
 
     version: int

@@ -12,7 +12,6 @@ two points at one place (but for rounding), as in a dwell, are no step at all.
 import math
 from collections import deque
 from collections.abc import Generator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +21,7 @@ from vehicle_iface.errors import BackwardStepError
 from vehicle_iface.pieces import finish, slices
 from vehicle_iface.standstill import STANDING_MPS
 from vehicle_iface.trajectory import FloatArray, IntArray, Trajectory
+from vehicle_iface.value import Value
 
 NOISE_M = 0.1
 """Noise of recorded positions: a point that does not lead on and is no further away than this is left out."""
@@ -31,8 +31,7 @@ ROUNDING_M = 1e-8
 """A step back of no more than this is rounding; a controller's index gets past it (`control.PASSED_TOLERANCE`)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CleanedTrajectory:
+class CleanedTrajectory(Value, frozen=True, kw_only=True):
     """A trajectory without backward steps, and the points that were changed for it."""
 
     trajectory: Trajectory

@@ -12,7 +12,6 @@ import math
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Decimal
 from pathlib import Path
 from typing import NoReturn
@@ -24,6 +23,7 @@ from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError, TrajectoryFileError
 from vehicle_iface.trajectory import FloatArray, IntArray, Trajectory
 from vehicle_iface.units import NS_PER_S
+from vehicle_iface.value import Value
 
 TIME_COLUMN = "time_s"
 REQUIRED_COLUMNS = (TIME_COLUMN, "x_m", "y_m", "heading_rad", "speed_mps")
@@ -39,8 +39,7 @@ _SAFE_ROUNDING_S = 1_000_000.0
 """Below this a float64 number of seconds is nearer than 0.2 ns to the decimal that it was read from."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Text:
+class _Text(Value, frozen=True, kw_only=True):
     """A file's lines by kind. Indices count from 0; messages count from 1."""
 
     path: str

@@ -2,7 +2,6 @@
 
 import math
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +13,7 @@ from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectories.route import Route
 from vehicle_iface.trajectory import FloatArray, Trajectory
 from vehicle_iface.units import NS_PER_S, ns_from_s
+from vehicle_iface.value import Value
 
 _S, _X, _Y, _HEADING, _CURVATURE, _WHEEL, _SQUARED = range(7)
 """Rows of a leg's table. The last is v², at least `_FLOOR_MPS`²: linear in s at constant acceleration."""
@@ -33,8 +33,7 @@ _HEADING_WEIGHT_M = 3.0
 _SAME_PLACE_M = 1e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Leg:
+class _Leg(Value, frozen=True, eq=False):
     """One stretch from standstill to standstill, or a lap of a closed route with the beginning of the next."""
 
     table: FloatArray

@@ -1,8 +1,9 @@
 """Routes: a path to drive, with the highest speed at each point."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from vehicle_iface import checks
@@ -10,10 +11,10 @@ from vehicle_iface.errors import InvalidValueError
 from vehicle_iface.trajectories import speed
 from vehicle_iface.trajectory import FloatArray, Trajectory
 from vehicle_iface.units import NS_PER_S
+from vehicle_iface.value import Value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RouteConfig:
+class RouteConfig(Value, frozen=True, kw_only=True):
     """Parameters of a route: limits, vehicle, and sizes of the shapes.
 
     Raises `InvalidValueError` when a number is not finite and above zero (dwell: at least zero).
@@ -49,11 +50,11 @@ class RouteConfig:
     """Time at standstill at each stop and change of direction."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
+        for field in msgspec.structs.fields(self):
             check = checks.non_negative if field.name == "dwell_s" else checks.positive
             if field.name == "cone_count":
                 check = _count
-            object.__setattr__(self, field.name, check(field.name, getattr(self, field.name)))
+            msgspec.structs.force_setattr(self, field.name, check(field.name, getattr(self, field.name)))
 
 
 def _count(name: str, value: object) -> int:
