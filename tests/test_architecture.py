@@ -51,7 +51,7 @@ LISTENER_READS = (["codec"], ["bus", "listening"], ["bus", "frame_io"], ["proces
 """The viewer's own listener, another process, decodes what it receives."""
 HOMES = {
     "can": ("vehicle_iface/bus/", "vehicle_iface/logs/"),
-    "cantools": ("vehicle_iface/codec/", "vehicle_iface/logs/", "viewer/vehicle_iface_viewer/bus_table/"),
+    "cantools": ("vehicle_iface/codec/cantools_classes.py",),
     "mcap": ("vehicle_iface/export/",),
     "e2e": ("vehicle_iface/codec/",),
     "viser": ("viewer/",),

@@ -1,8 +1,5 @@
 """The codec: converts CAN payloads to values in SI units and back. No other package knows the layout of a message."""
 
-from vehicle_iface.codec import cantools_parser  # before whatever imports cantools
-
-# isort: split
 from vehicle_iface.codec.compiled import MessageCodec
 
-__all__ = ["MessageCodec", "cantools_parser"]
+__all__ = ["MessageCodec"]

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
-from cantools.database import Signal
 
 from vehicle_iface.codec.bus_files import ResolvedNames, resolve_names
+from vehicle_iface.codec.cantools_classes import Signal
 from vehicle_iface.codec.dbc_file import DbcFile
 from vehicle_iface.codec.protection_rules import find_rule
 from vehicle_iface.codec.signal_view import SignalView

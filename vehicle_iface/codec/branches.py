@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from cantools.database import Signal
+from vehicle_iface.codec.cantools_classes import Signal
 
 Branch = Mapping[str, int]
 """Maps the name of a multiplexer to the value that selects the branch."""

@@ -9,9 +9,8 @@ from enum import IntEnum
 from itertools import pairwise
 from typing import NamedTuple
 
-from cantools.database.conversion import IdentityConversion, LinearIntegerConversion
-
 from vehicle_iface import wire
+from vehicle_iface.codec.cantools_classes import IdentityConversion, LinearIntegerConversion
 from vehicle_iface.codec.compiled import MessageCodec, Value
 from vehicle_iface.codec.database import BoundMessage, Conversion
 from vehicle_iface.codec.layout import Field

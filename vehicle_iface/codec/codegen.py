@@ -8,8 +8,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 
-from cantools.database.conversion import IdentityConversion, LinearIntegerConversion
-
+from vehicle_iface.codec.cantools_classes import IdentityConversion, LinearIntegerConversion
 from vehicle_iface.codec.layout import Branch, Field, Layout
 from vehicle_iface.codec.packing import PackedWord, extract_expression, find_words, struct_format
 

@@ -11,9 +11,8 @@ import struct
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NoReturn
 
-from cantools.database import Message
-
 from vehicle_iface import checks
+from vehicle_iface.codec.cantools_classes import Message
 from vehicle_iface.codec.codegen import generate_decode_source, generate_encode_source
 from vehicle_iface.codec.layout import Field, Layout, SignalRules
 from vehicle_iface.errors import InvalidValueError, SignalError

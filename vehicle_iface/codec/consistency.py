@@ -3,10 +3,9 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 
-from cantools.database import Signal
-
 from vehicle_iface import checks
 from vehicle_iface.codec.binding import CONDITIONS, PERIODS, SENT_ROLES, Binding, Role
+from vehicle_iface.codec.cantools_classes import Signal
 from vehicle_iface.codec.command_faults import command_faults
 from vehicle_iface.codec.condition_faults import condition_faults
 from vehicle_iface.codec.constants import constant_faults

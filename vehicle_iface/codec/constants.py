@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator, Mapping
 
-from cantools.database import Message, Signal
-
 from vehicle_iface.codec.binding import SENT_ROLES, Binding
+from vehicle_iface.codec.cantools_classes import Message, Signal
 from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.errors import ConfigError, SignalError
 

@@ -3,10 +3,7 @@
 from collections import OrderedDict
 from collections.abc import Mapping
 
-from cantools.database import Message, Signal
-from cantools.database.conversion import BaseConversion
-from cantools.database.namedsignalvalue import NamedSignalValue
-
+from vehicle_iface.codec.cantools_classes import BaseConversion, DbcSpecifics, Message, NamedSignalValue, Signal
 from vehicle_iface.codec.dbc_notes import DbcNotes
 from vehicle_iface.codec.dbc_repair import EXTENDED, SoundMessage
 from vehicle_iface.codec.dbc_source import SignalText, parse_number
@@ -16,7 +13,7 @@ _NOBODY = "Vector__XXX"
 """The name that editors write where there is no node."""
 _FLOATS = (1, 2)
 """The numbers of SIG_VALTYPE_ for floats of 32 and 64 bits."""
-_NO_ATTRIBUTES = Signal("", 0, 1).dbc
+_NO_ATTRIBUTES = DbcSpecifics()
 """The program reads attributes from `DbcNotes`; all signals share cantools' empty ones."""
 
 

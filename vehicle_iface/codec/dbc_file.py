@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
-from cantools.database import Message
-from cantools.database.errors import Error as CantoolsError
 
+from vehicle_iface.codec.cantools_classes import Error as CantoolsError
+from vehicle_iface.codec.cantools_classes import Message
 from vehicle_iface.codec.dbc_build import StatedE2E, build_message, find_e2e
 from vehicle_iface.codec.dbc_findings import ERROR, DbcFinding, DbcFindings
 from vehicle_iface.codec.dbc_notes import DbcNotes

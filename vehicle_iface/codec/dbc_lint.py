@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from cantools.database import Message, Signal
-
+from vehicle_iface.codec.cantools_classes import Message, Signal
 from vehicle_iface.codec.dbc_file import DbcFile
 from vehicle_iface.codec.dbc_findings import ERROR, WARNING, DbcFinding
 from vehicle_iface.codec.layout import Layout

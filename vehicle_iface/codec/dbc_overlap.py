@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from cantools.database import Message, Signal
-
+from vehicle_iface.codec.cantools_classes import Message, Signal
 from vehicle_iface.codec.layout import bits_of
 from vehicle_iface.value import Value
 

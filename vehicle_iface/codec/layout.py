@@ -4,14 +4,14 @@ multiplexers."""
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 
-from cantools.database import Message, Signal
-from cantools.database.conversion import (
+from vehicle_iface.codec.cantools_classes import (
     BaseConversion,
     IdentityConversion,
     LinearConversion,
     LinearIntegerConversion,
+    Message,
+    Signal,
 )
-
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.value import Value
 
@@ -82,8 +82,9 @@ class Field(Value, frozen=True, kw_only=True):
         The smallest exceeds the largest if no value is in the range.
         """
         low, high = self._raw_bounds()
-        named = sorted(raw for raw in self.enumeration() if low <= raw <= high)
-        if self.enumeration():
+        enumeration = self.enumeration()
+        named = sorted(raw for raw in enumeration if low <= raw <= high)
+        if enumeration:
             low, high = (named[0], named[-1]) if named else (1, 0)
         gaps = bool(named) and len(named) != high - low + 1
         return low, high, frozenset(named) if gaps else None
@@ -96,10 +97,11 @@ class Field(Value, frozen=True, kw_only=True):
         """
         if self.kind is not IdentityConversion or self.is_float:
             return frozenset()
-        in_range = frozenset(raw for raw in self.table if self.lowest <= raw <= self.highest)
+        lowest, highest = self.lowest, self.highest
+        in_range = frozenset(raw for raw in self.table if lowest <= raw <= highest)
         if self.is_enumerated:
             return in_range
-        bottoms = {0, 1, math.ceil(max(self.lowest, self.raw_minimum))}
+        bottoms = {0, 1, math.ceil(max(lowest, self.raw_minimum))}
         counts_up = any({bottom, bottom + 1} <= in_range for bottom in bottoms)
         return in_range if counts_up and in_range == self.table and not self.has_unit else frozenset()
 

@@ -3,9 +3,8 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from cantools.database import Message, Signal
-
 from vehicle_iface.codec.binding import Binding, suggest
+from vehicle_iface.codec.cantools_classes import Message, Signal
 from vehicle_iface.codec.e2e import autosar_protection, header_bits
 from vehicle_iface.codec.layout import bits_of
 from vehicle_iface.codec.protection_rules import (

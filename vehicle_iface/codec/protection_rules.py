@@ -7,8 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from cantools.database import Message, Signal
-
+from vehicle_iface.codec.cantools_classes import Message, Signal
 from vehicle_iface.codec.checksums import (
     BitPlace,
     CoveredMessage,

@@ -3,9 +3,8 @@
 import math
 from collections.abc import Iterator
 
-from cantools.database import Message, Signal
-
 from vehicle_iface.codec.binding import SENT_ROLES, Binding, Role, StatedValue
+from vehicle_iface.codec.cantools_classes import Message, Signal
 from vehicle_iface.codec.constants import encode_faults, is_shown
 from vehicle_iface.codec.enumerations import translate_from_wire
 from vehicle_iface.codec.layout import Field, Layout

@@ -6,9 +6,8 @@ In the source, `n` is the number of earlier frames of the message, and `x` the `
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
-from cantools.database import Message, Signal
-
 from vehicle_iface.codec.binding import Binding
+from vehicle_iface.codec.cantools_classes import Message, Signal
 from vehicle_iface.codec.checksums import BitPlace
 from vehicle_iface.codec.enumerations import translate_to_wire
 from vehicle_iface.codec.protection_rules import count_states, find_places, find_rule

@@ -3,8 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 
-from cantools.database import Signal
-
+from vehicle_iface.codec.cantools_classes import Signal
 from vehicle_iface.codec.layout import SignalRules
 from vehicle_iface.codec.quantities import find_unit, unit_of_field
 from vehicle_iface.profile.notes import SignalNotes, is_whole_number

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from cantools.database import Message
-from cantools.database.conversion import IdentityConversion
 from numpy.typing import NDArray
 
+from vehicle_iface.codec.cantools_classes import IdentityConversion, Message
 from vehicle_iface.codec.layout import Field, Layout
 from vehicle_iface.logs.frames import Bools, Bytes
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from cantools.database import Message
 from numpy.typing import NDArray
 
+from vehicle_iface.codec.cantools_classes import Message
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.logs.frames import Chunk, Frames, Ints, RefusedLine
 from vehicle_iface.logs.kinds import READABLE

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from cantools.database import Message
 from numpy.typing import NDArray
 
+from vehicle_iface.codec.cantools_classes import Message
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.logs.bulk_codec import BulkCodec, Column, Decoded
 from vehicle_iface.logs.frames import EXTENDED, Bools, Bytes, Ints

@@ -7,9 +7,8 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 
-from cantools.database import Message, Signal
-
 from vehicle_iface.codec.bus_files import read_dbcs
+from vehicle_iface.codec.cantools_classes import Message, Signal
 from vehicle_iface.codec.compiled import MessageCodec, Value
 from vehicle_iface.codec.database import BoundMessage, VehicleDatabase, find_masked
 from vehicle_iface.codec.decoder import Decoder
