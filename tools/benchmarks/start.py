@@ -38,6 +38,7 @@ MOST_GROWTH_KIB = 256
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
 """Where the program has its telemetry."""
 TELLS = "import os; os.write({fd}, b'\\n')"
+CONTROL_PROCESS = "from benchmarks.parts.control_process import main; main()"
 PEER = f"import cantools.database; cantools.database.load_file({str(DBC_FOLDER / 'reference.dbc')!r}); {TELLS}"
 OURS, CANTOOLS, PYTHON = "first command", "cantools has loaded the DBC", "python is there"
 
@@ -50,7 +51,7 @@ def run(options: argparse.Namespace) -> Report:
     rounds = 3 if options.quick else 31
     passes = options.passes or (3_000 if options.quick else HOUR)
     with tempfile.TemporaryDirectory(prefix="vehicle-iface-bench-", dir=MEMORY) as folder:
-        control_process = ("-m", "benchmarks.parts.control_process", "{passes}", f"{folder}/telemetry", "{fd}")
+        control_process = ("-c", CONTROL_PROCESS, "{passes}", f"{folder}/telemetry", "{fd}")
         progress(f"start: {rounds} processes of each kind")
         jobs = {
             OURS: partial(_time_to_word, control_process),

@@ -4,6 +4,7 @@ A command's module is imported only when the command is called, so that the cont
 """
 
 import argparse
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -48,6 +49,7 @@ def use_one_blas_thread() -> None:
 
 def _run_command(options: argparse.Namespace) -> int:
     if options.command == "run":
+        gc.disable()  # a start makes little garbage and many objects; the loop collects between its passes
         from vehicle_iface.cli.run import run
 
         return run(options)

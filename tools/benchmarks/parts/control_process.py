@@ -1,6 +1,6 @@
 """The control process that `start` looks at: `vehicle-iface run` itself, in a time that passes only when it sleeps.
 
-    python -P -m benchmarks.parts.control_process PASSES TELEMETRY RESULT_FD
+    python -P -c "from benchmarks.parts.control_process import main; main()" PASSES TELEMETRY RESULT_FD
 
 The clock is replaced before the program is imported; everything else is as it is (options, profile, DBC, route,
 controller, telemetry writer, real-time claims, the loop, the embedded bus), and nothing waits. A newline goes to
@@ -8,7 +8,6 @@ RESULT_FD when the first pair of commands is handed to the bus; after PASSES pas
 """
 
 import gc
-import json
 import os
 import resource
 import sys
@@ -83,6 +82,8 @@ class Witness:
             "collections": self.collections,
             "imported": [name for name in ("viser", "can", "cantools", "numpy") if name in sys.modules],
         }
+        import json  # only now: the start does not need it
+
         os.write(self.result, json.dumps(seen).encode() + b"\n")
 
 
@@ -92,7 +93,8 @@ def main() -> None:
     clock.monotonic_ns, clock.sleep_until = virtual.now_ns, virtual.sleep_until
     from vehicle_iface import cli  # only now, when it finds the other clock
 
-    cli.use_one_blas_thread()  # as `main` does before NumPy, which `watch` imports
+    cli.use_one_blas_thread()  # both as `main` does before the imports, of which `watch` needs some
+    gc.disable()
     watch(witness)
     cli.main(["run", "--interface", "embedded", "--route", "figure8", "--arm", "--telemetry", telemetry])
 
@@ -145,7 +147,3 @@ def resident_kib() -> int:
     """VmRSS."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * resource.getpagesize() // 1024
-
-
-if __name__ == "__main__":
-    main()
