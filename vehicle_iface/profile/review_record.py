@@ -1,6 +1,5 @@
 """The record of a review in a profile, `[review]`: what was checked, when, and hashes of the files at that time."""
 
-import json
 import tomllib
 from collections.abc import Sequence
 from datetime import date
@@ -44,6 +43,8 @@ def hash_file(path: Path) -> str:
 
 def hash_values(text: str) -> str:
     """Compute the SHA-256 of a profile's values without its record; comments and layout do not count."""
+    import json  # only for a record: it takes a while
+
     document = {key: value for key, value in tomllib.loads(text).items() if key not in RECORD_KEYS}
     return _sha256(json.dumps(document, sort_keys=True, default=str).encode())
 

@@ -84,11 +84,8 @@ class BicycleState(Value, frozen=True, kw_only=True):
     """At the rear axle's centre, along the body's y axis."""
 
     def __post_init__(self) -> None:
-        for name in _STATE_FIELDS:
+        for name in self.__struct_fields__:
             force_setattr(self, name, checks.finite(name, getattr(self, name)))
-
-
-_STATE_FIELDS = tuple(field.name for field in fields(BicycleState))
 
 
 class Actuation(Value, frozen=True, kw_only=True):

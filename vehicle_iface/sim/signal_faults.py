@@ -3,7 +3,6 @@
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import fields
 
 from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
@@ -13,7 +12,7 @@ from vehicle_iface.units import wrapped_rad
 LONGEST_DELAY_SAMPLES = 1000
 SignalFault = Callable[[float], float]
 """True value of a signal → faulty value. Called once a sample."""
-FIELDS = tuple(field.name for field in fields(BicycleState))
+FIELDS = BicycleState.__struct_fields__
 """Signals that can have a fault, by the names of the profile."""
 
 

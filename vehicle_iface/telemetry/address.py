@@ -3,7 +3,6 @@
 import contextlib
 import os
 import re
-import tempfile
 from pathlib import Path
 
 from vehicle_iface.errors import ConfigError
@@ -28,6 +27,8 @@ def paths_of(address: str) -> tuple[Path, ...]:
             f"telemetry address {address!r}: must be a path with a '/', or a name of up to 64 letters, "
             "digits, '_', '.' and '-'"
         )
+    import tempfile  # only for a name: it takes a while
+
     memory = Path("/dev/shm")
     folders = [memory] if memory.is_dir() and os.access(memory, os.W_OK) else []
     with contextlib.suppress(FileNotFoundError):  # this user may have no writable one

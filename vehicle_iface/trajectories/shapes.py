@@ -17,7 +17,7 @@ from vehicle_iface.trajectories import speed
 from vehicle_iface.trajectories.route import Route, RouteConfig
 from vehicle_iface.trajectory import FloatArray
 
-_DENSE_M = 0.002
+_DENSE_M = 0.01
 _MAX_DENSE = 2_000_000
 
 ISO_3888_1_SECTIONS_M = (15.0, 30.0, 25.0, 25.0, 15.0, 15.0)
