@@ -4,8 +4,10 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from tests.export.unpacked import read_page, unpack
 from tests.rerun.recorded import RecordedDrive
 from vehicle_iface.cli import main
 from vehicle_iface.codec.database import load_database
@@ -249,3 +251,49 @@ def read_back(raw: bytearray) -> list[PassInputs]:
     from vehicle_iface.recorder.inputs import LENGTH_BYTES, decode_pass, split_passes
 
     return [decode_pass(one[LENGTH_BYTES:]) for one in split_passes(raw)]
+
+
+def test_the_plot_has_each_signal_that_differs_recorded_and_today(copy: Path, tmp_path: Path) -> None:
+    def change(passes: list[PassInputs]) -> None:
+        found = pass_with_command(passes)
+        first, second = found.sent[0].frames
+        found.sent = [SentFrames([(first[0], flip_bit(first[1], 24), *first[2:]), second], 2), *found.sent[1:]]
+
+    change_inputs(copy, change)
+    (copy / files.FRAMES).unlink()
+    assert main(["rerun", str(copy), "--plot", str(tmp_path / "d.html")]) == 1
+    report, page = rerun(copy), read_page(tmp_path / "d.html")
+    (difference,) = report.differences
+    (field,) = difference.fields
+    (plot,) = page.plots
+    assert plot.title == f"DRIVE_COMMAND {field.signal}"
+    times_s = [unpack(page.drives[one.drive].time) for one in plot.curves]
+    recorded, today = (unpack(one.values) for one in plot.curves)
+    (place,) = np.flatnonzero(recorded != today)
+    assert (recorded[place], today[place]) == (field.recorded, field.today)
+    assert times_s[0][place] == times_s[1][place] == pytest.approx(difference.at_s, abs=1e-4)
+    (event,) = page.drives[0].events
+    assert (event.name, event.text) == ("DRIVE_COMMAND", difference.what)
+    assert "1 frames differ" in (tmp_path / "d.html").read_text()
+
+
+def test_frames_that_are_missing_are_a_gap_in_the_plot(copy: Path, tmp_path: Path) -> None:
+    def silence(passes: list[PassInputs]) -> None:
+        for one in passes[len(passes) // 2 : len(passes) // 2 + 30]:
+            one.sent = [SentFrames([], call.accepted) for call in one.sent]
+
+    change_inputs(copy, silence)
+    (copy / files.FRAMES).unlink()
+    rerun(copy, plot=tmp_path / "d.html")
+    page = read_page(tmp_path / "d.html")
+    plot = next(one for one in page.plots if one.title.startswith("DRIVE_COMMAND"))
+    recorded, today = (unpack(one.values) for one in plot.curves)
+    assert (np.isnan(recorded).sum(), np.isnan(today).sum()) == (1, 0)
+    assert len(recorded) < len(today)
+
+
+def test_the_plot_of_an_honest_recording_is_empty(copy: Path, tmp_path: Path) -> None:
+    assert main(["rerun", str(copy), "--plot", str(tmp_path / "d.html")]) == 0
+    page = read_page(tmp_path / "d.html")
+    assert (page.plots, page.drives[0].events) == ([], [])
+    assert "no difference" in (tmp_path / "d.html").read_text()

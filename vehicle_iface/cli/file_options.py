@@ -111,6 +111,9 @@ def add_rerun(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--controller", metavar="NAME", help="controller to use instead of the recorded one")
     parser.add_argument("--json", metavar="FILE", help="write all differences to this file")
     parser.add_argument(
+        "--plot", metavar="FILE", help="write one HTML page: each signal that differs, recorded and today, over time"
+    )
+    parser.add_argument(
         "--save", metavar="CASE", help="write what a rerun needs into the new folder CASE, and run that again"
     )
     parser.add_argument(

@@ -61,26 +61,36 @@ class Comparison:
         is_in_log: bool = False,
     ) -> Difference:
         """Describe a difference, signal by signal."""
-        message = self._messages.get(key)
         return Difference(
             number=number,
             at_s=at_s,
-            message=message.name if message is not None else f"0x{key.can_id:X}",
+            message=self.name(key),
             recorded="" if recorded is None else recorded.hex().upper(),
             today="" if today is None else today.hex().upper(),
             fields=[] if recorded is None or today is None else self._fields(key, recorded, today),
             is_in_log=is_in_log,
         )
 
+    def name(self, key: FrameKey) -> str:
+        """Return the name of a message, or its identifier."""
+        message = self._messages.get(key)
+        return message.name if message is not None else f"0x{key.can_id:X}"
+
+    def signals(self, key: FrameKey) -> Sequence[str]:
+        """Return the names of the signals of a message that the profile binds."""
+        message = self._messages.get(key)
+        return () if message is None else message.codec.names
+
     def _fields(self, key: FrameKey, recorded: bytes, today: bytes) -> list[FieldDifference]:
-        before, after = self._values(key, recorded), self._values(key, today)
+        before, after = self.decode(key, recorded), self.decode(key, today)
         return [
             FieldDifference(signal=name, recorded=before.get(name, "invalid"), today=after.get(name, "invalid"))
             for name in before | after
             if before.get(name) != after.get(name)
         ]
 
-    def _values(self, key: FrameKey, data: bytes) -> dict[str, float]:
+    def decode(self, key: FrameKey, data: bytes) -> dict[str, float]:
+        """Return the signals of a payload in the DBC's units; none where it cannot be decoded."""
         message = self._messages.get(key)
         if message is None or len(data) != message.length:
             return {}

@@ -7,6 +7,7 @@ from vehicle_iface import compose, drivable
 from vehicle_iface.arming import cap_speed
 from vehicle_iface.codec.database import VehicleDatabase, load_database
 from vehicle_iface.errors import ConfigError
+from vehicle_iface.export.page.render import write_page
 from vehicle_iface.frame import FrameKey
 from vehicle_iface.logs.frames import EXTENDED
 from vehicle_iface.logs.reading import open_log
@@ -15,6 +16,7 @@ from vehicle_iface.profile import Profile, load_profile
 from vehicle_iface.recorder import files
 from vehicle_iface.recorder.inputs import FrameFields, PassInputs, read_inputs
 from vehicle_iface.rerun.compare import Comparison
+from vehicle_iface.rerun.plot import SentTrace, render_differences
 from vehicle_iface.rerun.replayed import ReplayedInputs, ReplayedSource, sent_frames
 from vehicle_iface.rerun.report import RerunReport
 from vehicle_iface.runtime.loop import Loop
@@ -23,10 +25,13 @@ from vehicle_iface.trajectories.source import FixedTrajectory, TrajectorySource
 from vehicle_iface.units import s_from_ns
 
 
-def rerun(folder: Path, *, profile: str | None = None, controller: str | None = None) -> RerunReport:
+def rerun(
+    folder: Path, *, profile: str | None = None, controller: str | None = None, plot: Path | None = None
+) -> RerunReport:
     """Run the drive in a recording again; `profile` and `controller` replace the recorded ones.
 
-    Raises `ConfigError` when the folder is no recording with inputs, or when what it names cannot be loaded.
+    `plot`: write a page of the signals that differ to this file. Raises `ConfigError` when the folder is no recording
+    with inputs, when what it names cannot be loaded, or when the page cannot be written.
     """
     options = load_options(folder)
     passes = read_inputs(folder / files.INPUTS)
@@ -38,10 +43,14 @@ def rerun(folder: Path, *, profile: str | None = None, controller: str | None = 
         cap_unconfirmed_speed(cap_speed(_profile(folder, options, profile), options.speed_cap_mps))
     )
     loop = _build_loop(folder, options, database, replay, controller)
-    drive = _Drive(folder, loop, replay, Comparison(database))
+    comparison = Comparison(database)
+    trace = SentTrace() if plot is not None else None
+    drive = _Drive(folder, loop, replay, comparison, trace)
     drive.run(passes)
     if (folder / files.FRAMES).exists():
         drive.compare_log(folder / files.FRAMES, options.channels)
+    if plot is not None and trace is not None:
+        write_page(render_differences(drive.report, trace, comparison), plot, "--plot")
     return drive.report
 
 
@@ -56,8 +65,11 @@ def load_options(folder: Path) -> files.RunOptions:
 class _Drive:
     """A loop that gets the recorded inputs."""
 
-    def __init__(self, folder: Path, loop: Loop, replay: ReplayedInputs, comparison: Comparison) -> None:
-        self._loop, self._replay, self._comparison = loop, replay, comparison
+    def __init__(
+        self, folder: Path, loop: Loop, replay: ReplayedInputs, comparison: Comparison, trace: SentTrace | None
+    ) -> None:
+        """`trace` keeps all frames, for a plot."""
+        self._loop, self._replay, self._comparison, self._trace = loop, replay, comparison, trace
         self._started_ns = replay.inputs.clock_ns[0] if replay.inputs.clock_ns else 0
         self._ends = 0
         self._sent: list[tuple[int, float, FrameFields]] = []
@@ -107,6 +119,8 @@ class _Drive:
         self.report.frames += len(recorded)
         for difference in self._comparison.compare_pass(inputs.number, at_s, recorded, self._replay.sent):
             self.report.add(difference)
+        if self._trace is not None:
+            self._trace.add_pass(at_s, recorded, self._replay.sent)
         self._sent += ((inputs.number, at_s, frame) for frame in self._replay.accepted)
 
 

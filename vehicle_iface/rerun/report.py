@@ -35,14 +35,18 @@ class Difference(msgspec.Struct, kw_only=True, frozen=True):
     @property
     def text(self) -> str:
         """Describe it in one line."""
-        where = f"at {self.at_s:.3f} s (pass {self.number}): {self.message}"
+        return f"at {self.at_s:.3f} s (pass {self.number}): {self.message}: {self.what}"
+
+    @property
+    def what(self) -> str:
+        """Describe what differs, without its place."""
         if not self.recorded:
-            return f"{where}: sent today, not recorded: {self.today}"
+            return f"sent today, not recorded: {self.today}"
         if not self.today:
-            return f"{where}: recorded, not sent today: {self.recorded}"
+            return f"recorded, not sent today: {self.recorded}"
         fields = ", ".join(f"{one.signal} {one.recorded} recorded, {one.today} today" for one in self.fields)
         log = ", in frames.log" if self.is_in_log else ""
-        return f"{where}: {fields or 'no bound signal'} ({self.recorded} recorded{log}, {self.today} today)"
+        return f"{fields or 'no bound signal'} ({self.recorded} recorded{log}, {self.today} today)"
 
 
 class RerunReport(msgspec.Struct, kw_only=True):

@@ -14,7 +14,7 @@ class EventList {
     });
     this.list = element("ol", { class: "events" }, ...this.items);
     const left = drive.events_left_out ? `${drive.events_left_out} more are left out: export a shorter part` : drive.events.length ? "" : "no event";
-    this.box = element("div", {}, element("p", { class: "quiet" }, view.page.drives.length > 1 ? `${drive.label}. ` : "", left), this.list);
+    this.box = element("div", {}, element("p", { class: "quiet" }, view.page.has_way ? `${drive.label}. ` : "", left), this.list);
     this.current = -1;
   }
 

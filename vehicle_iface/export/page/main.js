@@ -49,9 +49,8 @@ loadPage().then((page) => {
   const view = new View(page);
   const player = new Player(view);
   const plots = page.plots.map((plot) => new Plot(plot, view, selectWith));
-  const withStates = page.drives.filter((drive) => drive.states.length);
-  const strips = withStates.map((drive) => new Strip(drive, view));
-  const lines = withStates.map((drive) => nowLine(drive, view));
+  const strips = page.drives.filter((drive) => drive.states.length || drive.ticks.length).map((drive) => new Strip(drive, view));
+  const lines = page.drives.filter((drive) => drive.states.length).map((drive) => nowLine(drive, view));
   const lists = page.drives.filter((drive) => drive.events.length || page.drives.length === 1).map((drive) => new EventList(drive, view));
   const map = new PathMap(find("map"), view);
   const clock = find("clock");
@@ -78,6 +77,10 @@ loadPage().then((page) => {
   };
   view.listen(schedule);
 
+  const word = page.drives.some((drive) => drive.events.some(isStop)) ? "Stop" : "Event";
+  find("previous").textContent = `◀ ${word}`;
+  find("next").textContent = `${word} ▶`;
+  find("plots").style.setProperty("--plots", plots.length);
   find("previous").addEventListener("click", () => player.seekStop(-1));
   find("next").addEventListener("click", () => player.seekStop(1));
   find("whole").addEventListener("click", () => view.setWindow(view.low, view.high));
