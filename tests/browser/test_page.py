@@ -214,7 +214,7 @@ def test_the_picture_is_drawn_beside_legend_and_plots(publish: Start, viewer: Vi
     banner(page, "ENGAGED", "NOMINAL")
     for words in ("speed, m/s", "spatial ref", "temporal ref", "look-ahead", "grid 1 m, bold 10 m"):
         expect(page.locator("#legend")).to_contain_text(words)
-    expect(page.locator(".uplot")).to_have_count(5)
+    expect(page.locator(".uplot")).to_have_count(6)
     expect(page.get_by_text("Share")).to_have_count(0)
     canvas = page.locator("canvas").first
     assert len(canvas.screenshot()) > 10_000  # an empty ground compresses to far less

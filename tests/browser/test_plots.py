@@ -28,7 +28,7 @@ _COLUMNS = """([title, red, green, blue]) => {
     return columns;
 }"""
 """One character for each column of pixels of a plot: whether a curve of this colour is drawn there."""
-VEHICLE, LATERAL, HEADING, LIMIT = (0x4D, 0xAB, 0xF7), (0xFF, 0x87, 0x87), (0xB1, 0x97, 0xFC), (0xE0, 0x31, 0x31)
+VEHICLE, LATERAL, HEADING, LIMIT = (0x22, 0x8B, 0xE6), (0x0C, 0xA6, 0x78), (0x97, 0x75, 0xFA), (0xF0, 0x3E, 0x3E)
 
 
 @pytest.fixture(autouse=True)
@@ -46,11 +46,19 @@ def wait_for_columns(page: Page, title: str, color: tuple[int, int, int], patter
     )
 
 
-def test_in_a_run_that_sends_nothing_no_plot_is_empty(publish: Start, viewer: Viewer, page: Page) -> None:
+_AT_CURSOR = """() => Object.values(window.__viserTestpoints.uplots).map(({chart}) => [
+    chart.root.querySelector(".u-title").innerText, chart.cursor.left, chart.legend.values[0]?._ ?? "",
+    chart.legend.values.slice(1, -3).map(value => value._ ?? "").join(" ")])"""
+"""Of each plot: title, place of its cursor in pixels, time and values at it."""
+
+
+def test_in_a_run_that_sends_nothing_no_plot_is_empty_and_one_cursor_reads_all(
+    publish: Start, viewer: Viewer, page: Page
+) -> None:
     loop = publish("--arming", "shadow")
     loop.order("shadow")
     page.goto(viewer.url)
-    expect(page.locator(".uplot")).to_have_count(5)
+    expect(page.locator(".uplot")).to_have_count(6)
     for title, color in (
         ("Speed", VEHICLE),
         ("Lateral", LATERAL),
@@ -59,13 +67,26 @@ def test_in_a_run_that_sends_nothing_no_plot_is_empty(publish: Start, viewer: Vi
         ("Acceleration", VEHICLE),
     ):
         wait_for_columns(page, title, color, "x{8}")
+    signal = page.get_by_label("Free plot", exact=True).first
+    signal.fill("heading error")
+    page.get_by_role("option", name="heading error, °").click()
+    wait_for_columns(page, "Free plot", VEHICLE, "x{8}")
+    over = page.locator(".uplot .u-over").nth(1)
+    over.evaluate("plot => plot.scrollIntoView()")
+    box = over.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.97 * box["width"], box["y"] + 20)
+    page.wait_for_function(f"""() => ({_AT_CURSOR})().every(([_, left, time_s, values]) =>
+        left > 0 && time_s < 0 && time_s > -1.5 && /[0-9]/.test(values))""")
+    read = {row[3] for row in page.evaluate(_AT_CURSOR) if str(row[0]).startswith(("Heading", "Free"))}
+    assert {bool(re.fullmatch(r"-?[0-9.]+", each)) for each in read} == {True}
 
 
 def test_a_time_without_a_reference_is_a_gap_in_its_curves_only(publish: Start, viewer: Viewer, page: Page) -> None:
     loop = publish("--arming", "shadow")
     loop.order("shadow")
     page.goto(viewer.url)
-    expect(page.locator(".uplot")).to_have_count(5)
+    expect(page.locator(".uplot")).to_have_count(6)
     wait_for_columns(page, "Lateral", LATERAL, "x{8}")
     loop.order("lost")
     expect(page.locator("#n-lateral-error")).to_have_text("–")
@@ -81,7 +102,7 @@ def test_a_time_without_a_reference_is_a_gap_in_its_curves_only(publish: Start, 
 def test_a_third_of_a_second_without_data_is_a_gap(publish: Start, viewer: Viewer, page: Page) -> None:
     loop = publish()
     page.goto(viewer.url)
-    expect(page.locator(".uplot")).to_have_count(5)
+    expect(page.locator(".uplot")).to_have_count(6)
     wait_for_columns(page, "Speed", VEHICLE, "x{8}")
     loop.order("freeze")
     page.wait_for_timeout(330)
@@ -92,13 +113,14 @@ def test_a_third_of_a_second_without_data_is_a_gap(publish: Start, viewer: Viewe
 def test_the_limits_are_drawn_across_the_whole_window(publish: Start, viewer: Viewer, page: Page) -> None:
     publish()
     page.goto(viewer.url)
-    expect(page.locator(".uplot")).to_have_count(5)
+    expect(page.locator(".uplot")).to_have_count(6)
     for title in ("Speed", "Lateral", "Front wheels", "Acceleration"):
         wait_for_columns(page, title, LIMIT, "x{4}.*x{4}.{0,40}$")
     page.wait_for_function(f"of => !({_COLUMNS})(of).includes('x')", arg=["Heading", *LIMIT])
 
 
-_RANGES = """() => Object.values(window.__viserTestpoints.uplots).map(({chart}) => [
+_RANGES = """() => Object.values(window.__viserTestpoints.uplots).filter(
+    ({chart}) => chart.root.querySelector(".u-title").innerText !== "Free plot").map(({chart}) => [
     chart.scales.y.min.toFixed(1), chart.scales.y.max.toFixed(1), (chart.axes[0]._values ?? []).join(" "),
 ].join(", "))"""
 SECONDS = "-20 -15 -10 -5 0"
@@ -107,7 +129,7 @@ SECONDS = "-20 -15 -10 -5 0"
 def test_the_ranges_are_the_limits_and_both_axes_have_labels(publish: Start, viewer: Viewer, page: Page) -> None:
     loop = publish()
     page.goto(viewer.url)
-    expect(page.locator(".uplot")).to_have_count(5)
+    expect(page.locator(".uplot")).to_have_count(6)
     wait_for_columns(page, "Speed", VEHICLE, "x{8}")
     limits = ["-1.0, 21.0", "-1.1, 1.1", "-12.6, 12.6", "-37.8, 37.8", "-6.5, 3.5"]
     expected = sorted(f"{each}, {SECONDS}" for each in limits)
@@ -122,7 +144,7 @@ def test_plots_can_be_paused_and_look_back_while_the_head_stays_live(
 ) -> None:
     loop = publish()
     page.goto(viewer.url)
-    expect(page.locator(".uplot")).to_have_count(5)
+    expect(page.locator(".uplot")).to_have_count(6)
     wait_for_columns(page, "Speed", VEHICLE, "x{8}")
     page.get_by_label("Pause plots").click(force=True)
     past = page.locator("#past")

@@ -14,6 +14,7 @@ from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.access import Access, open_server
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels import plots as module
+from vehicle_iface_viewer.panels.plot_frame import send_curves
 from vehicle_iface_viewer.panels.plots import PLOTS, Plots
 from vehicle_iface_viewer.recent import RecentSnapshots
 
@@ -69,7 +70,7 @@ class Page:
 def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
     server = open_server(Access(port=0))
     shown = Page(server.gui)
-    monkeypatch.setattr(module, "_send_curves", shown.note)
+    monkeypatch.setattr(module, "send_curves", shown.note)
     yield shown
     server.stop()
 
@@ -171,8 +172,8 @@ def test_a_gap_is_sent_as_null_and_a_line_by_its_ends() -> None:
             sent.append((name, value))
 
     times_s, curve = np.array([-1.0, -0.5, 0.0]), np.array([2.0, math.nan, 1.0])
-    module._send_curves(_Handle(), times_s, [curve], (math.nan, 5.0), 7)  # type: ignore[arg-type]
-    lines = [[None, None, None], [5.0, None, 5.0], [None, None, 7]]
+    send_curves(_Handle(), times_s, [curve], (math.nan, 5.0), 7)  # type: ignore[arg-type]
+    lines = [[None, None, None], [5.0, None, 5.0], [100, 100, 100]]
     assert sent == [("data", ([-1.0, -0.5, 0.0], [2.0, None, 1.0], *lines))]
 
 

@@ -14,6 +14,7 @@ from vehicle_iface_viewer.bus_table.report import BusReport
 from vehicle_iface_viewer.bus_table.source import BusTableSource
 from vehicle_iface_viewer.cameras import Camera, look_first
 from vehicle_iface_viewer.feed import LIVE_S, RECORDED_S, Feed, LiveTelemetry, View
+from vehicle_iface_viewer.panels.free_plot import FreePlot
 from vehicle_iface_viewer.panels.left_panel import LeftPanel
 from vehicle_iface_viewer.panels.live_strips import LiveStrips
 from vehicle_iface_viewer.panels.map_drawing import MapDrawing
@@ -30,6 +31,7 @@ _PERIOD_NS = NS_PER_S // 30
 _PANELS_EVERY = 3
 _MAP_EVERY = 6
 _PANEL_WIDTH_PX = 430
+_TURNS_PER_FREE_PLOT = 5
 _NO_TABLE = BusReport(problem="nothing is received")
 
 
@@ -141,8 +143,12 @@ class _Client:
         self._recent = recent
         self._time = PlotTime(client, is_live=is_live)
         self._plots = Plots(client.gui, recent)
+        self._free_plot = FreePlot(client, recent)
 
     def show_plots(self, view: View, turn: int) -> None:
         """Update the plots."""
         self._time.show(self._recent)
-        self._plots.show(view, turn, end_ns=self._time.end_ns(self._recent.newest_ns), window_s=self._time.window_s)
+        end_ns, window_s = self._time.end_ns(self._recent.newest_ns), self._time.window_s
+        self._plots.show(view, turn, end_ns=end_ns, window_s=window_s)
+        if turn % _TURNS_PER_FREE_PLOT == 0:
+            self._free_plot.show(end_ns=end_ns, window_s=window_s)

@@ -15,9 +15,10 @@ Columns = npt.NDArray[np.void]
 
 _KINDS = {"int": "i8", "bool": "?", "float": "f8"}
 _TYPES = {name: str(getattr(kind, "__forward_arg__", kind)) for name, kind in Snapshot.__annotations__.items()}
-_NUMBERS = [name for name in Snapshot._fields if _TYPES[name] in _KINDS]
-_PLACES = [Snapshot._fields.index(name) for name in _NUMBERS]
-_ROW = np.dtype([(name, _KINDS[_TYPES[name]]) for name in _NUMBERS])
+NUMBERS = [name for name in Snapshot._fields if _TYPES[name] in _KINDS]
+"""Fields of a snapshot that are columns."""
+_PLACES = [Snapshot._fields.index(name) for name in NUMBERS]
+_ROW = np.dtype([(name, _KINDS[_TYPES[name]]) for name in NUMBERS])
 
 
 class RecentSnapshots:

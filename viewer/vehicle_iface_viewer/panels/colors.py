@@ -1,4 +1,4 @@
-"""The colours of the loop's states, in the banner and in the strip."""
+"""The colours of the loop's states in banner and strip, and those of curves."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from vehicle_iface.status import ControllerState
 GREEN, AMBER, RED, BLUE, TEAL, GREY = "#237032", "#a04f00", "#b02525", "#1864ab", "#0a6475", "#495057"
 VIOLET = "#862e9c"
 """The driver drives."""
-LIMITED = "#f06595"
+# Of curves; each has a contrast of at least 3 on the dark page and on the light one.
+REQUESTED, MEASURED, SENT, LIMITED = "#c97a00", "#228be6", "#2f9e44", "#e64980"
 _STATES: dict[int, str] = {
     ControllerState.ENGAGED: GREEN,
     ControllerState.ENGAGING: TEAL,

@@ -15,6 +15,11 @@ STYLE = f"""<style>
 #frozen b {{ font-size: clamp(30px, 7vw, 76px); line-height: 1.1; letter-spacing: 1px }}
 #way-on code {{ white-space: nowrap }}
 .uplot .u-legend .u-series:nth-last-child(-n+3) {{ display: none }}
+.uplot .u-legend .u-series {{ margin-right: 0 !important; letter-spacing: -.2px }}
+.uplot .u-legend .u-value {{ display: inline-block; min-width: 3.3em; font-variant-numeric: tabular-nums;
+  text-align: left; color: inherit }}
+.uplot .u-legend .u-series:first-child th {{ display: none }}
+.uplot .u-legend .u-series:first-child .u-value::after {{ content: " s" }}
 .vi-note {{ margin: 4px 8px; font-size: 12px; opacity: .8 }}
 .vi-signals, .vi-values, .vi-bar {{ font-size: 12px; line-height: 1.35; font-variant-numeric: tabular-nums }}
 .vi-message {{ margin: 0 14px 6px 6px }}

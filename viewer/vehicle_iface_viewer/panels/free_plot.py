@@ -1,0 +1,130 @@
+"""The free plot of one browser: two signals that its user chooses, each with an axis of its own unless both have the
+same unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+import viser
+from viser import uplot
+
+from vehicle_iface.trajectory import FloatArray
+from vehicle_iface_viewer.access import handle_text
+from vehicle_iface_viewer.panels.colors import MEASURED, REQUESTED
+from vehicle_iface_viewer.panels.curves import TimeAxis
+from vehicle_iface_viewer.panels.free_signals import FREE_SIGNALS, FreeSignal
+from vehicle_iface_viewer.panels.plot_frame import (
+    LAYOUT,
+    Range,
+    add_plot,
+    all_series,
+    axes,
+    send_curves,
+    time_scale,
+    value_scale,
+)
+from vehicle_iface_viewer.panels.plot_time import USUAL_WINDOW, WINDOWS
+from vehicle_iface_viewer.recent import RecentSnapshots
+
+NONE = "none"
+USUAL_SIGNALS = ("latency, ms", NONE)
+_COLORS = (MEASURED, REQUESTED)
+_SCALES = ("y", "right")
+_NO_LINES = (math.nan, math.nan)
+_ORDER = 20.0
+_LEAST_FILLED = 0.3
+"""A curve that fills less of its range gets a smaller one."""
+
+
+class FreePlot:
+    """Two signals over the time of the other plots."""
+
+    def __init__(self, client: viser.ClientHandle, recent: RecentSnapshots) -> None:
+        self._recent = recent
+        self._window_s = WINDOWS[USUAL_WINDOW]
+        self._names = list(USUAL_SIGNALS)
+        self._ranges: list[Range | None] = [None, None]
+        self._number = 0
+        self._sent: tuple[int, float, tuple[str, ...]] | None = None
+        self._handle = add_plot(client.gui, "Free plot", self._series(), self._scales(), _ORDER + 1)
+        names = tuple(FREE_SIGNALS)
+        for place, (label, choices) in enumerate((("Free plot", names), ("and", (NONE, *names)))):
+            box = client.gui.add_dropdown(
+                label, choices, initial_value=self._names[place], order=_ORDER + 0.1 * (place + 1)
+            )
+            handle_text(client, box._impl.uuid, max(map(len, names)), partial(self.choose, place))
+
+    def choose(self, place: int, name: str) -> None:
+        """Draw another signal; `place` 0 has the left axis. A name that is no signal is ignored, except `NONE`."""
+        if name in FREE_SIGNALS or (place == 1 and name == NONE):
+            self._names[place] = name
+
+    def show(self, *, end_ns: int, window_s: float) -> None:
+        """Send `window_s` seconds until `end_ns`, if they or the signals are others than before."""
+        wanted = (end_ns, window_s, tuple(self._names))
+        if self._sent == wanted:
+            return
+        is_other = self._sent is None or self._sent[1:] != wanted[1:]
+        self._sent, self._window_s = wanted, window_s
+        self._number += 1
+        axis = TimeAxis.until(end_ns, window_s)
+        rows = self._recent.between(axis.begin_ns - 1, axis.now_ns)
+        curves = [axis.decimate(rows["published_ns"], signal.read(rows)) for signal in self._signals()]
+        ranges = self._find_ranges(curves)
+        if is_other or ranges != self._ranges:
+            self._ranges = ranges
+            self._handle.series = all_series(self._series())
+            self._handle.axes = axes(_SCALES[1] if self._has_two_axes() else "")
+            self._handle.scales = self._scales()
+        send_curves(self._handle, axis.times_s, curves, _NO_LINES, self._number)
+
+    def _signals(self) -> list[FreeSignal]:
+        return [FREE_SIGNALS[name] for name in self._names if name != NONE]
+
+    def _has_two_axes(self) -> bool:
+        return len({signal.unit for signal in self._signals()}) > 1
+
+    def _find_ranges(self, curves: Sequence[FloatArray]) -> list[Range | None]:
+        if self._has_two_axes():
+            return [find_range(curve, old) for curve, old in zip(curves, self._ranges, strict=True)]
+        return [find_range(np.concatenate(curves), self._ranges[0]), None]
+
+    def _series(self) -> list[uplot.Series]:
+        scales = _SCALES if self._has_two_axes() else ("y", "y")
+        return [
+            uplot.Series(label=signal.name, stroke=color, width=1.6, scale=scale)
+            for signal, color, scale in zip(self._signals(), _COLORS, scales, strict=False)
+        ]
+
+    def _scales(self) -> dict[str, uplot.Scale]:
+        ranges = zip(_SCALES, self._ranges, strict=True)
+        return {
+            "x": time_scale(self._window_s),
+            **{name: value_scale(limits or Range(low=0.0, high=1.0)) for name, limits in ranges},
+            LAYOUT: uplot.Scale(),
+        }
+
+
+def find_range(values: FloatArray, old: Range | None) -> Range | None:
+    """Return a range with round ends for these values: the old one where it still fits, as another one rebuilds the
+    plot in the browser."""
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return old
+    low, high = float(values.min()), float(values.max())
+    step = _step(low, high)
+    found = Range(low=math.floor(low / step) * step, high=math.ceil(high / step) * step)
+    if found.low == found.high:
+        found = Range(low=found.low - step, high=found.high + step)
+    is_inside = old is not None and old.low <= low and high <= old.high
+    return old if old is not None and is_inside and found.width > _LEAST_FILLED * old.width else found
+
+
+def _step(low: float, high: float) -> float:
+    """Return 1, 2 or 5 times a power of ten: about a quarter of the range, or a part of a constant value."""
+    width = max(high - low, 1e-3 * max(abs(low), abs(high))) or 1.0
+    power = 10.0 ** math.floor(math.log10(width / 4))
+    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= width / 4)
