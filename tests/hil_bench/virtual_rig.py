@@ -118,6 +118,6 @@ def run_virtual(
     rig = VirtualRig(wire, bus, device, trajectory, case)
     rig.vehicle.drives_to(route.x_m[-1], route.y_m[-1])
     with virtual_time(bus):
-        stretches = run_phases(rig, case)
+        stretches = run_phases(rig, case, is_recorded=False)
         killed = clean_up(rig, case)
     return judge_case(config, case, rig, route, killed, stretches)

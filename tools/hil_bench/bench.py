@@ -315,6 +315,7 @@ def _with_paths(found: CaseResult, folder: str, at_s: float) -> CaseResult:
         began_s=at_s,
         candump=found.candump and f"{folder}/{found.candump}",
         device_log=found.device_log and f"{folder}/{found.device_log}",
+        recording=found.recording and f"{folder}/{found.recording}",
     )
 
 

@@ -99,3 +99,8 @@ class Case:
     """The injection continues until this many samples were sent."""
     setup: dict[str, float] = field(default_factory=dict)
     """Attributes of the plant at the beginning."""
+
+    @property
+    def is_manoeuvre(self) -> bool:
+        """Whether a drive is judged, not a fault."""
+        return "manoeuvre" in self.tags

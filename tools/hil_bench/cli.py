@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from hil_bench import bench, listen, resume
+from hil_bench import bench, drive_pages, listen, resume
 from hil_bench import result as results
 from hil_bench.applicable import find_inapplicable, scale_for
 from hil_bench.bench_config import BenchConfig
@@ -93,16 +93,19 @@ def _bench(options: argparse.Namespace) -> int:
     folder = Path(options.out)
     if not options.resume:
         resume.check_folder(folder)
-    for option in ("device", "listen_device", "recording_device", "viewer", "stop", "rearm"):
+    for option in ("device", "listen_device", "recording_device", "export", "viewer", "stop", "rearm"):
         wrong = find_template_error(getattr(options, option))
         if wrong:
             raise bench.BenchError(f"--{option.replace('_', '-')}: {wrong}")
+    if options.export and not options.recording_device:
+        raise bench.BenchError("--export requires a device that records its drive in {record}: --recording-device")
     old = _read_old_run(options.compare)
     wire = open_wire(options.profile)
     commands = Commands(
         start=options.device,
         listen=options.listen_device,
         record=options.recording_device,
+        export=options.export,
         view=options.viewer,
         stop=options.stop,
         rearm=options.rearm,
@@ -146,7 +149,7 @@ def _bench(options: argparse.Namespace) -> int:
             journal=resume.open_journal(options, config),
             is_strict=options.strict,
         )
-        run = bench.run(plan, Progress(to_error=options.json))
+        run = drive_pages.write_pages(bench.run(plan, Progress(to_error=options.json)), folder, commands.export)
     return _write_reports(run, folder, old, options)
 
 

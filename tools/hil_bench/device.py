@@ -22,7 +22,7 @@ from hil_bench.places import CHECKOUT
 from hil_bench.process import Process
 
 CHANNELS = "{channels}"
-PLACEHOLDERS = ("channels", "channel", "profile", "trajectory", "route", "record", "port")
+PLACEHOLDERS = ("channels", "channel", "profile", "trajectory", "route", "record", "port", "page")
 WITH_OPEN_FILES = """
 import os, resource, sys
 count, most = int(sys.argv[1]), resource.getrlimit(resource.RLIMIT_NOFILE)[1]
@@ -39,6 +39,7 @@ OWN = (
 )
 OWN_VERSION = f"{sys.executable} -m vehicle_iface --version"
 OWN_RECORDING = f"{OWN} --arm --record {{record}}"
+OWN_EXPORT = f"{sys.executable} -m vehicle_iface export {{record}} --html {{page}}"
 OWN_VIEWER = f"{sys.executable} -m vehicle_iface view --port {{port}} --connect bench-{{channel}}"
 
 
@@ -54,6 +55,8 @@ class Commands:
     """Starts it so that it records its drive in the new folder {record}; empty: not possible."""
     view: str = OWN_VIEWER
     """Starts a viewer that serves {port} of this computer; empty: there is none."""
+    export: str = ""
+    """Writes the file {page}, which shows the drive in {record}; empty: drives are not shown."""
     stop: str = ""
     """Ends it in an orderly way; empty: SIGINT to the started process."""
     rearm: str = ""

@@ -4,7 +4,7 @@ import argparse
 from difflib import get_close_matches
 from typing import NoReturn
 
-from hil_bench.device import Commands
+from hil_bench.device import OWN_EXPORT, Commands
 
 BAD_USAGE = 2
 """Exit status, as any program that uses argparse has it."""
@@ -94,6 +94,15 @@ def build_parser() -> argparse.ArgumentParser:
         default=None,
         metavar="COMMAND",
         help="starts the device so that it records its drive in the folder {record} (default: likewise)",
+    )
+    add(
+        "--export",
+        nargs="?",
+        default="",
+        const=OWN_EXPORT,
+        metavar="COMMAND",
+        help="record the drive of each manoeuvre, and link a page of it: COMMAND writes the file {page} from the "
+        "folder {record} (default: vehicle-iface export)",
     )
     add(
         "--viewer",

@@ -21,7 +21,7 @@ SETTLE_S = 1.5
 END_S = 16.0
 
 
-def run_phases(rig: Rig, case: Case) -> list[Stretch]:
+def run_phases(rig: Rig, case: Case, *, is_recorded: bool) -> list[Stretch]:
     """Preparation, injection, and what comes after it; returns when each step of the case was carried out."""
     stretches: list[Stretch] = []
     for attribute, value in case.setup.items():
@@ -30,7 +30,7 @@ def run_phases(rig: Rig, case: Case) -> list[Stretch]:
         rig.set_link(up=False)
     rig.begin()
     rig.note(EventKind.PREPARATION, "the vehicle sends state, the device is started")
-    rig.device.start(armed=case.armed, recorded=bool(case.recorded_mib), open_files=case.open_files)
+    rig.device.start(armed=case.armed, recorded=is_recorded, open_files=case.open_files)
     if not rig.device.is_started:
         rig.run_for(SETTLE_S)
         rig.rearm()

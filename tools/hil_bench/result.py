@@ -194,6 +194,10 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True):
     """File with every frame, relative to the report's folder."""
     device_log: str = ""
     """File with the device's output, relative to the report's folder."""
+    recording: str = ""
+    """Folder in which the device recorded the drive, relative to the report's folder."""
+    page: str = ""
+    """File that shows the drive, or that says why there is none, relative to the report's folder."""
 
 
 class FaultRow(msgspec.Struct, frozen=True, kw_only=True):

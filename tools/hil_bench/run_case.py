@@ -33,13 +33,15 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
         trajectory.write_text(case.breaks(trajectory.read_text()))
     channel, device_channel = (host.BENCH_END, host.DEVICE_END) if case.on_vxcan else (config.channel, config.channel)
     device_channels = (case.channel or device_channel, *config.further_channels)
+    recording = _recording(config, case, name)
+    shutil.rmtree(recording, ignore_errors=True)  # of an earlier attempt
     placeholders = {
         "channels": channel_options(device_channels, config.wire),
         "channel": device_channels[0],
         "profile": _profile(config, case, name),
         "trajectory": str(trajectory.resolve()),
         "route": route.name,
-        "record": str((config.folder / f"{name}.disk" / "drive").resolve()),
+        "record": str(recording.resolve()),
         "port": str(_free_port()),
     }
     began_ns = time.monotonic_ns()
@@ -63,7 +65,7 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
         rig.vehicle.drives_to(route.x_m[-1], route.y_m[-1])
         rig.device.log = config.folder / f"{name}.log"
         try:
-            stretches = run_phases(rig, case)
+            stretches = run_phases(rig, case, is_recorded=_is_recorded(config, case))
         finally:
             killed = clean_up(rig, case)
         rig.write_candump(config.folder / f"{name}.candump")
@@ -82,7 +84,18 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
         spent_s=measure_stages(rig, rig.device_frames(), began_ns, ended_ns),
         candump=f"{name}.candump",
         device_log=f"{name}.log" if rig.device.log.exists() else "",
+        recording=recording.name if config.commands.export and recording.is_dir() else "",
     )
+
+
+def _is_recorded(config: BenchConfig, case: Case) -> bool:
+    """Whether the case is about the recorder, or its drive is shown on a page."""
+    return bool(case.recorded_mib) or (bool(config.commands.export) and case.is_manoeuvre and case.armed)
+
+
+def _recording(config: BenchConfig, case: Case, name: str) -> Path:
+    """The folder in which the device records: on a disk of its own that is removed, or to stay."""
+    return config.folder / (f"{name}.disk/drive" if case.recorded_mib else f"{name}.recording")
 
 
 def _profile(config: BenchConfig, case: Case, name: str) -> str:

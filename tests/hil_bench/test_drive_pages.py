@@ -1,0 +1,68 @@
+"""Pages of recorded drives: each is written by the given command, and a command that fails says why."""
+
+import sys
+from pathlib import Path
+
+import example_run
+import msgspec
+import pytest
+from hil_bench import cli
+from hil_bench.cases import CATALOGUE
+from hil_bench.drive_pages import write_pages
+from hil_bench.report import html
+from hil_bench.result import Run
+
+COPY = (
+    f"{sys.executable} -c \"import shutil, sys; shutil.copy(sys.argv[1] + '/drive', sys.argv[2])\" {{record}} {{page}}"
+)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """A run of one case with a recording and one without."""
+    first, second = example_run.run().cases[:2]
+    (tmp_path / "cases" / "a.recording").mkdir(parents=True)
+    (tmp_path / "cases" / "a.recording" / "drive").write_text("the drive")
+    return example_run.run_of([msgspec.structs.replace(first, recording="cases/a.recording"), second])
+
+
+def test_the_report_links_the_page_of_a_recorded_drive(run: Run, tmp_path: Path) -> None:
+    written = write_pages(run, tmp_path, COPY)
+    assert [case.page for case in written.cases] == ["cases/a.html", ""]
+    assert (tmp_path / "cases" / "a.html").read_text() == "the drive"
+    assert 'the drive on a page: <a href="./cases/a.html">' in html.write(written, tmp_path).read_text()
+
+
+@pytest.mark.parametrize(
+    ("command", "why"),
+    [
+        (f"{sys.executable} -c \"import sys; sys.exit('no such drive')\"", "exit status 1: no such drive"),
+        (f"{sys.executable} -c pass", "wrote no cases/a.html"),
+        ("/nowhere/export", "No such file or directory: '/nowhere/export'"),
+    ],
+)
+def test_without_a_page_the_report_links_the_reason(run: Run, tmp_path: Path, command: str, why: str) -> None:
+    written = write_pages(run, tmp_path, command)
+    assert written.cases[0].page == "cases/a.page.log"
+    assert why in (tmp_path / "cases" / "a.page.log").read_text()
+    assert (
+        'why there is no page of the drive: <a href="./cases/a.page.log">' in html.write(written, tmp_path).read_text()
+    )
+
+
+def test_without_a_command_nothing_is_written(run: Run, tmp_path: Path) -> None:
+    assert write_pages(run, tmp_path, "") is run
+
+
+def test_manoeuvres_are_drives_without_a_fault() -> None:
+    names = {case.name for case in CATALOGUE if case.is_manoeuvre}
+    assert {"drive-step", "drive-slalom", "drive-u-turn", "drive-reverse-bay"} <= names
+    assert "silence-50-ms" not in names
+
+
+def test_a_device_that_cannot_record_has_no_pages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["--channel", "vcan0", "--out", str(tmp_path / "r"), "--device", "my-controller", "--export", "x"]
+    assert cli.main(given) == cli.BAD_USAGE
+    assert (
+        "--export requires a device that records its drive in {record}: --recording-device" in capsys.readouterr().err
+    )
