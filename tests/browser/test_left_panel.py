@@ -1,5 +1,7 @@
 """The panel to the left in a real browser: the table of messages, its filter, events, latency and counters."""
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Callable, Iterator
 
@@ -41,6 +43,9 @@ class Bus:
             self._due_ns = now_ns + NS_PER_S // 2
             self._report = self.monitor.report(now_ns)
         return self._report
+
+    def fork(self) -> Bus:
+        return self
 
     def close(self) -> None: ...
 

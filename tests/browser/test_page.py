@@ -16,6 +16,7 @@ from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.cameras import Look
 
 from .processes import Publisher, Replay, Viewer
+from .recording import STOP_S, write_recording
 from .strip import click_strip
 from .tunnel import open_tunnel
 
@@ -351,10 +352,8 @@ def run(module: str, *options: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_recording_is_marked_as_such_and_can_be_paused_and_wound_back(page: Page, tmp_path: Path) -> None:
-    drive = ("run", "--interface", "embedded", "--route", "figure8", "--arm", "--duration", "3")
-    where = ("--telemetry", str(tmp_path / "loop"), "--record", str(tmp_path / "drive"))
-    assert run("vehicle_iface", *drive, *where).returncode == 0
-    replay = Replay(tmp_path / "drive", "--from", "1", "--speed", "0.1")
+    replay = Replay(write_recording(tmp_path / "drive"), "--from", "1", "--speed", "0.1")
+    page.set_viewport_size({"width": 820, "height": 700})  # the panels, and little of the picture
     try:
         page.goto(replay.url)
         shown = page.locator("#recording")
@@ -381,5 +380,22 @@ def test_a_recording_is_marked_as_such_and_can_be_paused_and_wound_back(page: Pa
         expect(shown).to_contain_text("speed ×0.1")
         page.keyboard.press("Space")
         expect(shown).to_contain_text("paused")
+        expect(page.locator(".vi-map .vi-mark").first).to_be_attached()  # of the whole drive, also of what comes
+        place = page.locator("#n-x").inner_text()
+        page.keyboard.press("ArrowDown")
+        expect(page.locator("#n-x")).not_to_have_text(place)
+        expect(shown).to_contain_text(f"{STOP_S - 1.0:.1f} s of")
+        page.keyboard.press("b")
+        expect(shown).to_contain_text("0.0 s of")  # before ENGAGED
+        with page.context.new_page() as other:
+            other.set_viewport_size({"width": 820, "height": 700})
+            other.goto(replay.url)
+            expect(other.locator("#recording")).to_contain_text("speed ×0.1")
+            other.keyboard.press("PageUp")
+            expect(other.locator("#recording")).to_contain_text("speed ×0.25")
+            other.get_by_role("button", name="Stop ▶").click()
+            expect(other.get_by_role("button", name="● ¼×")).to_be_visible()
+            expect(other.locator("#recording")).to_contain_text(re.compile(r"[234]\.\d s of"))
+            expect(shown).to_contain_text("0.0 s of 4.0 s · paused")
     finally:
         replay.close()

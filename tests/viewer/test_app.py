@@ -81,4 +81,5 @@ def test_each_camera_puts_the_world_where_its_name_says(app: App) -> None:
 def test_without_a_loop_the_page_is_kept_up(app: App) -> None:
     for tick in range(10):
         app.update(tick)
-    assert "NO LOOP" in app._side_panel._banner.content
+    assert app._live is not None
+    assert "NO LOOP" in app._live._side_panel._banner.content

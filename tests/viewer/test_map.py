@@ -65,8 +65,13 @@ def view(shown: Snapshot, trajectory: DrawnTrajectory | None = None) -> View:
 
 def points(html: str) -> list[tuple[float, float]]:
     """The places of all lines, m east and south of the map's origin."""
-    paths = "".join(re.findall(r'<path d="(M[^"]*)" fill="none"', html))
-    return [(float(x), float(y)) for x, y in re.findall(r"[ML](-?[\d.]+) (-?[\d.]+)", paths)]
+    found = []
+    for path in re.findall(r'<path d="([^"]*)" transform="scale\(.01\)"', html):
+        x = y = 0
+        for dx, dy in re.findall(r"[ml](-?\d+) (-?\d+)", path):
+            x, y = x + int(dx), y + int(dy)
+            found.append((x / 100, y / 100))
+    return found
 
 
 def box(drawing: MapDrawing) -> tuple[float, float, float, float]:
@@ -100,14 +105,18 @@ def test_only_what_moves_changes_while_the_vehicle_drives_within_the_picture() -
     route = path(np.arange(0.0, 200.0), np.zeros(200))
     journey.add(snapshot(0, 10.0))
     drawing.update(view(snapshot(1, 10.0), route), journey)
-    before = (drawing.route, drawing.track, drawing.moving, drawing.picture)
+    before, moving = (drawing.ahead, drawing.route, drawing.track, drawing.picture), drawing.moving
+    journey.add(snapshot(1, 11.0))  # the lines are not drawn again for each metre
     drawing.update(view(snapshot(2, 10.4), route), journey)
-    assert (drawing.route, drawing.track, drawing.picture) == (before[0], before[1], before[3])
-    assert drawing.moving != before[2]
+    assert (drawing.ahead, drawing.route, drawing.track, drawing.picture) == before
+    assert drawing.moving != moving
+    assert len(points(drawing.ahead)) == 200
     drawing.update(view(snapshot(2, 400.0), route), journey)
     west, _, width, _ = box(drawing)
     assert west + width > 400.0
-    assert drawing.route == before[0]
+    assert drawing.ahead == before[0]
+    drawing.update(view(snapshot(3 * NS_PER_S, 11.0), route), journey)
+    assert points(drawing.track)[-1][0] - points(drawing.track)[0][0] == 1.0
 
 
 def test_the_map_of_a_very_long_drive_is_small() -> None:
@@ -116,8 +125,9 @@ def test_the_map_of_a_very_long_drive_is_small() -> None:
         journey.add(snapshot(k, 3.0 * k, 40.0 * math.sin(k / 50)))
     drawing.update(view(snapshot(20_000, 60_000.0), path(np.arange(5000.0), np.zeros(5000))), journey)
     assert len(points(drawing.track)) <= MAX_POINTS
-    assert 400 < len(points(drawing.route)) <= 1000
-    assert len(drawing.route + drawing.track) < 40_000
+    assert len(points(drawing.route)) <= MAX_POINTS
+    assert len(points(drawing.ahead)) == 400
+    assert len(drawing.ahead + drawing.route + drawing.track) < 25_000
 
 
 def test_a_jump_is_not_drawn_as_a_line() -> None:
@@ -155,7 +165,7 @@ def test_whatever_the_positions_the_map_is_valid_and_finite(places: list[tuple[f
         shown = snapshot(1, x_m, y_m, heading_rad)
         journey.add(shown)
         drawing.update(view(shown, trajectory), journey)
-    for part in (drawing.route, drawing.track, drawing.moving, drawing.picture):
+    for part in (drawing.ahead, drawing.route, drawing.track, drawing.moving, drawing.picture):
         if part:
             ElementTree.fromstring(part)
             assert not re.search(r"\b(nan|inf)\b", part)

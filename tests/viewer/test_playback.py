@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from viser import _messages
+from websockets.sync.connection import Connection
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.recorder import files
@@ -20,6 +21,7 @@ from vehicle_iface.units import NS_PER_MS, NS_PER_S
 from vehicle_iface_viewer.__main__ import main
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
+from vehicle_iface_viewer.browser import ReplayBrowser
 from vehicle_iface_viewer.feed import Feed
 from vehicle_iface_viewer.playback import Playback
 
@@ -169,11 +171,18 @@ def test_a_jump_to_a_stop_shows_the_second_before_it(recording: Playback, eventf
     eventful.is_paused = True
     places = []
     for step in (1, 1, 1, -1, -1):
-        eventful.seek_stop(step)
+        eventful.seek_event(step, stops_only=True)
         eventful.advance(0)
         places.append(round(eventful.at_s, 2))
     assert places == [1.0, 3.0, 3.0, 1.0, 1.0]
-    recording.seek_stop(1)
+    eventful.seek_event(-1)
+    eventful.advance(0)
+    assert eventful.at_s == 0.0
+    for at_s in (1.0, 3.0):  # the end of the stop is no event of its own
+        eventful.seek_event(1)
+        eventful.advance(0)
+        assert eventful.at_s == pytest.approx(at_s)
+    recording.seek_event(1)
     recording.advance(0)
     assert recording.session == 1
 
@@ -195,7 +204,7 @@ def test_playback_stays_at_its_end_and_shows_it(recording: Playback) -> None:
     assert recording.description.startswith("5.0 s of 5.0 s · at its end · recorded on 2026-11-22 at ")
 
 
-def test_speed_pause_and_playback_without_a_browser(recording: Playback) -> None:
+def test_speed_and_pause(recording: Playback) -> None:
     recording.speed = 2.0
     recording.advance(0)
     recording.advance(NS_PER_S)
@@ -205,9 +214,7 @@ def test_speed_pause_and_playback_without_a_browser(recording: Playback) -> None
     assert recording.at_s == pytest.approx(2.0)
     assert "paused" in recording.description
     recording.is_paused = False
-    recording.advance(3 * NS_PER_S, is_watched=False)
-    assert recording.at_s == pytest.approx(2.0)
-    recording.advance(4 * NS_PER_S)
+    recording.advance(3 * NS_PER_S)
     assert recording.at_s == pytest.approx(4.0)
 
 
@@ -314,45 +321,89 @@ def app(recording: Playback) -> Iterator[App]:
     opened.close()
 
 
-def test_its_page_shows_recording_above_everything(app: App) -> None:
-    for tick in range(12):
-        app.update(tick)
-    banner = app._side_panel._banner.content
-    assert banner.startswith('<div id="recording"')
-    assert "RECORDING, NOT LIVE" in banner
-    assert "0.0 s of 5.0 s" in banner
+def opened_browser(app: App, client: Connection, count: int = 1) -> ReplayBrowser:
+    """The newest browser, when the viewer has noticed `count` of them."""
+    client.send(packed(camera()))
+    while len(browsers := app._update_clients()) < count:
+        wait_for_answer(client)
+    assert isinstance(browsers[-1], ReplayBrowser)
+    return browsers[-1]
 
 
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
-def test_a_browser_may_pause_it_and_choose_place_and_speed_within_their_ranges(app: App, recording: Playback) -> None:
-    controls = app._controls
-    assert controls is not None
-    pause, place, speed = (handle._impl.uuid for handle in (controls._pause, controls._time, controls._speed))
+def test_its_page_shows_recording_above_everything(app: App) -> None:
     with joined(app.server) as client:
-        client.send(packed(camera()))
-        while not app._update_clients():
-            wait_for_answer(client)
+        browser = opened_browser(app, client)
+        for tick in range(12):
+            app.update(tick)
+        banner = browser._showing._side_panel._banner.content
+    assert banner.startswith('<div id="recording"')
+    assert "RECORDING, NOT LIVE" in banner
+    assert " s of 5.0 s" in banner
+
+
+@pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
+def test_a_browser_may_pause_it_and_choose_place_and_speed_within_their_ranges(app: App) -> None:
+    with joined(app.server) as client:
+        browser = opened_browser(app, client)
+        controls, playback = browser._controls, browser.playback
+        pause, place, speed = (handle._impl.uuid for handle in (controls._pause, controls._time, controls._speed))
         for uuid, value in (
             *((pause, value) for value in (1, "true", None)),
             *((place, value) for value in (-1.0, 6.0, float("nan"), "2", True, None, [2.0])),
-            *((speed, value) for value in (0.0, 11, float("inf"), "2")),
+            *((speed, value) for value in (0.0, 11, "16×", "2", "x" * 1000)),
             ("another", True),
         ):
             client.send(packed(_messages.GuiUpdateMessage(uuid, {"value": value})))
         client.send(packed(_messages.GuiUpdateMessage(place, "value")))  # type: ignore[arg-type]
         client.send(b"\xc1")  # closes the connection, once all before it was read
         wait_until_closed(client)
-    app.update(0)
-    assert (recording.is_paused, recording.speed, recording.session) == (False, 1.0, 1)
+    assert (playback.is_paused, playback.speed, playback._seek_s) == (False, 1.0, None)
     with joined(app.server) as client:
-        client.send(packed(camera()))
-        while not app._update_clients():
-            wait_for_answer(client)
-        for uuid, value in ((pause, True), (speed, 4), (place, 3.0)):
+        browser = opened_browser(app, client)
+        controls, playback = browser._controls, browser.playback
+        pause, place, speed = (handle._impl.uuid for handle in (controls._pause, controls._time, controls._speed))
+        for uuid, value in ((pause, True), (speed, "4×"), (place, 3.0)):
             client.send(packed(_messages.GuiUpdateMessage(uuid, {"value": value})))
         client.send(b"\xc1")
         wait_until_closed(client)
-    app.update(1)
-    assert (recording.is_paused, recording.speed, recording.session) == (True, 4.0, 2)
-    assert recording.at_s == pytest.approx(3.0)
+    browser.update(0, 1)
+    assert (playback.is_paused, playback.speed) == (True, 4.0)
+    assert playback.at_s == pytest.approx(3.0)
     assert controls._pause.value is True
+
+
+@pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
+def test_each_browser_has_a_place_of_its_own_and_one_that_is_loaded_again_continues(app: App) -> None:
+    with joined(app.server) as one:
+        first = opened_browser(app, one)
+        first.playback.is_paused = True
+        with joined(app.server) as two:
+            second = opened_browser(app, two, 2)
+            first.playback.seek(1.0)
+            second.playback.seek(4.0)
+            for tick in range(8):
+                app.update(tick)
+            assert first.playback.at_s == 1.0
+            assert second.playback.at_s >= 4.0
+            for browser, words in ((first, "1.0 s of 5.0 s"), (second, "4.")):
+                assert f">{words}" in browser._showing._side_panel._banner.content
+        while len(app._update_clients()) > 1:
+            app.update(0)
+        assert app._playback is second.playback
+    with joined(app.server) as again:
+        assert opened_browser(app, again).playback.at_s == app._playback.at_s
+
+
+@pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
+def test_speeds_are_steps_from_a_quarter_to_eight(app: App) -> None:
+    with joined(app.server) as client:
+        controls = opened_browser(app, client)._controls
+        for step, count, speed in ((1, 9, 8.0), (-1, 9, 0.25), (1, 3, 2.0)):
+            for _ in range(count):
+                controls._change_speed(step)
+            assert controls._playback.speed == speed
+        assert controls._speed.options == ("¼×", "½×", "1×", "● 2×", "4×", "8×")
+        controls._set_speed(3.0)  # by an option of the command line
+        controls._change_speed(-1)
+        assert controls._playback.speed == 2.0

@@ -147,3 +147,11 @@ def test_python_code_in_a_recording_is_not_run(folder: Path, tmp_path: Path) -> 
     assert "would run Python code of the recording (j1939_checksums.py)" in read(table, 1.0).problem
     assert not mark.exists()
     table.close()
+
+
+def test_each_browser_has_a_table_of_its_own_time(table: RecordedBusTable, frames: list[CanFrame]) -> None:
+    other = table.fork()
+    read(table, 3.0)
+    assert other._report is None
+    assert read(other, 5.0) == expected(frames, 3.0, 5.0)
+    assert read(table, 3.1).frames == read(table, 3.0).frames

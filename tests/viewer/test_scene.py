@@ -70,7 +70,7 @@ def view(k: int, x_m: float, y_m: float, trajectory: DrawnTrajectory | None = No
 
 def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserServer) -> None:
     recent = RecentSnapshots(length_s=25.0)
-    scene, panel, plots = Scene(server), SidePanel(server.gui), Plots(server.gui, recent)
+    scene, panel, plots = Scene(server.scene), SidePanel(server.gui), Plots(server.gui, recent)
     sizes = []
     for k in range(1, 1501):
         along = path(np.arange(600.0) + k, np.zeros(600), version=k // 50)
@@ -93,7 +93,7 @@ def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserSe
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e12, 1e300])
 def test_a_value_that_cannot_be_drawn_is_hidden_and_returns(server: viser.ViserServer, bad: float) -> None:
-    scene = Scene(server)
+    scene = Scene(server.scene)
     assert scene.draw(view(1, 3.0, 4.0)) is not None
     assert at_present(scene._vehicle._frame.visible)
     assert scene.draw(view(2, bad, 4.0)) is None
@@ -109,7 +109,7 @@ def test_a_value_that_cannot_be_drawn_is_hidden_and_returns(server: viser.ViserS
 
 
 def test_far_from_the_maps_origin_the_vehicle_still_moves_by_centimetres(server: viser.ViserServer) -> None:
-    scene = Scene(server)
+    scene = Scene(server.scene)
     places = []
     for k in range(5):
         scene.draw(view(k, 500_000.0 + 0.01 * k, 5_400_000.0))
@@ -118,7 +118,7 @@ def test_far_from_the_maps_origin_the_vehicle_still_moves_by_centimetres(server:
 
 
 def test_a_session_brings_its_vehicles_shape(server: viser.ViserServer) -> None:
-    scene = Scene(server)
+    scene = Scene(server.scene)
     scene.draw(view(1, 0.0, 0.0))
     assert np.ptp(scene._vehicle._body.vertices[:, 0]) == pytest.approx(SHAPE.length_m)
     assert scene._vehicle._wheels[0].position == pytest.approx((SHAPE.wheelbase_m, SHAPE.track_m / 2, 0.5))
@@ -126,7 +126,7 @@ def test_a_session_brings_its_vehicles_shape(server: viser.ViserServer) -> None:
 
 
 def test_left_is_left(server: viser.ViserServer) -> None:
-    scene = Scene(server)
+    scene = Scene(server.scene)
     scene.draw(view(1, 0.0, 0.0, heading_rad=math.pi / 2, front_wheel_angle_rad=0.3))
     assert scene._vehicle._frame.wxyz == pytest.approx((math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
     assert scene._vehicle._wheels[0].wxyz == pytest.approx((math.cos(0.15), 0.0, 0.0, math.sin(0.15)))
@@ -134,7 +134,7 @@ def test_left_is_left(server: viser.ViserServer) -> None:
 
 
 def test_a_trajectory_in_another_frame_is_not_drawn(server: viser.ViserServer) -> None:
-    scene = Scene(server)
+    scene = Scene(server.scene)
     scene.draw(view(1, 0.0, 0.0, path([0.0, 1.0], [0.0, 0.0]), frame_id="odom"))
     assert not scene._path._line.visible
 
@@ -165,7 +165,7 @@ def test_a_vehicle_at_rest_has_no_braking_distance_and_an_absurd_one_is_bounded(
 
 
 def test_the_error_line_joins_vehicle_and_reference(server: viser.ViserServer) -> None:
-    scene = Scene(server)
+    scene = Scene(server.scene)
     scene.draw(view(2, 3.0, 4.0, has_reference=True, spatial_reference_x_m=3.0, spatial_reference_y_m=5.0))
     assert at_present(scene._guides._error.visible)
     assert scene._guides._error.points[0, :, :2].tolist() == [[3.0, 5.0], [3.0, 4.0]]
@@ -177,7 +177,7 @@ def test_the_error_line_joins_vehicle_and_reference(server: viser.ViserServer) -
 
 
 def test_stops_are_pins_at_their_places(server: viser.ViserServer) -> None:
-    scene = Scene(server)
+    scene = Scene(server.scene)
     scene.draw(view(1, 1000.0, 0.0))
     for number, kind in enumerate((EventKind.STOP, EventKind.MODE, EventKind.FAULT)):
         event = LoopEvent(number=number, at_ns=number, kind=kind, name="x")

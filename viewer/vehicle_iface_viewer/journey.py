@@ -14,6 +14,7 @@ from vehicle_iface.telemetry import Snapshot
 from vehicle_iface.telemetry.events import EventKind, LoopEvent, Phase
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface.units import NS_PER_S
+from vehicle_iface_viewer.playback import Playback
 from vehicle_iface_viewer.recent import RecentSnapshots
 
 MAX_POINTS = 600
@@ -61,7 +62,7 @@ class Places:
 
     def add(self, x_m: float, y_m: float) -> None:
         """Add a place, if it is far enough from the one before; one that is very far away is not joined to it."""
-        if not (abs(x_m) < LAST_M and abs(y_m) < LAST_M):  # NaN too
+        if not (abs(x_m) < LAST_M and abs(y_m) < LAST_M):  # true for NaN
             return
         distance_m = math.dist(self._points[-1][:2], (x_m, y_m)) if self._points else math.inf
         if distance_m < self._step_m:
@@ -108,15 +109,35 @@ class Journey:
             if snapshot.has_reference:
                 self.route.add(snapshot.spatial_reference_x_m, snapshot.spatial_reference_y_m)
 
+    @classmethod
+    def of(cls, playback: Playback) -> Journey:
+        """Return the whole drive of a recording."""
+        whole = cls()
+        for snapshot in playback.sample(2 * MAX_POINTS):
+            whole.add(snapshot)
+        for event in filter(_is_marked, playback.all_events()):
+            place = playback.at(event.at_ns)
+            if place is not None and place.has_state:
+                whole._mark(event, place.x_m, place.y_m)
+        return whole
+
     def mark(self, events: deque[LoopEvent], recent: RecentSnapshots) -> None:
         """Mark the stops, faults and changes of state that are new, at the vehicle's place at that time."""
         if not events or events[-1].number == self._marked:
             return
         for event in events:
-            if event.number <= self._marked or event.kind not in _MARKED or event.phase is Phase.ENDED:
+            if event.number <= self._marked or not _is_marked(event):
                 continue
             rows = recent.between(event.at_ns - NS_PER_S // 2, event.at_ns + NS_PER_S // 20)
             if len(rows) and rows[-1]["has_state"]:
-                self.marks.append(Mark(x_m=float(rows[-1]["x_m"]), y_m=float(rows[-1]["y_m"]), event=event))
+                self._mark(event, float(rows[-1]["x_m"]), float(rows[-1]["y_m"]))
         self._marked = events[-1].number
-        del self.marks[:-_MAX_MARKS]
+
+    def _mark(self, event: LoopEvent, x_m: float, y_m: float) -> None:
+        if abs(x_m) < LAST_M and abs(y_m) < LAST_M:
+            self.marks.append(Mark(x_m=x_m, y_m=y_m, event=event))
+            del self.marks[:-_MAX_MARKS]
+
+
+def _is_marked(event: LoopEvent) -> bool:
+    return event.kind in _MARKED and event.phase is not Phase.ENDED

@@ -6,6 +6,7 @@ last line are skipped.
 
 from __future__ import annotations
 
+import copy
 import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -25,9 +26,9 @@ from vehicle_iface_viewer.lines import Lines
 
 SPEEDS = (0.1, 10.0)
 """Slowest and fastest playback, as multiples of real time."""
-_BEFORE_STOP_S = 1.0
-"""A stop is shown from so long before it."""
-_SAME_STOP_NS = NS_PER_S // 10
+_BEFORE_EVENT_S = 1.0
+"""An event is shown from so long before it."""
+_SAME_EVENT_NS = NS_PER_S // 10
 _MOST_LINES = 3000
 """After a jump: parsing more would delay the page."""
 
@@ -58,6 +59,12 @@ class Playback:
         self._seek_s: float | None = None
         self._at_ns = self._begin_ns + (ns_from_s(begin_s) if math.isfinite(begin_s) else 0)
         self._advanced_ns: int | None = None
+
+    def fork(self) -> Playback:
+        """Return another playback of the same files, at the same place: each browser has its own."""
+        other = copy.copy(self)
+        other._advanced_ns = None
+        return other
 
     @property
     def info(self) -> SessionInfo:
@@ -97,14 +104,14 @@ class Playback:
         at_s = self.at_s if place_s is None else place_s
         self.seek(min(max(at_s + step_s, 0.0), self.length_s))
 
-    def advance(self, now_ns: int, *, is_watched: bool = True) -> int:
-        """Advance by the time since the last call, if a page is open; return the time of the drive now shown, in ns."""
+    def advance(self, now_ns: int) -> int:
+        """Advance by the time since the last call; return the time of the drive now shown, in ns."""
         elapsed_ns = now_ns - self._advanced_ns if self._advanced_ns is not None else 0
         self._advanced_ns = now_ns
         if self._seek_s is not None:
             self._at_ns, self._seek_s = self._begin_ns + ns_from_s(self._seek_s), None
             self.session += 1
-        elif is_watched and not self.is_paused:
+        elif not self.is_paused:
             self._at_ns += round(elapsed_ns * self.speed)
         self._at_ns = min(max(self._at_ns, self._begin_ns), self._end_ns)
         return self._at_ns
@@ -115,7 +122,11 @@ class Playback:
 
     def newest(self) -> Snapshot | None:
         """Return the last snapshot before the time that is shown."""
-        return files.parse_snapshot(self._columns, self._snapshots.text(self._index(self._at_ns)))
+        return self.at(self._at_ns)
+
+    def at(self, at_ns: int) -> Snapshot | None:
+        """Return the last snapshot before that time."""
+        return files.parse_snapshot(self._columns, self._snapshots.text(self._index(at_ns)))
 
     def between(self, begin_ns: int, end_ns: int) -> list[Snapshot]:
         """Return the snapshots after `begin_ns` and up to `end_ns`; of more than `_MOST_LINES` some are left out."""
@@ -155,17 +166,18 @@ class Playback:
             if snapshot is not None:
                 yield snapshot
 
-    def seek_stop(self, step: int) -> None:
-        """Show the beginning of the next stop or fault (`step` 1), or of the previous one (−1), if there is one."""
-        stops_ns = [event.at_ns for event in self._events if _is_stop(event)]
-        ahead_ns = self._at_ns + ns_from_s(_BEFORE_STOP_S)
+    def seek_event(self, step: int, *, stops_only: bool = False) -> None:
+        """Show the beginning of the next event (`step` 1), or of the previous one (−1), if there is one."""
+        wanted = (event for event in self._events if event.phase is not Phase.ENDED)
+        times_ns = sorted(event.at_ns for event in wanted if not stops_only or event.kind is EventKind.STOP)
+        ahead_ns = self._at_ns + ns_from_s(_BEFORE_EVENT_S)
         place = (
-            bisect_right(stops_ns, ahead_ns + _SAME_STOP_NS)
+            bisect_right(times_ns, ahead_ns + _SAME_EVENT_NS)
             if step > 0
-            else -1 + bisect_right(stops_ns, ahead_ns - _SAME_STOP_NS)
+            else -1 + bisect_right(times_ns, ahead_ns - _SAME_EVENT_NS)
         )
-        if 0 <= place < len(stops_ns):
-            self.seek(s_from_ns(stops_ns[place] - self._begin_ns) - _BEFORE_STOP_S)
+        if 0 <= place < len(times_ns):
+            self.seek(s_from_ns(times_ns[place] - self._begin_ns) - _BEFORE_EVENT_S)
 
     def details(self) -> LiveDetails | None:
         """Return the last counters before the time that is shown."""
@@ -213,10 +225,6 @@ def _load_events(path: Path) -> list[LoopEvent]:
     found = [files.parse_event(line) for line in lines.texts(0, len(lines))]
     lines.close()
     return sorted((event for event in found if event is not None), key=lambda event: event.number)
-
-
-def _is_stop(event: LoopEvent) -> bool:
-    return event.kind is EventKind.STOP and event.phase is not Phase.ENDED
 
 
 def _load_meta(folder: Path) -> files.Meta:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
@@ -71,6 +72,12 @@ class RecordedBusTable:
         self._next = end
         self._report = self._monitor.report(view.now_ns)
         return self._report
+
+    def fork(self) -> RecordedBusTable:
+        """Return another table of the same frames, for a browser that shows another time."""
+        other = copy.copy(self)
+        other._session = 0  # begins with a monitor of its own
+        return other
 
     def close(self) -> None:
         """Close the file."""

@@ -26,6 +26,9 @@ class BusTableSource(Protocol):
     def read(self, view: View) -> BusReport | None:
         """Return the newest report for the session of `view`; None before the first one."""
 
+    def fork(self) -> BusTableSource:
+        """Return one for another browser: the same where all browsers show the same time."""
+
     def close(self) -> None:
         """Release all resources."""
 
@@ -54,6 +57,10 @@ class ListenerProcess:
         if self._process is not None:
             self._read_output(self._process)
         return self._report
+
+    def fork(self) -> ListenerProcess:
+        """Return this one: there is one listener for all browsers."""
+        return self
 
     def close(self) -> None:
         """End the listener."""

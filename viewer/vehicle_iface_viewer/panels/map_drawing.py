@@ -1,7 +1,7 @@
 """The map: the drive from above, as SVG in metres.
 
-Route, track and what moves are definitions that the visible picture refers to, so that each is sent only when it has
-changed, however often the picture is shown.
+Trajectory, route, track and what moves are definitions that the visible picture refers to, so that each is sent only
+when it has changed, however often the picture is shown.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from vehicle_iface.telemetry import DrawnTrajectory, Snapshot
 from vehicle_iface.telemetry.events import EventKind
 from vehicle_iface.trajectory import FloatArray
+from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.box import Box
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.journey import LAST_M, Journey, Mark
@@ -25,6 +26,9 @@ ROUTE, TRACK, VEHICLE, STALE = "#748fc0", "#f08c00", "#4dabf7", "#868e96"
 _MARK_COLORS = {EventKind.STOP: "#ff922b", EventKind.FAULT: "#ff6b6b", EventKind.MODE: "#4dabf7"}
 _MOST_POINTS = 400
 """Of the trajectory; the places of the drive are bounded already."""
+_LINES_NS = 2 * NS_PER_S
+"""Route and track so far are drawn again this often."""
+_FAR_M = 1e5
 _ARROW = "M1 0L-.8 .62L-.45 0L-.8 -.62z"
 
 
@@ -32,12 +36,12 @@ class MapDrawing:
     """The map of one drive: strings of HTML, each of which changes only when its content does."""
 
     def __init__(self) -> None:
-        self.route = self.track = self.moving = self.picture = ""
+        self.ahead = self.route = self.track = self.moving = self.picture = ""
         self._journey: Journey | None = None
         self._trajectory: DrawnTrajectory | None = None
-        self._changes = (-1, -1)
+        self._due_ns = 0
         self._origin: FloatArray | None = None
-        self._points = np.empty((0, 2))
+        self._ahead_m = self._driven_m = np.empty((0, 2))
         self._box: Box | None = None
 
     @property
@@ -49,36 +53,33 @@ class MapDrawing:
 
     def update(self, view: View, journey: Journey) -> None:
         """Draw `view`, and the drive so far."""
-        if journey is not self._journey:
-            self._journey, self._origin = journey, None
         here = _place(view.snapshot)
-        self._draw_lines(view.trajectory, journey, here)
+        ahead = _positions(view.trajectory) if view.trajectory is not self._trajectory else self._ahead_m
+        if journey is not self._journey or not 0 <= self._due_ns - view.now_ns < _LINES_NS:
+            self._due_ns = view.now_ns + _LINES_NS
+            self._draw_drive(journey, (here, ahead))
         if self._origin is None:
             return
-        points = np.concatenate((self._points, here - self._origin))
+        if view.trajectory is not self._trajectory:
+            self._trajectory, self._ahead_m = view.trajectory, ahead
+            self.ahead = _definition("vi-ahead", _line(ahead - self._origin, np.ones(len(ahead), np.bool_), ROUTE, 2.5))
+        points = np.concatenate((self._driven_m, self._ahead_m, here)) - self._origin
         if self._box is None or not self._box.holds(points):
             self._box = Box.around(points)
         self.moving = self._moving(view, self._box) if len(here) else _definition("vi-moving", "")
         self.picture = _picture(self._box, [_mark(mark, self._origin, self._box) for mark in journey.marks])
 
-    def _draw_lines(self, trajectory: DrawnTrajectory | None, journey: Journey, here: FloatArray) -> None:
-        changes = (journey.route.changes, journey.track.changes)
-        if trajectory is self._trajectory and changes == self._changes and self._origin is not None:
-            return
-        self._trajectory, self._changes = trajectory, changes
-        ahead = _positions(trajectory)
+    def _draw_drive(self, journey: Journey, others: tuple[FloatArray, ...]) -> None:
+        """Draw route and track so far, as seldom as their size demands."""
         route, track = journey.route.positions_m(), journey.track.positions_m()
-        points = np.concatenate((here, track, route, ahead))
+        points = np.concatenate((*others, track, route))
         if not len(points):
             return
-        if self._origin is None or float(np.abs(points[0] - self._origin).max()) > 1e5:
-            self._origin, self._box = np.round(points[0]), None
-        self._points = np.concatenate((track, route, ahead)) - self._origin
-        self.route = _definition(
-            "vi-route",
-            _line(ahead - self._origin, np.ones(len(ahead), np.bool_), ROUTE, 2.5)
-            + _line(route - self._origin, journey.route.joints(), ROUTE, 2.5),
-        )
+        if journey is not self._journey or self._origin is None or np.abs(points[0] - self._origin).max() > _FAR_M:
+            self._journey, self._origin, self._box = journey, np.round(points[0]), None
+            self._trajectory, self._ahead_m, self.ahead = None, np.empty((0, 2)), ""
+        self._driven_m = np.concatenate((track, route))
+        self.route = _definition("vi-route", _line(route - self._origin, journey.route.joints(), ROUTE, 2.5))
         self.track = _definition("vi-track", _line(track - self._origin, journey.track.joints(), TRACK, 1.6))
 
     def _moving(self, view: View, box: Box) -> str:
@@ -123,13 +124,14 @@ def _definition(name: str, content: str) -> str:
 
 
 def _line(points: FloatArray, is_joined: npt.NDArray[np.bool_], color: str, width: float) -> str:
+    """Return a path of (n, 2) points, in steps of centimetres."""
     if len(points) < 2:
         return ""
-    steps = [f"{'L' if joined else 'M'}{x:.1f} {-y:.1f}" for (x, y), joined in zip(points, is_joined, strict=True)]
-    path = "M" + "".join(steps)[1:]
+    steps = np.diff(np.rint(points * (100.0, -100.0)).astype(np.int64), axis=0, prepend=0).tolist()
+    path = "".join(f"{'l' if joined else 'm'}{x} {y}" for (x, y), joined in zip(steps, is_joined, strict=True))
     return (
-        f'<path d="{path}" fill="none" stroke="{color}" stroke-width="{width}" stroke-linejoin="round" '
-        'vector-effect="non-scaling-stroke"/>'
+        f'<path d="m{path[1:]}" transform="scale(.01)" fill="none" stroke="{color}" stroke-width="{width}" '
+        'stroke-linejoin="round" vector-effect="non-scaling-stroke"/>'
     )
 
 
@@ -158,7 +160,7 @@ def _picture(box: Box, marks: list[str]) -> str:
         f'<text x="{x + unit / 2:.1f}" y="{y - unit / 2:.1f}" font-size="{unit * 1.6:.2f}" fill="currentColor">'
         f"{length_m:g} m</text>"
     )
-    lines = "".join(f'<use href="#vi-{name}"/>' for name in ("route", "track"))
+    lines = "".join(f'<use href="#vi-{name}"/>' for name in ("ahead", "route", "track"))
     top = -(box.south + box.height)
     return (
         f'<svg class="vi-map" viewBox="{box.west:.1f} {top:.1f} {box.width:.1f} {box.height:.1f}" '

@@ -19,13 +19,13 @@ class MapPanel:
         with panel.add_tab("Map"):
             self._picture = client.gui.add_html(_NOTHING)
         panel.dock_below(above)
-        self._parts = [client.gui.add_html("", order=_PHONE_ORDER + part / 100) for part in range(4)]
+        self._parts = [client.gui.add_html("", order=_PHONE_ORDER + part / 100) for part in range(5)]
 
     def show(self, drawing: MapDrawing) -> None:
         """Show `drawing` as it is now."""
         picture = drawing.picture or _NOTHING
         phone = f'<div class="vi-phone">{drawing.picture}</div>' if drawing.picture else ""
-        contents = (drawing.route, drawing.track, drawing.moving, phone)
+        contents = (drawing.ahead, drawing.route, drawing.track, drawing.moving, phone)
         for handle, content in zip((*self._parts, self._picture), (*contents, picture), strict=True):
             if handle.content != content:
                 handle.content = content

@@ -1,6 +1,6 @@
 """Which time the plots of one browser show: how long, paused or not, and how far back.
 
-Only the plots of this browser change: the head, the numbers and the picture stay live.
+Picture and map of this browser show the same time; the head and the numbers stay live.
 """
 
 from __future__ import annotations
@@ -51,6 +51,11 @@ class PlotTime:
         self._sliders.append(slider)
         handle_slider(client, slider._impl.uuid, -length_s, 0.0, lambda at_s: self._set_back(-at_s, moved=slider))
 
+    @property
+    def is_present(self) -> bool:
+        """Whether neither a pause nor a slider shows the past."""
+        return self._back_s == 0.0 and not self._is_paused
+
     def end_ns(self, newest_ns: int) -> int:
         """Return when the plots end, given the time of the newest snapshot; both in ns."""
         if not self._is_paused:
@@ -63,8 +68,7 @@ class PlotTime:
     def show(self, recent: RecentSnapshots) -> None:
         """Say what the plots show where it is not the present."""
         end_ns = self.end_ns(recent.newest_ns)
-        is_present = self._back_s == 0.0 and not self._is_paused
-        content = "" if is_present else _note(recent.between(end_ns - NS_PER_S, end_ns), recent.newest_ns - end_ns)
+        content = "" if self.is_present else _note(recent.between(end_ns - NS_PER_S, end_ns), recent.newest_ns - end_ns)
         if self._note.content != content:
             self._note.content = content
 
@@ -99,7 +103,7 @@ def _note(rows: Columns, ago_ns: int) -> str:
     return (
         f'<div id="past" style="background:{_YELLOW};color:{_BLACK};border-radius:8px;padding:6px 14px;'
         'margin:4px 14px 4px 8px;font-size:13px;line-height:1.4;font-variant-numeric:tabular-nums">'
-        f"<b>PLOTS END {s_from_ns(ago_ns):.1f} s AGO</b>, all else is live<br>{known}</div>"
+        f"<b>PLOTS END {s_from_ns(ago_ns):.1f} s AGO</b>, as do picture and map; all else is live<br>{known}</div>"
     )
 
 

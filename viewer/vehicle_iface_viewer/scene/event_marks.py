@@ -8,7 +8,7 @@ import viser
 from vehicle_iface.telemetry.events import EventKind
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.journey import Mark
-from vehicle_iface_viewer.scene.nodes import ROOT, is_near
+from vehicle_iface_viewer.scene.nodes import is_near
 
 MARK_COLOR = (255, 146, 43)
 _SIZE_M = 0.9
@@ -18,11 +18,11 @@ _KINDS = (EventKind.STOP, EventKind.FAULT)
 class EventMarks:
     """One mesh of all pins, sent when there is a new one."""
 
-    def __init__(self, scene: viser.SceneApi) -> None:
+    def __init__(self, scene: viser.SceneApi, root: str) -> None:
         self._shown: tuple[list[Mark], tuple[float, float]] = ([], (0.0, 0.0))
         vertices, faces = shapes.pin(_SIZE_M)
         self._mesh = scene.add_mesh_simple(
-            f"{ROOT}/events", vertices, faces, color=MARK_COLOR, flat_shading=True, side="double", visible=False
+            f"{root}/events", vertices, faces, color=MARK_COLOR, flat_shading=True, side="double", visible=False
         )
 
     def show(self, marks: list[Mark], origin: tuple[float, float]) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import viser
 
-from vehicle_iface_viewer.scene.nodes import ROOT
-
 CELL_M, SECTION_M = 1.0, 10.0
 GRID_TEXT = f"grid {CELL_M:.0f} m, bold {SECTION_M:.0f} m"
 _LABELS_M = (-40, -20, 20, 40)
@@ -14,9 +12,9 @@ _LABELS_M = (-40, -20, 20, 40)
 class Ground:
     """The grid, with its scale in metres."""
 
-    def __init__(self, scene: viser.SceneApi) -> None:
+    def __init__(self, scene: viser.SceneApi, root: str) -> None:
         scene.add_grid(
-            f"{ROOT}/grid",
+            f"{root}/grid",
             infinite_grid=True,
             cell_size=CELL_M,
             section_size=SECTION_M,
@@ -29,7 +27,7 @@ class Ground:
         )
         self._labels = {
             (along, at): scene.add_label(
-                f"{ROOT}/scale/{along}{at}",
+                f"{root}/scale/{along}{at}",
                 "",
                 position=(at, 0.0, 0.02) if along == "x" else (0.0, at, 0.02),
                 visible=False,

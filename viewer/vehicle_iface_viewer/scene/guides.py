@@ -11,7 +11,7 @@ from vehicle_iface.telemetry import Snapshot
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.feed import View
-from vehicle_iface_viewer.scene.nodes import ROOT, assign_changed, is_near
+from vehicle_iface_viewer.scene.nodes import assign_changed, is_near
 from vehicle_iface_viewer.scene.vehicle import FRAME
 
 ERROR_COLOR, BRAKING_COLOR = (255, 107, 107), (255, 212, 59)
@@ -25,12 +25,12 @@ _SLOWEST_MPS = 0.3
 class Guides:
     """The error line, at the height of the spatial reference, and the braking distance, on the ground."""
 
-    def __init__(self, scene: viser.SceneApi) -> None:
+    def __init__(self, scene: viser.SceneApi, root: str) -> None:
         self._due_ns = 0
         blank = np.zeros((1, 2, 3), dtype=np.float32)
-        self._error = scene.add_line_segments(f"{ROOT}/error", blank, ERROR_COLOR, thickness=0.1, visible=False)
+        self._error = scene.add_line_segments(f"{root}/error", blank, ERROR_COLOR, thickness=0.1, visible=False)
         self._braking = scene.add_line_segments(
-            f"{ROOT}/{FRAME}/braking", blank, BRAKING_COLOR, thickness=0.12, visible=False
+            f"{root}/{FRAME}/braking", blank, BRAKING_COLOR, thickness=0.12, visible=False
         )
 
     def show(self, view: View, origin: tuple[float, float]) -> None:

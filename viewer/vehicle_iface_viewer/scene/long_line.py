@@ -7,7 +7,7 @@ import viser
 
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.journey import Places
-from vehicle_iface_viewer.scene.nodes import FAR_M, ROOT
+from vehicle_iface_viewer.scene.nodes import FAR_M
 
 _PERIOD_NS = 1_000_000_000
 
@@ -18,6 +18,7 @@ class LongLine:
     def __init__(
         self,
         scene: viser.SceneApi,
+        root: str,
         name: str,
         places: Places,
         color: tuple[int, int, int],
@@ -30,7 +31,7 @@ class LongLine:
         self._due_ns = 0
         self._z_m = z_m
         self._line = scene.add_line_segments(
-            f"{ROOT}/{name}", np.zeros((1, 2, 3)), color, thickness=thickness_m, visible=False
+            f"{root}/{name}", np.zeros((1, 2, 3)), color, thickness=thickness_m, visible=False
         )
 
     def hide(self) -> None:

@@ -7,7 +7,7 @@ import viser
 
 from vehicle_iface.telemetry import Snapshot
 from vehicle_iface_viewer import shapes
-from vehicle_iface_viewer.scene.nodes import ROOT, assign_changed, is_near
+from vehicle_iface_viewer.scene.nodes import assign_changed, is_near
 
 SPATIAL_COLOR = (255, 169, 77)
 TEMPORAL_COLOR = (230, 110, 255)
@@ -22,18 +22,18 @@ class Markers:
     The references are mostly under the vehicle, so they are drawn on posts above it.
     """
 
-    def __init__(self, scene: viser.SceneApi) -> None:
-        ball = scene.add_icosphere(f"{ROOT}/spatial/ball", radius=0.38, color=SPATIAL_COLOR, subdivisions=2)
+    def __init__(self, scene: viser.SceneApi, root: str) -> None:
+        ball = scene.add_icosphere(f"{root}/spatial/ball", radius=0.38, color=SPATIAL_COLOR, subdivisions=2)
         ball.position = (0.0, 0.0, _SPATIAL_POST_M)
-        cube = scene.add_box(f"{ROOT}/temporal/cube", color=TEMPORAL_COLOR, dimensions=(0.6, 0.6, 0.6))
+        cube = scene.add_box(f"{root}/temporal/cube", color=TEMPORAL_COLOR, dimensions=(0.6, 0.6, 0.6))
         cube.position = (0.0, 0.0, _TEMPORAL_POST_M)
         vertices, faces = shapes.pin(0.8)
         scene.add_mesh_simple(
-            f"{ROOT}/lookahead/pin", vertices, faces, color=LOOKAHEAD_COLOR, flat_shading=True, side="double"
+            f"{root}/lookahead/pin", vertices, faces, color=LOOKAHEAD_COLOR, flat_shading=True, side="double"
         )
-        self._spatial = _add_marker(scene, "spatial", "spatial ref", _SPATIAL_POST_M, SPATIAL_COLOR)
-        self._temporal = _add_marker(scene, "temporal", "temporal ref", _TEMPORAL_POST_M, TEMPORAL_COLOR)
-        self._lookahead = _add_marker(scene, "lookahead", "look-ahead", 0.9, LOOKAHEAD_COLOR)
+        self._spatial = _add_marker(scene, root, "spatial", "spatial ref", _SPATIAL_POST_M, SPATIAL_COLOR)
+        self._temporal = _add_marker(scene, root, "temporal", "temporal ref", _TEMPORAL_POST_M, TEMPORAL_COLOR)
+        self._lookahead = _add_marker(scene, root, "lookahead", "look-ahead", 0.9, LOOKAHEAD_COLOR)
 
     def show(self, snapshot: Snapshot | None, origin: tuple[float, float]) -> None:
         """Move the markers to `snapshot`; those without a valid position are hidden."""
@@ -44,14 +44,14 @@ class Markers:
 
 
 def _add_marker(
-    scene: viser.SceneApi, name: str, label: str, height_m: float, color: tuple[int, int, int]
+    scene: viser.SceneApi, root: str, name: str, label: str, height_m: float, color: tuple[int, int, int]
 ) -> viser.FrameHandle:
     """Return the frame of a marker, with a post from the ground and a label on top."""
-    frame = scene.add_frame(f"{ROOT}/{name}", show_axes=False, visible=False)
+    frame = scene.add_frame(f"{root}/{name}", show_axes=False, visible=False)
     post = np.array([[(0.0, 0.0, 0.0), (0.0, 0.0, height_m)]], dtype=np.float32)
-    scene.add_line_segments(f"{ROOT}/{name}/post", post, color, thickness=0.07)
+    scene.add_line_segments(f"{root}/{name}/post", post, color, thickness=0.07)
     scene.add_label(
-        f"{ROOT}/{name}/label",
+        f"{root}/{name}/label",
         label,
         position=(0.0, 0.0, height_m + 0.55),
         font_screen_scale=0.75,

@@ -7,6 +7,9 @@ from typing import NamedTuple
 import viser
 
 ROOT = "/world"
+"""A frame of each browser: its camera moves it."""
+LIVE, PAST = f"{ROOT}/now", f"{ROOT}/past"
+"""The present, and the time that a browser looks back to: one of them is shown."""
 FAR_M = 1e5
 """Nothing farther from the local origin is drawn."""
 

@@ -9,7 +9,7 @@ import viser
 from vehicle_iface.telemetry import DrawnTrajectory
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface_viewer import shapes
-from vehicle_iface_viewer.scene.nodes import FAR_M, ROOT
+from vehicle_iface_viewer.scene.nodes import FAR_M
 
 _CHEVRON_STEP_M = 5.0
 _MAX_CHEVRONS = 60
@@ -21,14 +21,14 @@ _NO_LINE = np.zeros((1, 2, 3))
 class TrajectoryPath:
     """The trajectory, coloured by speed, with chevrons in the direction of travel."""
 
-    def __init__(self, scene: viser.SceneApi) -> None:
+    def __init__(self, scene: viser.SceneApi, root: str) -> None:
         self._shown: DrawnTrajectory | None = None
         self._line = scene.add_line_segments(
-            f"{ROOT}/trajectory", _NO_LINE, np.zeros((1, 2, 3), dtype=np.uint8), thickness=0.22, visible=False
+            f"{root}/trajectory", _NO_LINE, np.zeros((1, 2, 3), dtype=np.uint8), thickness=0.22, visible=False
         )
         vertices, faces = shapes.ring(1.0, 0.1, 0.0)
         self._chevrons = scene.add_mesh_simple(
-            f"{ROOT}/direction", vertices, faces, color=(248, 249, 250), side="double", visible=False
+            f"{root}/direction", vertices, faces, color=(248, 249, 250), side="double", visible=False
         )
 
     def invalidate(self) -> None:

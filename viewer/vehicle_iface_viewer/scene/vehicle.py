@@ -9,7 +9,7 @@ import viser
 
 from vehicle_iface.telemetry import Snapshot, VehicleShape
 from vehicle_iface_viewer import shapes
-from vehicle_iface_viewer.scene.nodes import ROOT, assign_changed
+from vehicle_iface_viewer.scene.nodes import assign_changed
 
 FRAME = "vehicle"
 """Name of its frame."""
@@ -21,8 +21,8 @@ STALE_COLOR = (108, 117, 125)
 class Vehicle:
     """A car with a cabin, lamps and steered wheels. The origin of its frame is the rear axle's centre on the ground."""
 
-    def __init__(self, scene: viser.SceneApi) -> None:
-        name = f"{ROOT}/{FRAME}"
+    def __init__(self, scene: viser.SceneApi, root: str) -> None:
+        name = f"{root}/{FRAME}"
         shape = self._shape = VehicleShape()
         self._frame = scene.add_frame(name, show_axes=False, visible=False)
         self._body = _add_part(scene, f"{name}/body", shapes.body(shape), PAINT_COLOR)

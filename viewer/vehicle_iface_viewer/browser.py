@@ -1,0 +1,92 @@
+"""What each browser has of its own: its camera, its plots and tables, and the time that it looks at."""
+
+from __future__ import annotations
+
+import viser
+
+from vehicle_iface_viewer.cameras import Camera
+from vehicle_iface_viewer.panels.free_plot import FreePlot
+from vehicle_iface_viewer.panels.left_panel import LeftPanel
+from vehicle_iface_viewer.panels.map_panel import MapPanel
+from vehicle_iface_viewer.panels.plot_time import PlotTime
+from vehicle_iface_viewer.panels.plots import Plots
+from vehicle_iface_viewer.past import Past
+from vehicle_iface_viewer.playback import Playback
+from vehicle_iface_viewer.playback_controls import PlaybackControls
+from vehicle_iface_viewer.scene.nodes import LIVE, PAST
+from vehicle_iface_viewer.scene.scene import set_background
+from vehicle_iface_viewer.showing import MAP_EVERY, PANELS_EVERY, Picture, Showing
+
+_TURNS_PER_FREE_PLOT = 5
+
+
+class _Browser:
+    def __init__(self, client: viser.ClientHandle, showing: Showing, *, is_live: bool) -> None:
+        self._client = client
+        self._showing = showing
+        self.camera = Camera(client)
+        self._left_panel = LeftPanel(client)
+        self._map_panel = MapPanel(client, above=self._left_panel.panel)
+        self._time = PlotTime(client, is_live=is_live)
+        self._plots = Plots(client.gui, showing.feed.recent)
+        self._free_plot = FreePlot(client, showing.feed.recent)
+
+    def _show(self, picture: Picture, end_ns: int, tick: int) -> None:
+        """Update the camera, and in turns plots, tables and map."""
+        showing, turn = self._showing, tick // PANELS_EVERY
+        assert showing.view is not None
+        if picture.place is not None:
+            self.camera.move(picture.place, picture.drive)
+        if tick % PANELS_EVERY == 2:
+            self._time.show(showing.feed.recent)
+            self._plots.show(showing.view, turn, end_ns=end_ns, window_s=self._time.window_s)
+            if turn % _TURNS_PER_FREE_PLOT == 0:
+                self._free_plot.show(end_ns=end_ns, window_s=self._time.window_s)
+        if tick % PANELS_EVERY == 1:  # not with the texts and plots, so that no update is long
+            self._left_panel.show(showing.view, showing.report, showing.feed, turn)
+        if tick % MAP_EVERY == MAP_EVERY - 2:
+            self._map_panel.show(picture.map)
+
+
+class LiveBrowser(_Browser):
+    """A browser that watches a running loop, and may look back."""
+
+    def __init__(self, client: viser.ClientHandle, showing: Showing) -> None:
+        super().__init__(client, showing, is_live=True)
+        self._present = client.scene.add_frame(LIVE, show_axes=False)
+        self._past_frame = client.scene.add_frame(PAST, show_axes=False, visible=False)
+        self._past: Past | None = None
+
+    def update(self, _now_ns: int, tick: int) -> None:
+        """Show what is shown to all, or the time that this browser looks back to."""
+        recent = self._showing.feed.recent
+        end_ns = self._time.end_ns(recent.newest_ns)
+        is_present = self._time.is_present
+        if is_present is not self._present.visible:
+            self._present.visible, self._past_frame.visible = is_present, not is_present
+            set_background(self._client.scene, is_past=not is_present)
+        if is_present:
+            self._show(self._showing, end_ns, tick)
+            return
+        if self._past is None:
+            self._past = Past(self._client, self._showing.scene.journey)
+        assert self._showing.view is not None
+        self._past.update(self._showing.view, recent, end_ns, tick)
+        self._show(self._past, end_ns, tick)
+
+
+class ReplayBrowser(_Browser):
+    """A browser that plays a recording, at a place of its own."""
+
+    def __init__(self, client: viser.ClientHandle, showing: Showing, playback: Playback) -> None:
+        super().__init__(client, showing, is_live=False)
+        self.playback = playback
+        self._controls = PlaybackControls(client, playback)
+
+    def update(self, now_ns: int, tick: int) -> None:
+        """Play on, and show the time that has been reached."""
+        with self._client.atomic():
+            self._controls.update(now_ns)
+            self._showing.update(now_ns, tick)
+        self._show(self._showing, self._time.end_ns(self._showing.feed.recent.newest_ns), tick)
+        self._client.flush()
