@@ -26,7 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.execve(sys.executable, [*command_line, *given[1:]], environment)
     make_output_safe()
     use_one_blas_thread()
-    options = build_parser().parse_args(replace_renamed(given))
+    given = replace_renamed(given)
+    options = build_parser(given[0] if given else "").parse_args(given)
     try:
         with log_to_terminal(options.verbose):
             return _run_command(options)
