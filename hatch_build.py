@@ -4,7 +4,6 @@ An editable installation gets the library beside its source. The environment: `C
 `VEHICLE_IFACE_WIRE=python` builds none, and `VEHICLE_IFACE_WIRE=c` makes it an error that it cannot be built.
 """
 
-import hashlib
 import os
 import platform
 import shlex
@@ -13,6 +12,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +64,7 @@ def _compiler() -> list[str]:
 def compile_library(folder: Path, library: Path, *flags: str) -> str:
     """Compile the sources in `folder` to `library`; return the compiler's output if it fails."""
     sources = [folder / name for name in SOURCES]
-    sha256 = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
+    crc32 = zlib.crc32(b"".join(source.read_bytes() for source in sources))
     # Without contraction: a product and a sum are rounded one after the other, as Python does.
     command = [
         *_compiler(),
@@ -77,7 +77,7 @@ def compile_library(folder: Path, library: Path, *flags: str) -> str:
         "-shared",
         "-fvisibility=hidden",
     ]
-    command += [f'-DSOURCE_SHA256="{sha256}"', f"-I{sysconfig.get_path('include')}"]
+    command += [f'-DSOURCE_CRC32="{crc32:08x}"', f"-I{sysconfig.get_path('include')}"]
     command += [
         *flags,
         *shlex.split(os.environ.get("CFLAGS", "")),

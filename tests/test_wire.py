@@ -25,10 +25,10 @@ def no_library(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr("vehicle_iface._wire", raising=False)
 
 
-def build_fake(monkeypatch: pytest.MonkeyPatch, sha256: str) -> None:
+def build_fake(monkeypatch: pytest.MonkeyPatch, crc32: str) -> None:
     """As it is where this source was built."""
     module = ModuleType("vehicle_iface._wire")
-    module.SOURCE_SHA256 = sha256  # type: ignore[attr-defined]
+    module.SOURCE_CRC32 = crc32  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "vehicle_iface._wire", module)
     monkeypatch.setattr("vehicle_iface._wire", module, raising=False)
 
@@ -50,14 +50,14 @@ def test_c_where_it_is_not_built_is_an_error_with_a_way_on(monkeypatch: pytest.M
 
 def test_a_library_of_another_source_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(wire.VARIABLE, raising=False)
-    build_fake(monkeypatch, "0" * 64)
+    build_fake(monkeypatch, "0" * 8)
     assert wire.describe() == "Python"
     assert "has changed" in wire.find_problem()
 
 
 def test_an_installed_library_without_its_source_is_used(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv(wire.VARIABLE, raising=False)
-    build_fake(monkeypatch, "0" * 64)
+    build_fake(monkeypatch, "0" * 8)
     shutil.copy(wire.__file__, tmp_path / "wire.py")
     monkeypatch.setattr(wire, "__file__", str(tmp_path / "wire.py"))
     assert wire.describe() == "C"
@@ -66,7 +66,7 @@ def test_an_installed_library_without_its_source_is_used(monkeypatch: pytest.Mon
 
 
 def test_the_environment_chooses_python(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    build_fake(monkeypatch, "0" * 64)
+    build_fake(monkeypatch, "0" * 8)
     monkeypatch.setattr(wire, "__file__", str(tmp_path / "wire.py"))
     monkeypatch.setenv(wire.VARIABLE, "python")
     assert wire.describe() == "Python"

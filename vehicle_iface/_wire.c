@@ -426,7 +426,7 @@ static int add_type(PyObject *module, PyType_Spec *spec)
 
 static int fill_module(PyObject *module)
 {
-    if (PyModule_AddStringConstant(module, "SOURCE_SHA256", SOURCE_SHA256) < 0)
+    if (PyModule_AddStringConstant(module, "SOURCE_CRC32", SOURCE_CRC32) < 0)
         return -1;
     PyType_Spec *const specs[] = {&receiver_spec, &sender_spec, &packer_spec, &unpacker_spec};
     for (size_t i = 0; i < sizeof specs / sizeof *specs; i++)

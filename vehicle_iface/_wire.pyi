@@ -4,7 +4,7 @@ from typing import final
 from vehicle_iface.decoded import DecodedMessage
 from vehicle_iface.frame import CanFrame
 
-SOURCE_SHA256: str
+SOURCE_CRC32: str
 
 @final
 class FrameReceiver:
