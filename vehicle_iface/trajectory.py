@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
 from typing import Any, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from msgspec.structs import asdict, force_setattr
 
 from vehicle_iface import checks
 from vehicle_iface.errors import InvalidValueError
+from vehicle_iface.value import Value
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -20,8 +21,7 @@ _REQUIRED = ("x_m", "y_m", "heading_rad", "speed_mps")
 _OPTIONAL = ("accel_mps2", "yaw_rate_radps", "front_wheel_angle_rad")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trajectory:
+class Trajectory(Value, frozen=True, kw_only=True, eq=False):
     """n points in time order; n = 0 means: stop.
 
     Arrays are copied into immutable memory, so the caller may change the ones passed; copies of a trajectory are
@@ -52,23 +52,16 @@ class Trajectory:
     """(n,) road-wheel angle, positive to the left."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "stamp_ns", checks.integer("stamp_ns", self.stamp_ns))
+        force_setattr(self, "stamp_ns", checks.integer("stamp_ns", self.stamp_ns))
         checks.frame_id("frame_id", self.frame_id)
         times = _times(self.time_from_start_ns)
-        object.__setattr__(self, "time_from_start_ns", times)
+        force_setattr(self, "time_from_start_ns", times)
         for name in _REQUIRED + _OPTIONAL:
             given = getattr(self, name)
             values = _floats(name, np.zeros(len(times)) if given is None and name in _OPTIONAL else given)
             if len(values) != len(times):
                 raise InvalidValueError(f"{name} has {len(values)} values: time_from_start_ns has {len(times)}")
-            object.__setattr__(self, name, values)
-
-    def __copy__(self) -> Self:
-        """Another trajectory over the same arrays."""
-        twin = object.__new__(type(self))
-        for field in fields(self):
-            object.__setattr__(twin, field.name, getattr(self, field.name))
-        return twin
+            force_setattr(self, name, values)
 
     def __deepcopy__(self, _: dict[int, Any]) -> Self:
         """The trajectory itself, because it is immutable."""
@@ -76,7 +69,7 @@ class Trajectory:
 
     def __reduce__(self) -> tuple[Callable[..., Trajectory], tuple[type[Trajectory], dict[str, Any]]]:
         """Pickled copies go through the constructor, which checks and locks them."""
-        return _rebuilt, (type(self), {field.name: getattr(self, field.name) for field in fields(self)})
+        return _rebuilt, (type(self), asdict(self))
 
     def __len__(self) -> int:
         return len(self.time_from_start_ns)

@@ -41,12 +41,7 @@ NOT_FOR_DRIVING = {
 }
 
 
-SLOW_TO_DEFINE = {
-    "vehicle_iface.safety.limits.Channel",  # it computes fields of its own
-    "vehicle_iface.trajectories.route.Route",
-    "vehicle_iface.trajectories.shapes._Curve",
-    "vehicle_iface.trajectory.Trajectory",
-}
+SLOW_TO_DEFINE = {"vehicle_iface.safety.limits.Channel"}  # it computes two of its fields
 """Value types that a run defines as dataclasses, at half a millisecond each; the others are a `Value`."""
 
 

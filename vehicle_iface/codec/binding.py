@@ -93,6 +93,7 @@ class Binding:
         "" for a received signal that is only echoed."""
         self.roles: Mapping[str, Role] = self._roles()
         """Each bound message's role; the first one where the profile gives it several."""
+        self._views: dict[str, SignalView] = {}
 
     @property
     def constants(self) -> dict[str, float]:
@@ -142,6 +143,11 @@ class Binding:
 
     def view(self, dotted: str) -> SignalView:
         """Return a signal that the DBC has, as the profile converts and limits it."""
+        if dotted not in self._views:
+            self._views[dotted] = self._build_view(dotted)
+        return self._views[dotted]
+
+    def _build_view(self, dotted: str) -> SignalView:
         signal = self.find_signal(dotted)
         assert signal is not None, dotted
         pedals = (*self.sections["command"].get("throttle", ()), *self.sections["command"].get("brake", ()))

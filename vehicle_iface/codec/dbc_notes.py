@@ -7,8 +7,9 @@ here (nodes, environment variables, groups, other attributes) are not parsed, so
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from typing import Generic, TypeVar
+
+import msgspec
 
 from vehicle_iface.codec.dbc_findings import DbcFindings
 from vehicle_iface.codec.dbc_source import NUMBER, MessageText, shorten, unquote
@@ -78,13 +79,12 @@ class NoteTable(Generic[T]):
             self._notes.findings.add_error(line, name, text, f"two different {self._what}s")
 
 
-@dataclass(slots=True)
-class _Definitions:
+class _Definitions(msgspec.Struct):
     """The definitions of attributes: their lines, the names of enumerated values, and the defaults."""
 
-    lines: dict[str, int] = field(default_factory=dict)
-    choices: dict[str, list[str]] = field(default_factory=dict)
-    defaults: dict[str, str] = field(default_factory=dict)
+    lines: dict[str, int] = msgspec.field(default_factory=dict)
+    choices: dict[str, list[str]] = msgspec.field(default_factory=dict)
+    defaults: dict[str, str] = msgspec.field(default_factory=dict)
 
 
 class DbcNotes:

@@ -3,7 +3,8 @@
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+
+import msgspec
 
 from vehicle_iface.codec.dbc_findings import DbcFindings
 from vehicle_iface.codec.dbc_text import STRING, Statement, cut_short
@@ -69,8 +70,7 @@ class SignalText(Value, frozen=True, kw_only=True):
         return 8 * (self.start // 8) + 7 - self.start % 8 if self.is_big else self.start
 
 
-@dataclass(slots=True, kw_only=True)
-class MessageText:
+class MessageText(msgspec.Struct, kw_only=True):
     """One message as written in the file. Repairs remove signals from it."""
 
     name: str
@@ -79,8 +79,8 @@ class MessageText:
     line: int
     length: int
     sender: str
-    signals: list[SignalText] = field(default_factory=list)
-    places: dict[str, str] = field(default_factory=dict)
+    signals: list[SignalText] = msgspec.field(default_factory=list)
+    places: dict[str, str] = msgspec.field(default_factory=dict)
     """Maps the written name to MESSAGE.SIGNAL for all signals, removed ones included."""
 
     def remove(self, signal: SignalText) -> None:

@@ -6,7 +6,8 @@ the next one comes n samples later.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from vehicle_iface.codec.database import BoundMessage
 from vehicle_iface.command import SafeCommand
@@ -15,8 +16,7 @@ from vehicle_iface.safety.transmit_filter import TransmitFilter
 _NEVER_NS = -(1 << 62)
 
 
-@dataclass(slots=True, eq=False)
-class _Group:
+class _Group(msgspec.Struct, eq=False):
     """Messages with the same period, which are sent together."""
 
     messages: tuple[BoundMessage, ...]

@@ -5,7 +5,8 @@ such a value releases does not wait for the message's period, and the run does n
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+
+import msgspec
 
 from vehicle_iface.command import Phases
 from vehicle_iface.profile.sends import SentMessage, ValueTable
@@ -13,8 +14,7 @@ from vehicle_iface.runtime.transmitter import Transmitter
 from vehicle_iface.units import ns_from_s
 
 
-@dataclass(slots=True, eq=False)
-class _Entry:
+class _Entry(msgspec.Struct, eq=False):
     message: str
     when: str
     period_ns: int | None

@@ -6,7 +6,8 @@ for `SHARE_NS` a pass. Until then the old trajectory stays in force. After a res
 
 import logging
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
+
+import msgspec
 
 from vehicle_iface.control.base import ControllerBase
 from vehicle_iface.errors import TrajectoryRejectedError
@@ -37,8 +38,7 @@ LOGGED_NS = NS_PER_S // 2
 log = logging.getLogger(__name__)
 
 
-@dataclass(slots=True)
-class _Admission:
+class _Admission(msgspec.Struct):
     """The check of one trajectory."""
 
     trajectory: Trajectory

@@ -7,8 +7,9 @@ does not define what a vehicle expects of other messages.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
+
+import msgspec
 
 from vehicle_iface.codec.database import BoundMessage, VehicleDatabase
 from vehicle_iface.profile import Profile
@@ -22,8 +23,7 @@ TURNS_TO_ENGAGE = 2
 """Number of echoes needed to engage: each value of a handshake once."""
 
 
-@dataclass(slots=True, eq=False)
-class Handshake:
+class Handshake(msgspec.Struct, eq=False):
     """One signal of the vehicle that alternates, and a signal of its commander that follows."""
 
     message: str

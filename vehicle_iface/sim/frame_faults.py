@@ -1,18 +1,18 @@
 """Frames of the simulated vehicle that are lost or damaged on their way."""
 
 from collections import Counter
-from dataclasses import dataclass, field
+
+import msgspec
 
 from vehicle_iface.frame import CanFrame
 
 
-@dataclass(slots=True)
-class FrameFaults:
+class FrameFaults(msgspec.Struct):
     """The faults in force, by message."""
 
-    muted: set[str] = field(default_factory=set)
+    muted: set[str] = msgspec.field(default_factory=set)
     """Messages that are not sent; their counters step."""
-    corrupt: Counter[str] = field(default_factory=Counter)
+    corrupt: Counter[str] = msgspec.field(default_factory=Counter)
     """Number of the next frames to corrupt, by message."""
 
     def apply(self, message: str, frame: CanFrame) -> CanFrame | None:

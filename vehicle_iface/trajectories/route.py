@@ -1,7 +1,6 @@
 """Routes: a path to drive, with the highest speed at each point."""
 
 import math
-from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -64,8 +63,7 @@ def _count(name: str, value: object) -> int:
     return number
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Route:
+class Route(Value, frozen=True, kw_only=True, eq=False):
     """n ≥ 2 points along a path, in the order of driving; arrays are copied and locked.
 
     Where the speed is 0 the vehicle stops: at interior stops, at changes of direction, at the end of an open
@@ -94,7 +92,7 @@ class Route:
 
     def __post_init__(self) -> None:
         for name in ("s_m", "x_m", "y_m", "heading_rad", "curvature_per_m", "speed_mps", "dwell_s"):
-            object.__setattr__(self, name, _lock(name, getattr(self, name), np.shape(self.s_m)))
+            msgspec.structs.force_setattr(self, name, _lock(name, getattr(self, name), np.shape(self.s_m)))
         if self.s_m[0] != 0.0 or np.any(np.diff(self.s_m) <= 0.0):
             raise InvalidValueError(f"s_m of route {self.name!r}: must rise from 0")
         if self.closed and np.any(self.speed_mps == 0.0):

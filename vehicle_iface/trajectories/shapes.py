@@ -7,7 +7,6 @@ y(x), loops are parametric.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -16,6 +15,7 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.trajectories import speed
 from vehicle_iface.trajectories.route import Route, RouteConfig
 from vehicle_iface.trajectory import FloatArray
+from vehicle_iface.value import Value
 
 _DENSE_M = 0.01
 _MAX_DENSE = 2_000_000
@@ -26,8 +26,7 @@ ISO_3888_1_OFFSET_M = 3.5
 """Offset of the side lane from the entry lane, between their right-hand edges."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Curve:
+class _Curve(Value, frozen=True, kw_only=True, eq=False):
     """A densely drawn path; all arrays (m,)."""
 
     s_m: FloatArray

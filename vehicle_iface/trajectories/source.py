@@ -3,6 +3,8 @@
 import copy
 from typing import Protocol, runtime_checkable
 
+import msgspec
+
 from vehicle_iface.state import VehicleState
 from vehicle_iface.trajectory import Trajectory
 
@@ -54,5 +56,5 @@ def restamp(trajectory: Trajectory, stamp_ns: int) -> Trajectory:
     A new `Trajectory` would check a million points again, in the loop's thread.
     """
     twin = copy.copy(trajectory)
-    object.__setattr__(twin, "stamp_ns", stamp_ns)
+    msgspec.structs.force_setattr(twin, "stamp_ns", stamp_ns)
     return twin
