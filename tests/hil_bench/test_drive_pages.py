@@ -7,8 +7,11 @@ import example_run
 import msgspec
 import pytest
 from hil_bench import cli
+from hil_bench.bench_config import BenchConfig
 from hil_bench.cases import CATALOGUE
-from hil_bench.drive_pages import write_pages
+from hil_bench.device import OWN_EXPORT, Commands
+from hil_bench.drive_pages import is_shown, write_pages
+from hil_bench.peer.build import open_wire
 from hil_bench.report import html
 from hil_bench.result import Run
 
@@ -54,10 +57,17 @@ def test_without_a_command_nothing_is_written(run: Run, tmp_path: Path) -> None:
     assert write_pages(run, tmp_path, "") is run
 
 
-def test_manoeuvres_are_drives_without_a_fault() -> None:
-    names = {case.name for case in CATALOGUE if case.is_manoeuvre}
-    assert {"drive-step", "drive-slalom", "drive-u-turn", "drive-reverse-bay"} <= names
-    assert "silence-50-ms" not in names
+@pytest.mark.parametrize(("command", "shown"), [("", False), (OWN_EXPORT, True)])
+def test_only_drives_without_a_fault_are_shown_and_only_with_a_command(
+    tmp_path: Path, command: str, shown: bool
+) -> None:
+    commands = Commands(export=command)
+    config = BenchConfig(
+        wire=open_wire("reference"), channel="vcan9", commands=commands, folder=tmp_path, profile="reference"
+    )
+    cases = {case.name: case for case in CATALOGUE}
+    assert is_shown(config, cases["drive-u-turn"]) is shown
+    assert not any(is_shown(config, case) for case in CATALOGUE if case.recorded_mib or "process" in case.tags)
 
 
 def test_a_device_that_cannot_record_has_no_pages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,11 +8,18 @@ from pathlib import Path
 
 import msgspec
 
+from hil_bench.bench_config import BenchConfig
+from hil_bench.case import Case
 from hil_bench.device import fill_template
 from hil_bench.places import CHECKOUT
 from hil_bench.result import CaseResult, Run
 
 TIMEOUT_S = 300.0
+
+
+def is_shown(config: BenchConfig, case: Case) -> bool:
+    """Whether the device records the drive of this case for a page."""
+    return bool(config.commands.export) and case.is_manoeuvre and case.armed and not case.recorded_mib
 
 
 def write_pages(run: Run, folder: Path, command: str) -> Run:

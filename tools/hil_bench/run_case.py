@@ -16,6 +16,7 @@ from hil_bench import host
 from hil_bench.bench_config import BenchConfig
 from hil_bench.buses import channel_options
 from hil_bench.case import Case
+from hil_bench.drive_pages import is_shown
 from hil_bench.judge_case import judge_case
 from hil_bench.phases import clean_up, run_phases
 from hil_bench.result import CaseResult
@@ -65,7 +66,7 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
         rig.vehicle.drives_to(route.x_m[-1], route.y_m[-1])
         rig.device.log = config.folder / f"{name}.log"
         try:
-            stretches = run_phases(rig, case, is_recorded=_is_recorded(config, case))
+            stretches = run_phases(rig, case, is_recorded=bool(case.recorded_mib) or is_shown(config, case))
         finally:
             killed = clean_up(rig, case)
         rig.write_candump(config.folder / f"{name}.candump")
@@ -84,13 +85,8 @@ def run(config: BenchConfig, case: Case, repetition: int = 1) -> CaseResult:
         spent_s=measure_stages(rig, rig.device_frames(), began_ns, ended_ns),
         candump=f"{name}.candump",
         device_log=f"{name}.log" if rig.device.log.exists() else "",
-        recording=recording.name if config.commands.export and recording.is_dir() else "",
+        recording=recording.name if is_shown(config, case) and recording.is_dir() else "",
     )
-
-
-def _is_recorded(config: BenchConfig, case: Case) -> bool:
-    """Whether the case is about the recorder, or its drive is shown on a page."""
-    return bool(case.recorded_mib) or (bool(config.commands.export) and case.is_manoeuvre and case.armed)
 
 
 def _recording(config: BenchConfig, case: Case, name: str) -> Path:
