@@ -14,10 +14,11 @@ from vehicle_iface.cli import main
 from vehicle_iface.export.columns import to_columns
 from vehicle_iface.export.page.drive import load_drive
 from vehicle_iface.export.page.packing import pack
-from vehicle_iface.export.page.plots import PLOTS
+from vehicle_iface.export.page.plots import PLOTS, limited
 from vehicle_iface.export.page.reduction import MAX_ROWS, Reduction
 from vehicle_iface.export.page.render import SCRIPTS, render_drive
 from vehicle_iface.export.recording import RecordedDrive
+from vehicle_iface.reason import Reason
 from vehicle_iface.recorder import files
 from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry import Snapshot
@@ -64,6 +65,15 @@ def test_an_old_state_is_a_gap_and_no_ramp(drive: Recorded, page_file: Path) -> 
     is_old = np.array([not one.has_state or one.published_ns - one.stamp_ns >= 100_000_000 for one in shown])
     assert is_old.sum() > 30
     assert np.array_equal(np.isnan(speed), is_old)
+
+
+def test_a_command_that_a_stop_has_replaced_is_not_limited(drive: Recorded) -> None:
+    rows = to_columns(drive.shown)
+    differs = np.abs(rows["requested_accel_mps2"] - rows["sent_accel_mps2"]) > 0.1
+    is_nominal = rows["reason"] == Reason.NOMINAL
+    assert (differs & rows["has_requested"] & rows["sent"] & ~is_nominal).any()
+    assert limited(rows)[is_nominal].any()
+    assert not limited(rows)[~is_nominal].any()
 
 
 def test_events_and_states_of_the_page_are_those_of_the_loop(drive: Recorded, page_file: Path) -> None:

@@ -134,7 +134,7 @@ class Plot {
       context.fillText(text, GUTTER - 6, y);
     }
     context.textAlign = "center";
-    for (const { at, text } of roundTicks(view.from, view.to, Math.max(2, width / 110))) {
+    for (const { at, text } of roundTicks(view.from, view.to, Math.max(3, width / 110))) {
       const x = Math.round(toX(at)) + 0.5;
       stroke(() => (context.moveTo(x, 0), context.lineTo(x, bottom)));
       if (x > GUTTER + 14 && x < width - 18) context.fillText(`${text} ${view.unit}`, x, height - FOOT / 2 + 2);

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle_iface.export.columns import Columns, Flags
+from vehicle_iface.reason import Reason
 from vehicle_iface.telemetry import DrivingLimits
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface.units import NS_PER_MS
@@ -55,7 +56,8 @@ def limited(rows: Columns) -> Flags:
 def _is_limited(rows: Columns, name: str, rounding: float) -> Flags:
     with np.errstate(invalid="ignore"):
         differs = np.abs(rows[f"requested_{name}"] - rows[f"sent_{name}"]) > rounding
-    is_limited: Flags = rows["sent"] & rows["has_requested"] & differs
+    # for any other reason the command was replaced, not limited
+    is_limited: Flags = rows["sent"] & rows["has_requested"] & (rows["reason"] == Reason.NOMINAL) & differs
     return is_limited
 
 

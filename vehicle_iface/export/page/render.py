@@ -30,8 +30,7 @@ def render_drive(drive: LoadedDrive) -> str:
         plots=describe_plots([drive]),
         has_way=False,
     )
-    title = f"Drive {name}"
-    return render_page(title, page, _head(title, [drive]), _table(tabulate([drive.figures]), []))
+    return render_page(name, page, _head(name, [drive]), _table(tabulate([drive.figures]), []))
 
 
 def render_comparison(drives: Sequence[LoadedDrive]) -> str:
