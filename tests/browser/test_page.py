@@ -327,7 +327,7 @@ def test_a_viewer_prints_its_source_and_ends_on_a_signal(viewer: Viewer, address
         (["--host", "0.0.0.0"], "--host 0.0.0.0: others could watch"),
         (["--host", "0.0.0.0", "--allow-remote", "--token-file", "/missing"], "--token-file /missing: No such file"),
         (["--connect", "no such name"], "telemetry address 'no such name'"),
-        (["--port", "99999"], "--port 99999"),
+        (["--connect", "absent", "--port", "99999"], "--port 99999"),
     ],
 )
 def test_options_that_do_not_fit_are_refused_in_one_line(options: list[str], words: str) -> None:

@@ -15,11 +15,13 @@ from types import FrameType
 from vehicle_iface.command_line import ArgumentParser, HelpFormatter, make_output_safe
 from vehicle_iface.errors import ConfigError
 from vehicle_iface.telemetry import telemetry_path
+from vehicle_iface.telemetry.running import find_running_loops
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.addresses import find_reachable_host, format_url
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.bus_table.recorded import RecordedBusTable
 from vehicle_iface_viewer.bus_table.source import BusTableSource, ListenerProcess
+from vehicle_iface_viewer.loops import choose_loop, list_loops
 from vehicle_iface_viewer.playback import SPEEDS, Playback
 from vehicle_iface_viewer.token import TOKEN_VARIABLE, opened_in_browser, read_token
 
@@ -33,6 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Serve the page until SIGINT or SIGTERM. Exit status 0, or 2 for an invalid option."""
     make_output_safe()
     options = _build_parser().parse_args(arguments)
+    if options.list:
+        loops = find_running_loops()
+        print(list_loops(loops) if loops else "viewer: no loop is running")
+        return 0
     try:
         if options.token is not None:
             print(f"viewer: warning: {_TOKEN_WARNING}", file=sys.stderr)
@@ -63,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _open_source(options: argparse.Namespace) -> tuple[str | Playback, str]:
     """Return the source of the page, and its description."""
     if options.recording is None:
-        address = options.connect if options.connect is not None else "default"
+        address = options.connect if options.connect is not None else choose_loop()
         return address, f"telemetry {address!r}: {telemetry_path(address)}"
     if options.connect is not None:
         raise ConfigError("--connect is for a running loop: leave it out, or the recording")
@@ -104,8 +110,11 @@ def _build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("recording", nargs="?", metavar="RECORDING", help="folder of a recorded drive to play back")
     parser.add_argument(
-        "--connect", metavar="ADDRESS", help="telemetry to show: a name ('default'), or a path with a '/'"
+        "--connect",
+        metavar="ADDRESS",
+        help="telemetry to show: a name, or a path with a '/'; without it, the loop that is running, or 'default'",
     )
+    parser.add_argument("--list", action="store_true", help="print the running loops, and exit")
     parser.add_argument(
         "--speed", type=float, default=1.0, help="playback speed of a recording, 0.1 … 10; 1 is real time"
     )
