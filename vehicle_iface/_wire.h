@@ -21,6 +21,9 @@ PyTypeObject *require_tuple_type(PyObject *type);
 
 enum { MAX_LENGTH = 64, MAX_PARTS = 5 };
 
+/* A double holds every integer up to here. */
+#define EXACT 9007199254740992.0
+
 /* Bits are counted from the least significant one of the payload, read as one integer of this byte order. */
 typedef struct {
     int shift, width, is_big;

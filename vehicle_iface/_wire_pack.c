@@ -8,9 +8,6 @@
 #include <math.h>
 #include <string.h>
 
-/* A double holds every integer up to here. */
-#define EXACT 9007199254740992.0
-
 /* ── values ── */
 
 /* Finds the bits of a value; false if it is not plainly right. */

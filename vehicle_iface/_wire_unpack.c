@@ -37,6 +37,8 @@ static int read_input(PyObject *item, Input *input, int length)
         return -1;
     if (input->raws.count != input->numbers.count)
         return refuse("there is a number for each raw one");
+    if (input->field.kind == WHOLE && !(fabs(input->field.scale) <= EXACT && fabs(input->field.offset) <= EXACT))
+        return refuse("scale and offset of integers have at most 53 bits");
     return 0;
 }
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from vehicle_iface import wire
 from vehicle_iface.codec.binding import Role
-from vehicle_iface.codec.c_codec import build_unpack
+from vehicle_iface.codec.c_codec import Scaling, build_unpack
 from vehicle_iface.codec.checksums import BitPlace
 from vehicle_iface.codec.compiled import MessageCodec
 from vehicle_iface.codec.database import EXACT_ID, BoundMessage, Conversion
@@ -273,6 +273,8 @@ INPUT = (FIELD, None, None, (), False, 1.0, 0.0)
         ((((PayloadBits(1, 8, False), *FIELD[1:]), *INPUT[1:]),), "field does not fit"),
         (((FIELD, [1], *INPUT[2:]),), "a tuple or None"),
         (((FIELD, (1,), *INPUT[2:]),), "a number for each raw one"),
+        ((((*FIELD[:4], Scaling.WHOLE, 1e300, *FIELD[6:]), *INPUT[1:]),), "at most 53 bits"),
+        ((((*FIELD[:4], Scaling.WHOLE, 1.0, math.nan, *FIELD[7:]), *INPUT[1:]),), "at most 53 bits"),
     ],
 )
 def test_a_description_that_does_not_fit_is_rejected(c_wire: ModuleType, inputs: object, what: str) -> None:
