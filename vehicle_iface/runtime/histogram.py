@@ -1,6 +1,7 @@
 """Histograms of a run in a fixed amount of memory, mainly of latencies."""
 
 import math
+from collections import Counter
 
 import numpy as np
 
@@ -33,8 +34,8 @@ class LogHistogram:
         """Count all values of an array (n,)."""
         octaves = np.log2(np.maximum(sizes / self._smallest, 1.0))
         places = np.minimum(np.ceil(octaves * _PER_OCTAVE), len(self._bins) - 1).astype(np.int64)
-        for place in places.tolist():
-            self._bins[place] += 1
+        for place, count in Counter(places.tolist()).items():
+            self._bins[place] += count
         self.count += len(sizes)
         self.total += float(sizes.sum())
         self.max = max(self.max, float(sizes.max(initial=0.0)))
