@@ -53,8 +53,10 @@ def test_without_a_page_the_report_links_the_reason(run: Run, tmp_path: Path, co
     )
 
 
-def test_without_a_command_nothing_is_written(run: Run, tmp_path: Path) -> None:
+def test_without_a_command_and_after_an_interruption_nothing_is_written(run: Run, tmp_path: Path) -> None:
     assert write_pages(run, tmp_path, "") is run
+    interrupted = msgspec.structs.replace(run, interrupted="in the second case")
+    assert write_pages(interrupted, tmp_path, COPY) is interrupted
 
 
 @pytest.mark.parametrize(("command", "shown"), [("", False), (OWN_EXPORT, True)])

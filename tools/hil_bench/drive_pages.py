@@ -23,8 +23,11 @@ def is_shown(config: BenchConfig, case: Case) -> bool:
 
 
 def write_pages(run: Run, folder: Path, command: str) -> Run:
-    """Write a page for each case with a recording, and return the run with their names; no command, no pages."""
-    if not command:
+    """Write a page for each case with a recording, and return the run with their names.
+
+    Without a command there are none; of an interrupted run they are written when it is continued.
+    """
+    if not command or run.interrupted:
         return run
     return msgspec.structs.replace(run, cases=[_write_page(case, folder, command) for case in run.cases])
 
