@@ -1,6 +1,7 @@
 """The HTML page of a drive: its numbers are those of the recording, it needs nothing else, and it is small."""
 
 import math
+import random
 import re
 import shutil
 from pathlib import Path
@@ -12,12 +13,14 @@ from tests.export.recorded import Recorded, mute_state, record_drive
 from tests.export.unpacked import curve, read_page, unpack
 from vehicle_iface.cli import main
 from vehicle_iface.export.columns import to_columns
+from vehicle_iface.export.figures import measure_drive, tabulate
 from vehicle_iface.export.page.drive import load_drive
 from vehicle_iface.export.page.packing import pack
 from vehicle_iface.export.page.plots import PLOTS, limited
 from vehicle_iface.export.page.reduction import MAX_ROWS, Reduction
 from vehicle_iface.export.page.render import SCRIPTS, render_drive
 from vehicle_iface.export.recording import RecordedDrive
+from vehicle_iface.export.way import offset_m, way_along_path
 from vehicle_iface.reason import Reason
 from vehicle_iface.recorder import files
 from vehicle_iface.status import ControllerState
@@ -186,6 +189,28 @@ def test_a_gap_between_snapshots_becomes_unknown() -> None:
     assert rows["controller_state"].tolist() == [3, 3, -1, 3]
 
 
-def test_an_integer_of_a_damaged_row_is_left_out() -> None:
+@pytest.mark.parametrize("damaged_ns", [10**30, 10**17])
+def test_a_row_with_a_damaged_time_is_left_out(damaged_ns: int) -> None:
     one = Snapshot(published_ns=1, controller_state=3, reason=0)
-    assert len(to_columns([one, one._replace(published_ns=10**30)])) == 1
+    assert len(to_columns([one, one._replace(published_ns=2), one._replace(published_ns=damaged_ns)])) == 2
+
+
+def test_absurd_numbers_of_a_damaged_recording_are_unknown_and_break_nothing() -> None:
+    chance = random.Random(1)
+    choices: dict[type, list[object]] = {
+        int: [0, 1, -5, 2**60, -(2**60)],
+        bool: [False, True],
+        float: [0.0, 1.5, -3.0, math.nan, math.inf, -math.inf, 1e300, -1e308],
+        str: ["map"],
+    }
+    kinds = [type(value) for value in Snapshot(published_ns=0, controller_state=0, reason=0)]
+    for count in (1, 2, 3, 10, 50) * 20:
+        rows = to_columns(Snapshot(*(chance.choice(choices[kind]) for kind in kinds)) for _ in range(count))  # type: ignore[arg-type]
+        way_m = way_along_path(rows)
+        assert np.isfinite(way_m).all()
+        offset_m(rows, way_m, rows, way_m)
+        assert tabulate([measure_drive(rows, way_m, [], {})])
+        for plot in PLOTS:
+            for one in plot.curves:
+                values = unpack(pack(one.read(rows), 4))
+                assert np.all(np.isnan(values) | (np.abs(values) < 1e9))

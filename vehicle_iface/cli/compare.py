@@ -25,7 +25,7 @@ def compare(options: argparse.Namespace) -> int:
     if options.html:
         html = render_comparison(drives)
         write_page(html, Path(options.html), "--html")
-        print_safely(f"{options.html}: {len(html) / 1e6:.1f} MB, opens in any browser")
+        print_safely(f"{options.html}: {len(html) / 1e3:,.0f} kB, opens in any browser")
     return DONE
 
 

@@ -41,7 +41,7 @@ def export(options: argparse.Namespace) -> int:
         drive.damaged = 0
         html = render_drive(load_drive(drive))
         write_page(html, Path(options.html), "--html")
-        print_safely(f"{options.html}: {len(html) / 1e6:.1f} MB, opens in any browser")
+        print_safely(f"{options.html}: {len(html) / 1e3:,.0f} kB, opens in any browser")
     if drive.damaged:
         print_safely(f"{options.recording}: {drive.damaged:,} damaged lines were left out")
     return DONE

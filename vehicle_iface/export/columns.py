@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle_iface.telemetry import Snapshot
-from vehicle_iface.units import NS_PER_MS
+from vehicle_iface.units import NS_PER_MS, NS_PER_S
 
 Columns = npt.NDArray[np.void]
 """Structured array: one row for each snapshot, one column for each of its numbers."""
@@ -22,14 +22,25 @@ _NUMBERS = [name for name in Snapshot._fields if _TYPES[name] in _KINDS]
 _PLACES = [Snapshot._fields.index(name) for name in _NUMBERS]
 _FLAGS = [name for name in _NUMBERS if _TYPES[name] == "bool"]
 _INTEGERS = [Snapshot._fields.index(name) for name in _NUMBERS if _TYPES[name] == "int"]
-_TOO_LARGE = 2**62
+_FLOATS = [name for name in _NUMBERS if _TYPES[name] == "float"]
+_DAY_NS = 86_400 * NS_PER_S
+_TOO_LARGE, _ABSURD = 2**61, 1e12
 _ROW = np.dtype([(name, _KINDS[_TYPES[name]]) for name in _NUMBERS])
 
 
 def to_columns(snapshots: Iterable[Snapshot]) -> Columns:
-    """Return snapshots in the order of time, with one more row of unknown values at the beginning of each gap."""
+    """Return snapshots in the order of time, with one more row of unknown values at the beginning of each gap.
+
+    Numbers that are not finite, or absurd, are NaN. A row of another day than most is left out as damaged.
+    """
     rows = np.fromiter((tuple(one[place] for place in _PLACES) for one in snapshots if _fits(one)), _ROW)
-    return _mark_gaps(rows[np.argsort(rows["published_ns"], kind="stable")])
+    rows = rows[np.argsort(rows["published_ns"], kind="stable")]
+    if len(rows):
+        rows = rows[np.abs(rows["published_ns"] - rows["published_ns"][len(rows) // 2]) < _DAY_NS]
+    for name in _FLOATS:
+        with np.errstate(invalid="ignore"):
+            rows[name][~(np.abs(rows[name]) < _ABSURD)] = np.nan
+    return _mark_gaps(rows)
 
 
 def _fits(snapshot: Snapshot) -> bool:

@@ -41,7 +41,7 @@ def offset_m(first: Columns, first_way_m: FloatArray, second: Columns, second_wa
         return None
     ahead = _begin_on(first, first_way_m, second, second_way_m)
     behind = _begin_on(second, second_way_m, first, first_way_m)
-    if min(ahead.distance_m, behind.distance_m) > NEAR_M:
+    if not min(ahead.distance_m, behind.distance_m) <= NEAR_M:
         return None
     return ahead.way_m if ahead.distance_m <= behind.distance_m else -behind.way_m
 
@@ -63,7 +63,7 @@ def _begin_on(first: Columns, first_way_m: FloatArray, second: Columns, second_w
     )
     turn = (there["heading_rad"] - there["heading_error_rad"]) - (begin["heading_rad"] - begin["heading_error_rad"])
     cost = distance + _HEADING_WEIGHT_M * np.abs(np.angle(np.exp(1j * turn)))
-    nearest = int(np.argmin(cost))
+    nearest = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
     return _Begin(float(distance[nearest]), float(first_way_m[known[nearest]] - second_way_m[begins[0]]))
 
 
