@@ -12,9 +12,10 @@ from hil_bench.cases import catalogue_for
 from hil_bench.cases.thresholds import threshold_cases
 from hil_bench.expect.base import check_measured
 from hil_bench.expect.limit import Limit
+from hil_bench.expect.stop_thresholds import SilentAfter
 from hil_bench.peer.build import open_wire
 from hil_bench.result import CaseResult, Verdict
-from scenes import WIRE
+from scenes import WIRE, observed, stop
 from vehicle_bus_contract.reference import S
 from virtual_rig import run_virtual
 
@@ -196,3 +197,16 @@ def test_the_check_of_a_threshold_says_where_it_must_act(
 ) -> None:
     limit = Limit(key="", name="distance", unit="m", profile=3.0, lowest=lowest, highest=highest)
     assert check_measured(limit.at(3.1)[0]).text == f"distance: acts {where} (profile 3)"
+
+
+@pytest.mark.parametrize(
+    ("period_s", "last_s", "is_kept"), [(0.01, 0.49, True), (0.01, 0.48, False), (0.02, 0.48, True)]
+)
+def test_silence_may_begin_with_the_command_that_would_have_come_next(
+    period_s: float, last_s: float, is_kept: bool
+) -> None:
+    silence = SilentAfter(limit=Limit(key="", name="silence", unit="s", profile=0.5, lowest=0.489, highest=0.521))
+    sent = [stop(5.0 + last_s - period_s * number) for number in reversed(range(10))]
+    (found,) = silence.measure(replace(observed(*sent, samples=[5.0]), end_ns=7 * S))
+    assert found.acts_at == pytest.approx(last_s)
+    assert (found.verdict is Verdict.PASS) is is_kept

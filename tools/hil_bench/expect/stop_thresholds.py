@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from vehicle_bus_contract.judge import Pair
@@ -16,6 +16,8 @@ from hil_bench.result import Measured
 RESTS_MPS = 0.02
 BRAKES_FROM, BRAKES_UNTIL = 0.9, 0.3
 """Between these shares of the speed at its beginning a stop's deceleration is measured."""
+LONGEST_PERIOD = 0.1
+"""Of a stop's commands, as a share of the time until silence."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,15 +53,26 @@ class StopAfter:
 
 @dataclass(frozen=True, kw_only=True)
 class SilentAfter:
-    """Time from the last complete sample to the last command."""
+    """Time from the last complete sample to the last command.
+
+    The next command would have come a period later. So a device that repeats its stops more slowly than it answers
+    samples may send the last one that much before its time.
+    """
 
     limit: Limit
 
     def measure(self, observed: Observation) -> list[Measured]:
         lost_ns = _last_ns(observed, (), observed.inject_ns + round(0.02 * S))
         stamps = [pair.stamp_ns for pair in observed.between(observed.inject_ns, observed.end_ns)]
-        is_silent = stamps and observed.end_ns - stamps[-1] > QUIET_S * S
-        return self.limit.at((stamps[-1] - lost_ns) / S if is_silent else None)
+        if not stamps or observed.end_ns - stamps[-1] <= QUIET_S * S:
+            return self.limit.at(None)
+        return self._allow_for_period(stamps).at((stamps[-1] - lost_ns) / S)
+
+    def _allow_for_period(self, stamps: Sequence[int]) -> Limit:
+        if self.limit.lowest is None or len(stamps) < 2:
+            return self.limit
+        early_s = min(LONGEST_PERIOD * self.limit.profile, 1.1 * (stamps[-1] - stamps[-2]) / S)
+        return replace(self.limit, lowest=min(self.limit.lowest, self.limit.profile - early_s))
 
 
 @dataclass(frozen=True, kw_only=True)
