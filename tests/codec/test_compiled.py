@@ -57,7 +57,7 @@ def signal(
     return Signal(name, start, width, order, signed, conversion=BaseConversion.factory(**options), **rest)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(messages(), st.data())
 def test_decodes_random_bytes_and_encodes_them_again_as_cantools_does(message: Message, data: st.DataObject) -> None:
     codec = MessageCodec(message, checked=False)
@@ -75,7 +75,7 @@ def test_decodes_random_bytes_and_encodes_them_again_as_cantools_does(message: M
             assert codec.encode(values) == again
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(messages(), st.data())
 def test_encodes_random_values_as_cantools_does(message: Message, data: st.DataObject) -> None:
     codec = MessageCodec(message, checked=False)
@@ -101,7 +101,7 @@ def test_encodes_random_values_as_cantools_does(message: Message, data: st.DataO
         assert codec.encode(values) == theirs
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(messages(bounded=True), st.data())
 def test_checked_values_are_in_range_and_encoded_like_strict_cantools(message: Message, data: st.DataObject) -> None:
     codec = MessageCodec(message)
@@ -121,7 +121,7 @@ def test_checked_values_are_in_range_and_encoded_like_strict_cantools(message: M
     assert codec.encode(values) == message.encode(present, strict=True)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(messages(bounded=True), st.booleans(), st.data())
 def test_nothing_but_our_own_error_comes_out(message: Message, checked: bool, data: st.DataObject) -> None:
     codec = MessageCodec(message, checked=checked)

@@ -41,6 +41,8 @@ def test_a_trajectory_that_the_vehicle_cannot_follow_is_rejected_with_the_progra
     [
         ("commands_after_override", "driver-brakes", "ENABLE = 0 with DRIVER_OVERRIDE within 60 ms"),
         ("late_by_30_ms", "latency-at-0-percent-load", "half of the answers"),
+        ("jerk_unlimited", "end-of-space", "steering, lateral acceleration, braking and jerk"),
+        ("counter_repeated_with_fresh_crc", "end-of-space", "its counters advance by one"),
     ],
 )
 def test_a_defect_of_the_minimal_controller_shows(defect: str, name: str, text: str, tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def expected(codec: MessageCodec, payloads: list[bytes]) -> list[tuple[int, tupl
 PAYLOADS = st.lists(st.binary(min_size=64, max_size=64), min_size=1, max_size=12)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(messages(), PAYLOADS, st.integers(0, 3))
 def test_every_value_is_the_codecs_to_the_last_bit(of: Message, payloads: list[bytes], more: int) -> None:
     cut = [data[: min(64, of.length + more)] for data in payloads]
@@ -83,7 +83,7 @@ def test_every_value_is_the_codecs_to_the_last_bit(of: Message, payloads: list[b
     assert log.decoded + len(log.refused) == log.lines == len(cut)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(messages(bounded=True), PAYLOADS)
 def test_in_range_is_what_the_checked_codec_accepts(of: Message, payloads: list[bytes]) -> None:
     cut = [data[: of.length] for data in payloads]
