@@ -53,7 +53,12 @@ function lastAt(numbers, value) {
 
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim() || "#888888";
 const minus = (text) => text.replace("-", "−");
-const figure = (value, digits) => (Number.isFinite(value) ? minus((Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits)) : "–");
+
+/** A number with so many decimals, never −0; a dash where it is unknown. */
+function figure(value, digits) {
+  if (!Number.isFinite(value)) return "–";
+  return minus((Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits));
+}
 
 /** An element with attributes and children; text is never read as markup. */
 function element(name, attributes = {}, ...children) {

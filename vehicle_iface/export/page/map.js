@@ -1,6 +1,7 @@
 // The map: paths, tracks and vehicles seen from above, to scale. A click goes to the nearest place of the first track.
 
 const MAP_MARGIN = 18;
+const MAP_LEAST_M = 8;
 const FOLLOW_M = 40;
 
 class PathMap {
@@ -36,10 +37,16 @@ class PathMap {
   /** Pixels per metre, and the point that is shown in the middle. */
   frame(width, height) {
     const { left, right, bottom, top } = this.bounds;
-    const whole = Math.min((width - 2 * MAP_MARGIN) / Math.max(right - left, 8), (height - 2 * MAP_MARGIN) / Math.max(top - bottom, 8));
-    const place = this.drives.map((drive) => ({ track: drive.track, row: this.view.placeOf(drive) })).find(({ track, row }) => row >= 0 && track.x[row] === track.x[row]);
-    if (!this.follow.checked || !place) return { scale: whole, x: (left + right) / 2, y: (bottom + top) / 2 };
-    return { scale: Math.max(whole, Math.min(width, height) / FOLLOW_M), x: place.track.x[place.row], y: place.track.y[place.row] };
+    const across = (width - 2 * MAP_MARGIN) / Math.max(right - left, MAP_LEAST_M);
+    const along = (height - 2 * MAP_MARGIN) / Math.max(top - bottom, MAP_LEAST_M);
+    const whole = Math.min(across, along);
+    const places = this.drives.map(({ track }, number) => {
+      const row = this.view.placeOf(this.drives[number]);
+      return { x: track.x[row], y: track.y[row] };
+    });
+    const followed = places.find(({ x, y }) => Number.isFinite(x + y));
+    if (!this.follow.checked || !followed) return { scale: whole, x: (left + right) / 2, y: (bottom + top) / 2 };
+    return { scale: Math.max(whole, Math.min(width, height) / FOLLOW_M), ...followed };
   }
 
   draw() {

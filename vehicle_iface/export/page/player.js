@@ -37,7 +37,8 @@ class Player {
   /** Goes to the next stop (1) or to the one before (−1); without stops to the next event. */
   seekStop(step) {
     const { view } = this;
-    const all = view.page.drives.flatMap((drive) => drive.events.map((event) => ({ event, at: view.place(drive, event.at_s) })));
+    const placed = (drive) => drive.events.map((event) => ({ event, at: view.place(drive, event.at_s) }));
+    const all = view.page.drives.flatMap(placed);
     const stops = all.filter(({ event }) => isStop(event));
     const places = (stops.length ? stops : all).map(({ at }) => at).sort((a, b) => a - b);
     const found = step > 0 ? places.find((at) => at > view.cursor + 1e-3) : places.findLast((at) => at < view.cursor - 1e-3);

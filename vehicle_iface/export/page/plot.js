@@ -69,8 +69,11 @@ class Plot {
     const save = element("button", { type: "button", class: "save", title: "Save this plot as a picture" }, "save PNG");
     save.addEventListener("click", () => this.save());
     this.swatches = plot.curves.map(() => element("i"));
-    const values = plot.curves.map((curve, place) => element("span", { class: "value" }, this.swatches[place], `${curve.label} `, this.outputs[place]));
-    const caption = element("figcaption", {}, element("b", {}, plot.title), element("span", { class: "quiet" }, plot.unit), ...values, save);
+    const values = plot.curves.map((curve, place) => {
+      return element("span", { class: "value" }, this.swatches[place], `${curve.label} `, this.outputs[place]);
+    });
+    const heading = [element("b", {}, plot.title), element("span", { class: "quiet" }, plot.unit)];
+    const caption = element("figcaption", {}, ...heading, ...values, save);
     this.field = element("div", { class: "field" }, this.canvas, this.cursor);
     this.figure = element("figure", { class: "plot" }, caption, this.field);
     select(this.field, view);
@@ -145,7 +148,9 @@ class Plot {
     context.clip();
     context.strokeStyle = color("limit");
     context.setLineDash([6, 4]);
-    for (const limit of plot.limits) stroke(() => (context.moveTo(GUTTER, toY(limit)), context.lineTo(width, toY(limit))));
+    for (const limit of plot.limits) {
+      stroke(() => (context.moveTo(GUTTER, toY(limit)), context.lineTo(width, toY(limit))));
+    }
     context.setLineDash([]);
     context.lineJoin = "round";
     for (const curve of plot.curves) {
@@ -153,12 +158,17 @@ class Plot {
       context.strokeStyle = color(curve.color);
       context.lineWidth = curve.width;
       let before = 0;
+      const move = (x, y) => {
+        context.moveTo(x, y);
+        context.lineTo(x + 0.01, y); // a single value is a dot
+        before = y;
+      };
       const line = (x, y) => {
         if (curve.is_stepped) context.lineTo(x, before);
         before = y;
         context.lineTo(x, y);
       };
-      stroke(() => traceCurve(axis, curve.values, { from: view.from, to: view.to, toX, toY }, (x, y) => (context.moveTo(x, y), context.lineTo(x + 0.01, y), (before = y)), line));
+      stroke(() => traceCurve(axis, curve.values, { from: view.from, to: view.to, toX, toY }, move, line));
     }
     context.restore();
     context.strokeStyle = color("line");
@@ -205,55 +215,4 @@ class Plot {
     const name = plot.title.toLowerCase().replaceAll(" ", "-");
     canvas.toBlob((blob) => saveBlob(blob, `${view.page.name}-${name}.png`), "image/png");
   }
-}
-
-/** Pointer on a plot or its like: move for the cursor, drag to zoom, wheel with Shift or Ctrl. */
-function selectWith(field, view) {
-  const drag = element("i", { class: "drag", hidden: "" });
-  field.append(drag);
-  let begun = null;
-  const at = (event) => {
-    const box = field.getBoundingClientRect();
-    const share = (event.clientX - box.left - GUTTER) / (box.width - GUTTER);
-    return view.from + Math.min(Math.max(share, 0), 1) * (view.to - view.from);
-  };
-  const toPixel = (value) => GUTTER + ((value - view.from) / (view.to - view.from)) * (field.clientWidth - GUTTER);
-  const isDrag = (event) => begun && Math.abs(event.clientX - begun.x) > 5;
-  field.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0) return;
-    begun = { x: event.clientX, at: at(event) };
-    if (event.pointerType !== "touch") field.setPointerCapture(event.pointerId);
-  });
-  field.addEventListener("pointermove", (event) => {
-    if (isDrag(event)) {
-      const [left, right] = [begun.at, at(event)].sort((a, b) => a - b).map(toPixel);
-      drag.hidden = false;
-      drag.style.transform = `translateX(${left}px)`;
-      drag.style.width = `${right - left}px`;
-    } else if (!view.isPlaying) view.setCursor(at(event));
-  });
-  field.addEventListener("pointerup", (event) => {
-    if (isDrag(event)) view.setWindow(...[begun.at, at(event)].sort((a, b) => a - b));
-    else if (begun) view.setCursor(at(event));
-    begun = null;
-    drag.hidden = true;
-  });
-  field.addEventListener("pointercancel", () => ((begun = null), (drag.hidden = true)));
-  field.addEventListener("dblclick", () => view.setWindow(view.low, view.high));
-  field.addEventListener(
-    "wheel",
-    (event) => {
-      const span = view.to - view.from;
-      if (event.ctrlKey) {
-        const center = at(event);
-        const factor = Math.exp(0.002 * event.deltaY);
-        view.setWindow(center - (center - view.from) * factor, center + (view.to - center) * factor);
-      } else if (event.shiftKey || event.deltaX) {
-        const step = (0.001 * (event.deltaX || event.deltaY)) * span;
-        view.setWindow(view.from + step, view.to + step);
-      } else return;
-      event.preventDefault();
-    },
-    { passive: false },
-  );
 }

@@ -17,7 +17,19 @@ from vehicle_iface.export.page.reduction import MAX_ROWS, Reduction
 from vehicle_iface.export.way import offset_m
 from vehicle_iface.units import NS_PER_S
 
-SCRIPTS = ("data.js", "view.js", "plot.js", "strip.js", "map.js", "events.js", "player.js", "main.js")
+SCRIPTS = (
+    "data.js",
+    "view.js",
+    "plot.js",
+    "select.js",
+    "now.js",
+    "strip.js",
+    "map.js",
+    "events.js",
+    "player.js",
+    "csv.js",
+    "main.js",
+)
 COLORS = ("drive-a", "drive-b")
 
 

@@ -55,11 +55,12 @@ class Strip {
 /** The colours of the states and ticks that the drives have. */
 function stripLegend(drives) {
   const states = new Set(drives.flatMap((drive) => drive.states.map(([, state]) => state)).filter(Boolean));
-  const ticks = new Map(drives.flatMap((drive) => drive.ticks.filter((one) => one.at_s.length).map((one) => [one.label, one.color])));
-  const entries = [...[...states].map((state) => [state, state]), ...[...ticks].map(([label, name]) => [`| ${label}`, name])];
+  const seen = drives.flatMap((drive) => drive.ticks.filter((one) => one.at_s.length));
+  const ticks = new Map(seen.map((one) => [one.label, one.color]));
+  const named = [...ticks].map(([label, name]) => [`| ${label}`, name]);
+  const entries = [...[...states].map((state) => [state, state]), ...named];
   const items = entries.map(([label, name]) => {
-    const swatch = element("i", { class: "swatch", style: `background: var(--${name})` });
-    return element("span", {}, swatch, label);
+    return element("span", {}, swatch(name), label);
   });
   return element("div", { class: "strip-legend" }, ...items);
 }
