@@ -6,6 +6,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
+from .contrast import read_contrasts
 from .processes import Publisher, Viewer
 from .strip import click_strip
 
@@ -52,6 +53,12 @@ _AT_CURSOR = """() => Object.values(window.__viserTestpoints.uplots).map(({chart
 """Of each plot: title, place of its cursor in pixels, time and values at it."""
 
 
+def choose(page: Page, label: str, option: str) -> None:
+    """Choose from a list that can be searched."""
+    page.get_by_label(label, exact=True).first.fill(option)
+    page.get_by_role("option", name=option, exact=True).click()
+
+
 def test_in_a_run_that_sends_nothing_no_plot_is_empty_and_one_cursor_reads_all(
     publish: Start, viewer: Viewer, page: Page
 ) -> None:
@@ -67,9 +74,7 @@ def test_in_a_run_that_sends_nothing_no_plot_is_empty_and_one_cursor_reads_all(
         ("Acceleration", VEHICLE),
     ):
         wait_for_columns(page, title, color, "x{8}")
-    signal = page.get_by_label("Free plot", exact=True).first
-    signal.fill("heading error")
-    page.get_by_role("option", name="heading error, °").click()
+    choose(page, "Free plot", "heading error, °")
     wait_for_columns(page, "Free plot", VEHICLE, "x{8}")
     over = page.locator(".uplot .u-over").nth(1)
     over.evaluate("plot => plot.scrollIntoView()")
@@ -169,3 +174,29 @@ def test_plots_can_be_paused_and_look_back_while_the_head_stays_live(
     expect(past).to_contain_text("PLOTS END")
     page.keyboard.press("p")
     expect(past).to_have_count(0)
+
+
+def test_light_and_dark_are_legible_remembered_and_in_the_address(publish: Start, viewer: Viewer, page: Page) -> None:
+    publish()
+    page.goto(viewer.url)
+    expect(page.locator("#numbers")).to_contain_text("temporal ref")
+    scheme = page.locator("html")
+    expect(scheme).to_have_attribute("data-mantine-color-scheme", "light")  # Playwright's browser prefers it
+    check_contrasts(page)
+    choose(page, "Theme", "dark")
+    expect(scheme).to_have_attribute("data-mantine-color-scheme", "dark")
+    check_contrasts(page)
+    choose(page, "Free plot", "drops")
+    page.wait_for_url(re.compile(r"theme=dark&plots=20\+s&free=drops&and=none"))
+    page.goto(f"{viewer.url}?theme=light&plots=120+s")
+    expect(page.get_by_label("Plots", exact=True).first).to_have_value("120 s")
+    expect(page.get_by_label("Free plot", exact=True).first).to_have_value("drops")
+    expect(scheme).to_have_attribute("data-mantine-color-scheme", "light")
+
+
+def check_contrasts(page: Page) -> None:
+    page.wait_for_timeout(300)  # viser fades from one theme to the other
+    texts = "#numbers td, #legend span, .vi-note, .vi-strip span, .vi-map text, label, .u-label, .u-value, .u-title"
+    found = read_contrasts(page, texts)
+    assert {"x", "speed, m/s", "Plots", "vehicle"} <= set(found)
+    assert {text: round(contrast, 2) for text, contrast in found.items() if contrast < 4.5} == {}

@@ -3,8 +3,8 @@
 viser itself accepts every client, checks no Origin, takes messages of 50 MB, and lets any client upload files, press
 any button and request a public tunnel. This module binds the socket and checks each request before viser handles it.
 Of a browser's messages only its camera and its own controls are handled: the buttons of the camera, the filter of the
-signals, and the time of its plots. They change nothing for another browser. The page of a recording has three more
-controls, for all; no loop is behind it.
+signals, the time of its plots, and what it remembers of them. They change nothing for another browser. The page of a
+recording has more controls, for its own place in it; no loop is behind it.
 
 This relies on private names of exactly viser 1.1.1; `tests/viewer/test_access.py` fails when they change.
 """

@@ -16,6 +16,7 @@ from vehicle_iface_viewer.feed import LiveTelemetry
 from vehicle_iface_viewer.journey import Journey
 from vehicle_iface_viewer.playback import Playback
 from vehicle_iface_viewer.scene.scene import Scene, set_stage
+from vehicle_iface_viewer.settings import configure_theme
 from vehicle_iface_viewer.showing import Showing
 
 _PERIOD_NS = NS_PER_S // 30
@@ -32,7 +33,7 @@ class App:
         self._clients: dict[int, LiveBrowser | ReplayBrowser] = {}
         is_recording = isinstance(self._reader, Playback)
         self.server = open_server(access)
-        self.server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+        configure_theme(self.server.gui, is_dark=True)
         self.server.gui.set_panel_label("vehicle-iface: RECORDING" if is_recording else "vehicle-iface")
         self.server.gui.main_panel.dock_right()
         self.server.gui.main_panel.set_width(_PANEL_WIDTH_PX)

@@ -15,6 +15,7 @@ from vehicle_iface_viewer.playback import Playback
 from vehicle_iface_viewer.playback_controls import PlaybackControls
 from vehicle_iface_viewer.scene.nodes import LIVE, PAST
 from vehicle_iface_viewer.scene.scene import set_background
+from vehicle_iface_viewer.settings import Settings
 from vehicle_iface_viewer.showing import MAP_EVERY, PANELS_EVERY, Picture, Showing
 
 _TURNS_PER_FREE_PLOT = 5
@@ -30,6 +31,7 @@ class _Browser:
         self._time = PlotTime(client, is_live=is_live)
         self._plots = Plots(client.gui, showing.feed.recent)
         self._free_plot = FreePlot(client, showing.feed.recent)
+        self._settings = Settings(client, self._time, self._free_plot)
 
     def _show(self, picture: Picture, end_ns: int, tick: int) -> None:
         """Update the camera, and in turns plots, tables and map."""
@@ -38,6 +40,7 @@ class _Browser:
         if picture.place is not None:
             self.camera.move(picture.place, picture.drive)
         if tick % PANELS_EVERY == 2:
+            self._settings.keep()
             self._time.show(showing.feed.recent)
             self._plots.show(showing.view, turn, end_ns=end_ns, window_s=self._time.window_s)
             if turn % _TURNS_PER_FREE_PLOT == 0:

@@ -49,16 +49,27 @@ class FreePlot:
         self._ranges: list[Range | None] = [None, None]
         self._number = 0
         self._sent: tuple[int, float, tuple[str, ...]] | None = None
+        self._boxes: list[viser.GuiDropdownHandle[str]] = []
         self._handle = add_plot(client.gui, "Free plot", self._series(), self._scales(), _ORDER + 1)
         names = tuple(FREE_SIGNALS)
         for place, (label, choices) in enumerate((("Free plot", names), ("and", (NONE, *names)))):
-            box = client.gui.add_dropdown(
+            box: viser.GuiDropdownHandle[str] = client.gui.add_dropdown(
                 label, choices, initial_value=self._names[place], order=_ORDER + 0.1 * (place + 1)
             )
-            handle_text(client, box._impl.uuid, max(map(len, names)), partial(self.choose, place))
+            handle_text(client, box._impl.uuid, max(map(len, names)), partial(self._set, place))
+            self._boxes.append(box)
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """The two signals; the second may be `NONE`."""
+        return self._names[0], self._names[1]
 
     def choose(self, place: int, name: str) -> None:
         """Draw another signal; `place` 0 has the left axis. A name that is no signal is ignored, except `NONE`."""
+        self._set(place, name)
+        self._boxes[place].value = self._names[place]  # type: ignore[misc]  # viser declares no setter
+
+    def _set(self, place: int, name: str) -> None:
         if name in FREE_SIGNALS or (place == 1 and name == NONE):
             self._names[place] = name
 

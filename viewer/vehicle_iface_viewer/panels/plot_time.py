@@ -31,14 +31,14 @@ class PlotTime:
 
     def __init__(self, client: viser.ClientHandle, *, is_live: bool) -> None:
         """A recording has controls of its own for the time: here only the length of the plots can be chosen."""
-        self.window_s = WINDOWS[USUAL_WINDOW]
+        self.window = USUAL_WINDOW
         self._is_paused = False
         self._paused_ns: int | None = None
         self._back_s = 0.0
         self._sliders: list[viser.GuiSliderHandle[float]] = []
         self._note = client.gui.add_html("", order=_ORDER + 0.4)
-        windows = client.gui.add_dropdown("Plots", tuple(WINDOWS), initial_value=USUAL_WINDOW, order=_ORDER + 0.1)
-        handle_text(client, windows._impl.uuid, max(map(len, WINDOWS)), self._set_window)
+        self._windows = client.gui.add_dropdown("Plots", tuple(WINDOWS), initial_value=USUAL_WINDOW, order=_ORDER + 0.1)
+        handle_text(client, self._windows._impl.uuid, max(map(len, WINDOWS)), self._set_window)
         if is_live:
             pause = client.gui.add_checkbox("Pause plots", initial_value=False, order=_ORDER + 0.2)
             handle_checkbox(client, pause._impl.uuid, self._set_pause)
@@ -72,8 +72,19 @@ class PlotTime:
         if self._note.content != content:
             self._note.content = content
 
+    @property
+    def window_s(self) -> float:
+        """Length of the plots."""
+        return WINDOWS[self.window]
+
+    def choose_window(self, name: str) -> None:
+        """Choose the length of the plots for the browser; a name that is none is ignored."""
+        self._set_window(name)
+        self._windows.value = self.window  # type: ignore[misc]  # viser declares no setter
+
     def _set_window(self, name: str) -> None:
-        self.window_s = WINDOWS.get(name, self.window_s)
+        if name in WINDOWS:
+            self.window = name
 
     def _set_pause(self, is_paused: bool) -> None:
         self._is_paused = is_paused

@@ -6,8 +6,12 @@ FROZEN_AFTER_S = 1.2
 _PHONE = "@media (max-width: 576px)"
 # viser puts each element of the panel into a box of its own: a slider that follows a strip is laid over it.
 _OVER = "div:has(> .vi-strip) + div"
-BAD, NEW = "#ff6b6b", "#74c0fc"
+# Small text has a contrast of at least 4.5 on the dark page and on the light one.
 STYLE = f"""<style>
+:root[data-mantine-color-scheme="dark"][lang] {{
+  --vi-bad: #ff6b6b; --vi-new: #74c0fc; --mantine-color-dimmed: #adb5bd }}
+:root[data-mantine-color-scheme="light"][lang] {{
+  --vi-bad: #c92a2a; --vi-new: #1864ab; --mantine-color-dimmed: #495057 }}
 @keyframes frozen {{ to {{ visibility: visible }} }}
 #frozen {{ position: fixed; inset: 0; z-index: 10000; visibility: hidden; pointer-events: none;
   animation: frozen 0s {FROZEN_AFTER_S}s forwards; display: flex; flex-direction: column; justify-content: center;
@@ -23,7 +27,7 @@ STYLE = f"""<style>
 .vi-note {{ margin: 4px 8px; font-size: 12px; opacity: .8 }}
 .vi-signals, .vi-values, .vi-bar {{ font-size: 12px; line-height: 1.35; font-variant-numeric: tabular-nums }}
 .vi-message {{ margin: 0 14px 6px 6px }}
-.vi-faulty {{ box-shadow: -3px 0 0 {BAD} }}
+.vi-faulty {{ box-shadow: -3px 0 0 var(--vi-bad) }}
 .vi-head {{ background: rgba(128,128,128,.2); padding: 1px 4px; font-size: 12.5px }}
 .vi-facts {{ padding: 0 4px; font-size: 11px; opacity: .8 }}
 .vi-message > div, .vi-values > div, .vi-bar {{ display: flex; justify-content: space-between; gap: 8px;
@@ -33,10 +37,10 @@ STYLE = f"""<style>
 .vi-message > div > :last-child {{ white-space: nowrap }}
 .vi-message > .vi-facts > * {{ white-space: normal }}
 .vi-data {{ font-family: monospace; font-size: 11px; word-break: break-all }}
-.vi-message i {{ font-style: normal; opacity: .7 }}
-.vi-bad {{ color: {BAD}; font-weight: 700; opacity: 1 }}
-.vi-old {{ opacity: .45 }}
-.vi-new {{ color: {NEW} }}
+.vi-message i {{ font-style: normal; opacity: .85 }}
+.vi-bad {{ color: var(--vi-bad); font-weight: 700; opacity: 1 }}
+.vi-old {{ opacity: .62 }}
+.vi-new {{ color: var(--vi-new) }}
 .vi-event {{ display: flex; gap: 8px; margin: 0 14px 3px 6px; padding-left: 6px; font-size: 12px; line-height: 1.35;
   font-variant-numeric: tabular-nums }}
 .vi-values, .vi-bar {{ margin-right: 10px }} .vi-values {{ margin-bottom: 8px }}
@@ -55,7 +59,7 @@ STYLE = f"""<style>
 {_OVER} .mantine-Slider-trackContainer, {_OVER} .mantine-Slider-track {{ height: 32px; cursor: pointer }}
 {_OVER} .mantine-Slider-track::before, {_OVER} .mantine-Slider-bar {{ background: none }}
 {_OVER} .mantine-Slider-thumb {{ width: 4px !important; height: 36px !important; border-radius: 2px;
-  background: #fff !important; outline: 1px solid #000 }}
+  border: none; background: #fff !important; outline: 1px solid #000 }}
 .vi-map {{ display: block; width: calc(100% - 14px); height: max(calc(50vh - 90px), 150px);
   margin-left: 6px }}
 .vi-phone {{ display: none }}

@@ -1,0 +1,72 @@
+"""What one browser has chosen for its page: light or dark, the length of the plots, the signals of the free plot.
+
+Each browser remembers it, and the address of its page carries it, for another browser or another day.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import viser
+
+from vehicle_iface_viewer import browser_memory
+from vehicle_iface_viewer.access import handle_text
+from vehicle_iface_viewer.panels.free_plot import FreePlot
+from vehicle_iface_viewer.panels.plot_time import PlotTime
+
+AS_BROWSER, LIGHT, DARK = "as the browser", "light", "dark"
+_THEMES = (AS_BROWSER, LIGHT, DARK)
+_THEME, _PLOTS, _FREE, _AND = "theme", "plots", "free", "and"
+"""Names in the address of the page."""
+_ORDER = 30.0
+
+
+def configure_theme(gui: viser.GuiApi, *, is_dark: bool) -> None:
+    """Make a page dark or light."""
+    gui.configure_theme(dark_mode=is_dark, show_logo=False, show_share_button=False)
+
+
+class Settings:
+    """The choices of one browser."""
+
+    def __init__(self, client: viser.ClientHandle, time: PlotTime, free_plot: FreePlot) -> None:
+        self._client, self._time, self._free_plot = client, time, free_plot
+        self._theme, self._prefers = AS_BROWSER, DARK
+        self._is_dark = True
+        self._box = client.gui.add_dropdown("Theme", _THEMES, initial_value=AS_BROWSER, order=_ORDER)
+        handle_text(client, self._box._impl.uuid, max(map(len, _THEMES)), self._choose_theme)
+        self._known: dict[str, str] | None = None
+        """What the browser remembers; None until it has answered."""
+        browser_memory.ask(client, (_THEME, _PLOTS, _FREE, _AND), self._apply)
+
+    def keep(self) -> None:
+        """Have the browser remember what has changed."""
+        chosen = self._chosen()
+        if self._known is not None and chosen != self._known:
+            self._known = chosen
+            browser_memory.remember(self._client, chosen)
+
+    def _chosen(self) -> dict[str, str]:
+        free, second = self._free_plot.names
+        return {_THEME: self._theme, _PLOTS: self._time.window, _FREE: free, _AND: second}
+
+    def _apply(self, answer: Mapping[str, str]) -> None:
+        """Choose what the browser says; values that do not exist are ignored."""
+        self._prefers = answer.get(browser_memory.PREFERS, DARK)
+        theme = answer.get(_THEME, AS_BROWSER)
+        self._choose_theme(theme)
+        if self._theme == theme:
+            self._box.value = theme  # type: ignore[misc]  # viser declares no setter
+        self._time.choose_window(answer.get(_PLOTS, ""))
+        for place, name in enumerate((_FREE, _AND)):
+            self._free_plot.choose(place, answer.get(name, ""))
+        self._known = self._chosen()
+
+    def _choose_theme(self, theme: str) -> None:
+        if theme not in _THEMES:
+            return
+        self._theme = theme
+        is_dark = (self._prefers if theme == AS_BROWSER else theme) != LIGHT
+        if is_dark != self._is_dark:
+            self._is_dark = is_dark
+            configure_theme(self._client.gui, is_dark=is_dark)
