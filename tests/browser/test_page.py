@@ -359,7 +359,9 @@ def test_a_recording_is_marked_as_such_and_can_be_paused_and_wound_back(page: Pa
         shown = page.locator("#recording")
         expect(shown).to_contain_text("RECORDING, NOT LIVE")
         banner(page, "ENGAGED", "NOMINAL")
-        expect(page.locator("#listener-problem")).to_contain_text("no frames were recorded")
+        expect(page.locator("#events")).to_contain_text("mode ENGAGED")  # the open tab, as there are no frames
+        page.get_by_role("tab", name="Signals").click()
+        expect(page.locator("#no-frames")).to_contain_text("No frames were recorded")
         page.get_by_label("Pause").click(force=True)
         expect(shown).to_contain_text("paused")
         page.get_by_role("slider").first.press("End")

@@ -18,8 +18,9 @@ from vehicle_iface.telemetry import SessionInfo, WriterState
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.bus_table.listener import Listener
 from vehicle_iface_viewer.bus_table.report import BusReport
-from vehicle_iface_viewer.bus_table.source import ListenerProcess
+from vehicle_iface_viewer.bus_table.source import NO_FRAMES, ListenerProcess
 from vehicle_iface_viewer.feed import View
+from vehicle_iface_viewer.panels.signals import signals_html
 
 
 def view(session: int, *, bus: str = "SocketCAN absent7", channel: str = "absent7", profile: str = "reference") -> View:
@@ -55,7 +56,10 @@ def test_a_bus_that_is_absent_is_named_and_asked_for_again(source: ListenerProce
 def test_a_session_without_a_bus_of_its_own_or_a_known_profile_has_no_listener(source: ListenerProcess) -> None:
     embedded = source.read(view(1, bus="embedded bus (no SocketCAN used)"))
     assert embedded is not None
-    assert embedded.problem.startswith("embedded bus (no SocketCAN used): only SocketCAN buses")
+    assert (embedded.note, embedded.problem) == (NO_FRAMES, "")
+    shown = signals_html(embedded)
+    assert "there are no frames to list" in shown
+    assert "vi-bad" not in shown
     other = source.read(view(2, profile="mine"))
     assert other is not None
     assert "start view with --profile FILE" in other.problem

@@ -131,7 +131,7 @@ def test_a_recording_without_frames_or_profile_says_so(folder: Path) -> None:
     given.close()
     (folder / files.FRAMES).unlink()
     empty = RecordedBusTable(str(folder), OFFSET_NS, "reference")
-    assert "no frames were recorded" in read(empty, 1.0).problem
+    assert (read(empty, 1.0).note, read(empty, 1.0).problem) == ("No frames were recorded.", "")
     empty.close()
 
 

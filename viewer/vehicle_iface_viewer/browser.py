@@ -26,7 +26,7 @@ class _Browser:
         self._client = client
         self._showing = showing
         self.camera = Camera(client)
-        self._left_panel = LeftPanel(client)
+        self._left_panel = LeftPanel(client, has_frames=showing.has_frames)
         self._map_panel = MapPanel(client, above=self._left_panel.panel)
         self._time = PlotTime(client, is_live=is_live)
         self._plots = Plots(client.gui, showing.feed.recent)

@@ -9,7 +9,7 @@ import viser
 
 from vehicle_iface_viewer.box import Box
 from vehicle_iface_viewer.bus_table.report import BusReport
-from vehicle_iface_viewer.bus_table.source import BusTableSource
+from vehicle_iface_viewer.bus_table.source import BusTableSource, has_frames
 from vehicle_iface_viewer.feed import LIVE_S, RECORDED_S, Feed, LiveTelemetry, View
 from vehicle_iface_viewer.panels.live_strips import LiveStrips
 from vehicle_iface_viewer.panels.map_drawing import MapDrawing
@@ -62,6 +62,11 @@ class Showing:
     def drive(self) -> Box | None:
         """What holds the whole drive, relative to the local origin of the scene."""
         return self.scene.relative(self.map.visible)
+
+    @property
+    def has_frames(self) -> bool:
+        """Whether the drive's buses have frames that can be listed."""
+        return has_frames(self._reader.info)
 
     def update(self, now_ns: int, tick: int) -> View:
         """Update the picture each time, the rest in turns, so that no update is long; return what is shown."""

@@ -44,9 +44,10 @@ class RecordedBusTable:
         self._session = self._next = 0
         self._now_ns = 0
         self._report: BusReport | None = None
+        if not len(self._lines):
+            self._report = BusReport(note="No frames were recorded.")
+            return
         try:
-            if not len(self._lines):
-                raise ConfigError(f"{folder}: no frames were recorded")
             self._database = _load(Path(folder), profile)
         except ConfigError as error:
             self._report = BusReport(problem=str(error))

@@ -74,5 +74,7 @@ class BusReport(msgspec.Struct, frozen=True, kw_only=True):
     """Frames that the kernel dropped because the listener was too slow: not errors of the bus."""
     unlisted: int = 0
     """Frames of identifiers beyond the number that is listed."""
+    note: str = ""
+    """Why there is nothing to receive, where this is no problem."""
     problem: str = ""
     """Why nothing is, or may be, received; empty when all is well."""

@@ -18,6 +18,7 @@ from vehicle_iface_viewer.feed import View
 
 _SOCKETCAN = "SocketCAN "
 _READ_BYTES = 1 << 16
+NO_FRAMES = "The bus of this demo is inside the program: there are no frames to list."
 
 
 class BusTableSource(Protocol):
@@ -70,6 +71,9 @@ class ListenerProcess:
             process.communicate()
 
     def _start(self, info: SessionInfo) -> None:
+        if not has_frames(info):
+            self._report = BusReport(note=NO_FRAMES)
+            return
         try:
             request = self._request(info)
         except ConfigError as error:
@@ -91,8 +95,6 @@ class ListenerProcess:
             self._process.stdin.write(msgspec.json.encode(request) + b"\n")
 
     def _request(self, info: SessionInfo) -> ListenRequest:
-        if not info.bus.startswith(_SOCKETCAN):
-            raise ConfigError(f"{info.bus}: only SocketCAN buses can be listened to by a second program")
         if self._profile is not None and self._name != info.profile:
             raise ConfigError(f"view --profile is {self._name}, and the loop drives {info.profile}: give its profile")
         if self._profile is None and info.profile not in profile_names():
@@ -111,6 +113,11 @@ class ListenerProcess:
                 self._report = msgspec.json.decode(lines[-1], type=BusReport)
         if process.poll() is not None and not (self._report and self._report.problem):
             self._report = BusReport(problem=f"the listener has ended (status {process.returncode}); restart view")
+
+
+def has_frames(info: SessionInfo | None) -> bool:
+    """Whether the session's buses have frames that a second program can receive; True as long as nothing is known."""
+    return info is None or info.bus.startswith(_SOCKETCAN)
 
 
 def parse_channels(text: str) -> dict[str, str]:

@@ -22,22 +22,21 @@ _MAX_SEARCH = 40
 class LeftPanel:
     """Four tabs, one of which is updated in each turn."""
 
-    def __init__(self, client: viser.ClientHandle) -> None:
+    def __init__(self, client: viser.ClientHandle, *, has_frames: bool) -> None:
+        """The first tab is open: the signals, or the events where the bus has no frames to list."""
+        self._client = client
         panel = self.panel = client.gui.add_panel(order=5.0)
-        with panel.add_tab("Signals"):
-            box = client.gui.add_text("Filter", "", hint="a part of a message's or signal's name, or an identifier")
-            self._signals = client.gui.add_html("")
-        with panel.add_tab("Events"):
-            self._events = client.gui.add_html("")
-        with panel.add_tab("Latency"):
-            self._latency = client.gui.add_html("")
-        with panel.add_tab("Counters"):
-            self._counters = client.gui.add_html("")
-        panel.dock_left()
-        panel.set_width(WIDTH_PX)
         self._search = ""
         self._shown: tuple[BusReport | None, str] | None = None
-        handle_text(client, box._impl.uuid, _MAX_SEARCH, self._set_search)
+        if has_frames:
+            self._signals = self._add_signals(panel)
+        self._events = self._add_tab(panel, "Events")
+        if not has_frames:
+            self._signals = self._add_signals(panel)
+        self._latency = self._add_tab(panel, "Latency")
+        self._counters = self._add_tab(panel, "Counters")
+        panel.dock_left()
+        panel.set_width(WIDTH_PX)
 
     def show(self, view: View, report: BusReport | None, feed: Feed, turn: int) -> None:
         """Update the signals when there are newer ones, and in turns events, latency and counters."""
@@ -51,6 +50,18 @@ class LeftPanel:
             _update(self._latency, latency_html(feed.recent))
         elif turn % 10 == 7:
             _update(self._counters, counters_html(view))
+
+    def _add_signals(self, panel: viser.PanelHandle) -> viser.GuiHtmlHandle:
+        with panel.add_tab("Signals"):
+            box = self._client.gui.add_text(
+                "Filter", "", hint="a part of a message's or signal's name, or an identifier"
+            )
+            handle_text(self._client, box._impl.uuid, _MAX_SEARCH, self._set_search)
+            return self._client.gui.add_html("")
+
+    def _add_tab(self, panel: viser.PanelHandle, name: str) -> viser.GuiHtmlHandle:
+        with panel.add_tab(name):
+            return self._client.gui.add_html("")
 
     def _set_search(self, search: str) -> None:
         self._search = search.strip()

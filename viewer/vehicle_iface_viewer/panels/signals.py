@@ -56,6 +56,9 @@ def _matches(row: MessageRow, search: str) -> bool:
 
 def _notes(report: BusReport, shown: int, search: str) -> str:
     def notes() -> Iterator[str]:
+        if report.note:
+            yield f'<div class="vi-note" id="no-frames">{plain(report.note)}</div>'
+            return
         if report.problem:
             yield f'<div class="vi-note vi-bad" id="listener-problem">{plain(report.problem)}</div>'
         if report.lost:
