@@ -10,6 +10,7 @@ from tests.harness import Drive, straight
 from vehicle_iface.runtime.activity import QUIET_NS, Activity, Change
 from vehicle_iface.runtime.event_log import MAX_EVENTS, EventLog
 from vehicle_iface.runtime.summary import table
+from vehicle_iface.safety.modes import Mode
 from vehicle_iface.sim.model import BicycleState
 from vehicle_iface.telemetry import SessionInfo, TelemetryReader, TelemetryWriter
 from vehicle_iface.telemetry.events import EventKind, LoopEvent, Phase
@@ -66,6 +67,19 @@ def test_a_drive_without_a_stop_has_only_that_of_its_end() -> None:
     assert drive.loop.summary().stops == []
     summary = end(drive).loop.summary()
     assert [(stop.reason, stop.reaction) for stop in summary.stops] == [("SHUTDOWN", "stopped")]
+
+
+def test_engaging_between_two_samples_is_no_stop() -> None:
+    drive = Drive()
+    drive.send_line("brake 1")
+    drive.run_s(1.0)
+    drive.send_line("mute STATE on")
+    drive.send_line("brake 0")
+    drive.run_s(0.05)
+    assert drive.mode() is Mode.ENGAGING
+    drive.send_line("mute STATE off")
+    drive.engage()
+    assert "NOT_ENGAGED" not in {name for name, _ in events(drive, EventKind.STOP)}
 
 
 def test_a_stop_begins_with_its_first_command_and_ends_with_the_first_that_drives_on() -> None:

@@ -188,8 +188,8 @@ class EventWatch:
         engagement = self._engagement
         mode = engagement.mode
         if mode.enables:
-            reason = self._cycle.reason
-            return None if reason is Reason.NOMINAL else _Cause(reason, "stopped")
+            reason = self._cycle.reason  # NOT_ENGAGED: there was no command since the loop engaged
+            return None if reason in (Reason.NOMINAL, Reason.NOT_ENGAGED) else _Cause(reason, "stopped")
         has_driven = self._cause is not None or self._reason is Reason.NOMINAL
         if not has_driven or engagement.is_released or not (mode.disengaged or mode.latched):
             return None
