@@ -223,6 +223,7 @@ def test_the_picture_is_drawn_beside_legend_and_plots(publish: Start, viewer: Vi
 
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
 def test_a_browser_chooses_its_camera_with_buttons_and_keys(publish: Start, app: App, page: Page) -> None:
+    page.set_viewport_size({"width": 820, "height": 700})  # the panels, and little of the picture
     publish()
     page.goto(f"http://127.0.0.1:{app.port}/")
     banner(page, "ENGAGED", "NOMINAL")

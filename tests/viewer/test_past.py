@@ -85,9 +85,9 @@ def test_the_picture_of_the_past_moves_with_the_slider(
         assert at_present(frame.visible)
         assert past.place is not None
         assert past.place.x_m == pytest.approx(frame.position[0])
-        (x_m,) = {end[0] for end in past._scene._guides._error.points.reshape(-1, 3)[:1]}
+        assert past._scene._guides._error.points[0, 0, :2].tolist() == [0.0, 1.0]
         trail = past._scene._trail._line.points[:, :, 0]
-        assert trail.max() <= x_m + 0.01
+        assert trail.max() <= past.place.x_m + 0.01
         assert trail.max() - trail.min() > 40.0  # the minute before it, at once
     assert past.map.picture
     past.update(present, recent, -NS_PER_S, 4)

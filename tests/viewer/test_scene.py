@@ -166,13 +166,16 @@ def test_a_vehicle_at_rest_has_no_braking_distance_and_an_absurd_one_is_bounded(
 
 def test_the_error_line_joins_vehicle_and_reference(server: viser.ViserServer) -> None:
     scene = Scene(server.scene)
-    scene.draw(view(2, 3.0, 4.0, has_reference=True, spatial_reference_x_m=3.0, spatial_reference_y_m=5.0))
+    north = {"has_reference": True, "heading_rad": math.pi / 2, "spatial_reference_x_m": 3.0}
+    scene.draw(view(2, 3.0, 4.0, None, **north, spatial_reference_y_m=5.0))
     assert at_present(scene._guides._error.visible)
-    assert scene._guides._error.points[0, :, :2].tolist() == [[3.0, 5.0], [3.0, 4.0]]
-    scene.draw(view(3, 3.0, 4.0, speed_mps=5.0))
+    for k, y_m, ahead_m in ((3, 5.0, 1.0), (5, 5.01, 1.0), (7, 5.1, 1.1)):  # not sent again for a centimetre
+        scene.draw(view(k, 3.0, 4.0, None, **north, spatial_reference_y_m=y_m))
+        assert scene._guides._error.points[0, :, :2].ravel() == pytest.approx([ahead_m, 0.0, 0.0, 0.0], abs=1e-6)
+    scene.draw(view(8, 3.0, 4.0, speed_mps=5.0))
     assert not at_present(scene._guides._error.visible)
     assert at_present(scene._guides._braking.visible)
-    scene.draw(view(4, math.nan, 4.0))
+    scene.draw(view(9, math.nan, 4.0))
     assert not at_present(scene._guides._braking.visible)
 
 

@@ -20,29 +20,34 @@ _PERIOD_NS = 100_000_000
 _LONGEST_M = 300.0
 _ARC_POINTS = 16
 _SLOWEST_MPS = 0.3
+_SEEN_M = 0.02
+"""A line is sent again when a point has moved by more."""
 
 
 class Guides:
-    """The error line, at the height of the spatial reference, and the braking distance, on the ground."""
+    """The error line, at the height of the spatial reference, and the braking distance, on the ground.
+
+    Both hang on the vehicle's frame, in which they change little.
+    """
 
     def __init__(self, scene: viser.SceneApi, root: str) -> None:
         self._due_ns = 0
         blank = np.zeros((1, 2, 3), dtype=np.float32)
-        self._error = scene.add_line_segments(f"{root}/error", blank, ERROR_COLOR, thickness=0.1, visible=False)
+        self._error = scene.add_line_segments(f"{root}/{FRAME}/error", blank, ERROR_COLOR, thickness=0.1, visible=False)
         self._braking = scene.add_line_segments(
             f"{root}/{FRAME}/braking", blank, BRAKING_COLOR, thickness=0.12, visible=False
         )
 
-    def show(self, view: View, origin: tuple[float, float]) -> None:
+    def show(self, view: View) -> None:
         """Draw both for the snapshot of `view`, ten times a second."""
         if 0 <= view.now_ns - self._due_ns + _PERIOD_NS < _PERIOD_NS:
             return
         self._due_ns = view.now_ns + _PERIOD_NS
         assert view.snapshot is not None
-        error, braking = _error_line(view.snapshot, origin), braking_arc(view)
-        for line, points in ((self._error, error), (self._braking, braking)):
-            if len(points):
-                line.points = shapes.segments(points).astype(np.float32)
+        for line, points in ((self._error, _error_line(view.snapshot)), (self._braking, braking_arc(view))):
+            drawn = shapes.segments(points).astype(np.float32)
+            if len(points) and (drawn.shape != line.points.shape or np.abs(drawn - line.points).max() > _SEEN_M):
+                line.points = drawn
             assign_changed(line, visible=len(points) > 0)
 
     def hide(self) -> None:
@@ -51,11 +56,12 @@ class Guides:
         assign_changed(self._braking, visible=False)
 
 
-def _error_line(s: Snapshot, origin: tuple[float, float]) -> FloatArray:
-    x_m, y_m = s.spatial_reference_x_m - origin[0], s.spatial_reference_y_m - origin[1]
-    if not (s.has_reference and is_near(x_m, y_m)):
+def _error_line(s: Snapshot) -> FloatArray:
+    x_m, y_m = s.spatial_reference_x_m - s.x_m, s.spatial_reference_y_m - s.y_m
+    if not (s.has_reference and is_near(x_m, y_m) and math.isfinite(s.heading_rad)):
         return np.empty((0, 3))
-    return np.array([(x_m, y_m, _ERROR_Z_M), (s.x_m - origin[0], s.y_m - origin[1], _ERROR_Z_M)])
+    cos, sin = math.cos(s.heading_rad), math.sin(s.heading_rad)
+    return np.array([(cos * x_m + sin * y_m, cos * y_m - sin * x_m, _ERROR_Z_M), (0.0, 0.0, _ERROR_Z_M)])
 
 
 def braking_arc(view: View) -> FloatArray:

@@ -86,7 +86,7 @@ class Scene:
             self.journey.add(snapshot)
         self._track.draw(origin, view.now_ns)
         self._route.draw(origin, view.now_ns)
-        self._guides.show(view, origin)
+        self._guides.show(view)
         self._marks.show(self.journey.marks, origin)
         return Place(snapshot.x_m - origin[0], snapshot.y_m - origin[1], snapshot.heading_rad)
 
