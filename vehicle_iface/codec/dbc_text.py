@@ -21,7 +21,7 @@ _LINE_KEYWORDS = frozenset({"VERSION", "NS_", "BS_", "BU_", "BO_", "SG_"})
 """Keywords of statements that end with their line; all others end with a semicolon."""
 _KEYWORD = rf"(?:{'|'.join(KEYWORDS)})(?!\w)"
 _BEGIN = re.compile(rf"({_KEYWORD})")
-_NEXT = re.compile(rf"^[ \t]*(?={_KEYWORD})", re.MULTILINE)
+_NEXT = rf"^[ \t]*(?={_KEYWORD})"
 _BLANK = re.compile(r"(?:\s+|//[^\n]*)*+")
 _COMMENT_MARK = r"/(?!/)"
 _LINE_BODY = re.compile(rf'((?:[^"\n/,]+|{_LINE_STRING}|{_COMMENT_MARK}|,(?:[ \t]*\n)?)*+)(?:\n|(?=//)|\Z)')
@@ -29,8 +29,9 @@ _BODY = re.compile(
     rf'((?:[^;"\n/]+|{_LINE_STRING}|{_COMMENT_MARK}|//[^\n]*|\n(?![ \t]*{_KEYWORD}))*+)(?:(;)|(?=\n)|\Z)'
 )
 _COMMENT_BODY = re.compile(rf'([^;"\n]*{STRING})\s*?(?:(;)|(?=\n[ \t]*{_KEYWORD})|\Z)', re.DOTALL)
-_QUOTING_COMMENT = re.compile(r'(CM_[^"\n]*)"(.*)"\s*;[ \t]*$', re.MULTILINE)
-"""A comment in one line that contains unescaped quotation marks."""
+_QUOTING_COMMENT = r'(CM_[^"\n]*)"(.*)"\s*;[ \t]*$'
+"""A comment in one line that contains unescaped quotation marks. This pattern and `_NEXT` are compiled when a damaged
+statement needs them, for that takes a while."""
 
 
 class Statement(Value, frozen=True):
@@ -114,9 +115,9 @@ def _match_statement(text: str, position: int) -> _Match:
     pattern = _LINE_BODY if keyword in _LINE_KEYWORDS else _COMMENT_BODY if keyword == "CM_" else _BODY
     if begin and (found := pattern.match(text, start)):
         return _Match(keyword, found[1].strip(), found.end(), keyword in _LINE_KEYWORDS or found[2] is not None)
-    if begin and (quoting := _QUOTING_COMMENT.match(text, position)):
+    if begin and (quoting := re.compile(_QUOTING_COMMENT, re.MULTILINE).match(text, position)):
         inside = quoting[2].replace("\\", "/").replace('"', '\\"')
         return _Match(keyword, f'{quoting[1].removeprefix("CM_")}"{inside}"'.strip(), quoting.end(), True)
-    following = _NEXT.search(text, position + 1)
+    following = re.compile(_NEXT, re.MULTILINE).search(text, position + 1)
     end = following.start() if following else len(text)
     return _Match(keyword, text[start:end].strip(), end, False)

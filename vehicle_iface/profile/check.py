@@ -17,7 +17,7 @@ from vehicle_iface.profile.command_forms import needed_command_signals
 from vehicle_iface.profile.forms import SIGNAL_NAME, FieldForm, check_form, signals_of
 from vehicle_iface.profile.mismatch import describe_mismatch
 from vehicle_iface.profile.notes import is_whole_number
-from vehicle_iface.profile.placeholders import add_placeholders
+from vehicle_iface.profile.placeholders import add_placeholders, fields_of
 from vehicle_iface.profile.schema import Profile
 from vehicle_iface.profile.signals import Command, State
 from vehicle_iface.profile.state_pose import needed_pose_signals
@@ -56,7 +56,7 @@ def check_tables(
     """
     if not isinstance(document, dict):
         return {}, [f"{place}: Expected a table, got {type(document).__name__}"]
-    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
+    fields = {field.encode_name: field for field in fields_of(kind)}
     missing = [name for name, field in fields.items() if (field.required or name in needed) and name not in document]
     sound: dict[str, object] = {}
     faults: list[str] = []

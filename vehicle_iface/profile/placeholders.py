@@ -6,6 +6,7 @@ A profile with a stand-in is only ever checked: it has faults, and is not loaded
 import re
 import typing
 from collections.abc import Iterable, Iterator
+from functools import cache
 
 import msgspec
 
@@ -16,9 +17,13 @@ _TELLING_KEYS = frozenset(("sample", "source", "longitudinal", "lateral"))
 _NEAREST = re.compile(r"unknown key; did you mean '(\w+)'")
 
 
+fields_of = cache(msgspec.structs.fields)
+"""The fields of a table, which take a while to read from its annotations."""
+
+
 def add_placeholders(sound: dict[str, object], kind: type[msgspec.Struct], document: dict[str, object]) -> None:
     """Fill in the keys that a table must have and that are not in its sound part."""
-    for field in msgspec.structs.fields(kind):
+    for field in fields_of(kind):
         name = field.encode_name
         if field.required and name not in sound:
             sound.update((name, value) for value in _fitting(field.type, document.get(name)))
