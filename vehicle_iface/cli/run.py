@@ -1,6 +1,7 @@
 """`vehicle-iface run`: runs the loop with its bus, trajectory source, telemetry and recorder."""
 
 import argparse
+import gc
 import logging
 import os
 import shlex
@@ -147,6 +148,7 @@ class _EarlyEnd(Flag):
 
 def _wait_for_bus(open_bus: Callable[[], Bus], limit_s: float, end: _EarlyEnd) -> bool:
     """Wait until the bus can be opened; return False if `end` was set first."""
+    gc.enable()  # off since the start, but this may take hours
     return wait_until_open(
         open_bus,
         limit_s=limit_s,
