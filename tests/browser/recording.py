@@ -1,4 +1,4 @@
-"""A recorded drive of four seconds along the publisher's figure of eight, with a stop at its third second."""
+"""A recorded drive of twelve seconds along the publisher's figure of eight, with a stop at its ninth second."""
 
 from pathlib import Path
 
@@ -11,20 +11,21 @@ from vehicle_iface.units import NS_PER_S
 
 from .publisher import Drive, figure_eight
 
-_BEGIN_NS, _PERIOD_NS, _COUNT = 10**12, NS_PER_S // 100, 401
-STOP_S = 3.0
+_BEGIN_NS, _PERIOD_NS, _COUNT = 10**12, NS_PER_S // 100, 1201
+STOP_S = 9.0
 
 
 def write_recording(folder: Path) -> Path:
     """Write it to `folder`, which must not exist; return it."""
     folder.mkdir()
-    info = SessionInfo(channel="vcan0", bus="SocketCAN vcan0", profile="reference", route="figure8", arming="armed")
+    bus = "embedded bus (no SocketCAN used)"
+    info = SessionInfo(channel="embedded", bus=bus, profile="reference", route="figure8", arming="armed")
     meta = files.Meta(
         format=files.FORMAT,
         session=info,
         wall_ns=1_795_331_353 * NS_PER_S,
         monotonic_ns=_BEGIN_NS,
-        frames="SocketCAN vcan0",
+        frames="no frames: embedded bus",
         command_line=[],
         versions={},
         sha256={},
