@@ -18,7 +18,7 @@ from vehicle_iface.telemetry import SessionInfo, WriterState
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.bus_table.listener import Listener
 from vehicle_iface_viewer.bus_table.report import BusReport
-from vehicle_iface_viewer.bus_table.source import NO_FRAMES, ListenerProcess
+from vehicle_iface_viewer.bus_table.source import NO_FRAMES, ListenerProcess, has_frames
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.signals import signals_html
 
@@ -57,6 +57,8 @@ def test_a_session_without_a_bus_of_its_own_or_a_known_profile_has_no_listener(s
     embedded = source.read(view(1, bus="embedded bus (no SocketCAN used)"))
     assert embedded is not None
     assert (embedded.note, embedded.problem) == (NO_FRAMES, "")
+    sessions = (None, view(1).info, view(1, bus="embedded bus (no SocketCAN used)").info)
+    assert [has_frames(each) for each in sessions] == [True, True, False]
     shown = signals_html(embedded)
     assert "there are no frames to list" in shown
     assert "vi-bad" not in shown
