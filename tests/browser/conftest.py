@@ -21,6 +21,13 @@ ARGUMENTS = (
     "--no-first-run",
 )
 
+SLOW_DRAWING = """
+const soon = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (draw) => window.setTimeout(() => soon(draw), 200);
+window.cancelAnimationFrame = (number) => window.clearTimeout(number);
+"""
+"""A picture drawn in software costs half a processor at 60 pictures a second; a few are enough to test the page."""
+
 
 @pytest.fixture
 def address(tmp_path: Path) -> str:
@@ -67,6 +74,7 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BrowserContex
 def page(chromium: BrowserContext) -> Iterator[Page]:
     """An empty page; whatever goes wrong in it fails the test."""
     opened = chromium.new_page()
+    opened.add_init_script(SLOW_DRAWING)
     faults: list[str] = []
     opened.on("pageerror", lambda error: faults.append(str(error)))
     yield opened
