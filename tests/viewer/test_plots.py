@@ -118,6 +118,11 @@ def test_where_a_command_is_not_what_was_requested_it_is_marked(page: Page) -> N
     assert known(page.curves["Front wheels"]["limited"]) == set()
 
 
+def test_a_command_that_a_stop_has_replaced_is_not_marked_as_limited(page: Page) -> None:
+    page.show(*drive(has_requested=True, sent=True, requested_accel_mps2=1.5, sent_accel_mps2=-3.0, reason=2))
+    assert known(page.curves["Acceleration"]["limited"]) == set()
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])
 def test_a_value_that_cannot_be_drawn_is_a_gap(page: Page, bad: float) -> None:
     page.show(*drive(speed_mps=3.0)[:100], *drive(speed_mps=bad)[100:])

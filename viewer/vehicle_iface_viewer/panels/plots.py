@@ -10,6 +10,7 @@ import numpy as np
 import viser
 from viser import uplot
 
+from vehicle_iface.reason import Reason
 from vehicle_iface.telemetry import DrivingLimits
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface_viewer.feed import View
@@ -58,13 +59,14 @@ def _around_zero(limit: float) -> Range:
 
 
 def _limited(name: str, rounding: float, factor: float = 1.0) -> Reader:
-    """Read what was sent where it is not what was requested."""
+    """Read what was sent where it is not what was requested, although nothing but a limit has replaced it."""
 
     def read(rows: Columns) -> FloatArray:
         requested, sent = rows[f"requested_{name}"], rows[f"sent_{name}"]
         with np.errstate(invalid="ignore"):
             is_limited = np.abs(requested - sent) > rounding
-        return known(sent * factor, rows["sent"] & rows["has_requested"] & is_limited)
+        is_controllers = rows["sent"] & rows["has_requested"] & (rows["reason"] == Reason.NOMINAL)
+        return known(sent * factor, is_controllers & is_limited)
 
     return read
 
