@@ -35,6 +35,10 @@ def asking(at_s: float, speed_mps: float) -> Pair:
     return Pair(drive, pair(at_s).steer)
 
 
+def given_up(at_s: float) -> Pair:
+    return pair(at_s, enable=0, reason="VEHICLE_NOT_AUTONOMOUS")
+
+
 def lost(said: str) -> Observation:
     """With this output of the device of a vehicle on two buses."""
     return replace(observed(), said=said, wire=open_wire("agilex_hunter_ins"))
@@ -42,6 +46,7 @@ def lost(said: str) -> Observation:
 
 EIGHTH_MISSING = [pair for number, pair in enumerate(DRIVES) if number % 8]
 HISTORY = [at(tick / 100, 3.0) for tick in range(1000)]
+GAVE_UP = observed(*steady(1, 4), *steady(4, 8, given_up))
 LETS_GO = [*steady(0, 5.02), *steady(5.02, 8, released), *steady(8, 10)]
 JUDGED: list[tuple[Expectation, Observation, Observation]] = [
     (expect.Stops(("STATE_STALE",)), observed(*STOPS), observed(*DRIVES)),
@@ -83,9 +88,10 @@ JUDGED: list[tuple[Expectation, Observation, Observation]] = [
     (expect.DrivesOn(), observed(*DRIVES), observed(*steady(0, 5.3), *steady(5.42, 10))),
     (expect.DrivesOn(), observed(*DRIVES), observed(*steady(0, 5.3))),
     (expect.DrivesOn(), observed(*DRIVES), observed(*steady(5.3, 10))),
-    (expect.GivesUp(), observed(*steady(1, 4)), observed(*steady(1, 7.9))),
-    (expect.GivesUp(), observed(*steady(1, 4)), observed(*steady(1, 2))),
-    (expect.GivesUp(), observed(*steady(1, 4)), observed()),
+    (expect.GivesUp(), GAVE_UP, observed(*steady(1, 7.9))),
+    (expect.GivesUp(), GAVE_UP, observed(*steady(1, 2), *steady(2, 8, given_up))),
+    (expect.GivesUp(), GAVE_UP, observed(*steady(1, 4), *steady(4, 8, released))),
+    (expect.GivesUp(), GAVE_UP, observed()),
     (expect.Refuses(2), observed(status=2), observed(status=0)),
     (expect.Refuses(2), observed(status=2), observed(released(2.0), status=2)),
     (expect.Refuses(2), observed(status=2), observed(status=None)),

@@ -249,9 +249,10 @@ class NeverDrives:
 
 @dataclass(frozen=True)
 class GivesUp:
-    """Requests engagement for as long as the profile has it, then not again until the operator acts."""
+    """Requests engagement for as long as the profile has it, says why it ends, and stays out until armed again."""
 
     slack_s: float = 0.3
+    reason: str = "VEHICLE_NOT_AUTONOMOUS"
 
     def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
         after_s = float(observed.wire.profile["timing"]["engage_timeout_s"])
@@ -264,5 +265,8 @@ class GivesUp:
         wrong = [f"gave up after {asked_s:.2f} s"] if asked_s < after_s - self.slack_s else []
         if observed.then_ns - last_ns < S:
             wrong.append("it still requested it at the end")
+        told = {pair.reason for pair in observed.between(last_ns + 1, observed.then_ns)}
+        if observed.wire.tells_reasons and told != {self.reason}:
+            wrong.append(f"says {', '.join(sorted(told)) or 'nothing'} then, not {self.reason}")
         event = Event(at_s=observed.at_s(last_ns), kind=EventKind.REACTION, text="the last ENABLE = 1")
         return check(text, wrong, asked_s, after_s + self.slack_s + observed.later_s(Wait.STATUS)), [event]
