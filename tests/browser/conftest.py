@@ -22,11 +22,14 @@ ARGUMENTS = (
 )
 
 SLOW_DRAWING = """
-const soon = window.requestAnimationFrame.bind(window);
-window.requestAnimationFrame = (draw) => window.setTimeout(() => soon(draw), 200);
-window.cancelAnimationFrame = (number) => window.clearTimeout(number);
+if (location.protocol === "http:") {
+    const soon = window.requestAnimationFrame.bind(window);
+    window.requestAnimationFrame = (draw) => window.setTimeout(() => soon(draw), 200);
+    window.cancelAnimationFrame = (number) => window.clearTimeout(number);
+}
 """
-"""A picture drawn in software costs half a processor at 60 pictures a second; a few are enough to test the page."""
+"""The scene of the live page, drawn in software at 60 pictures a second, costs half a processor; a few are enough. Pages
+from a file have no scene."""
 
 
 @pytest.fixture

@@ -273,7 +273,14 @@ def test_every_number_and_curve_of_the_page_shows_the_field_that_it_names() -> N
         (name for name in fields if name.startswith("has_") or name in ("sent", "handover_pending")), 1
     )
     snapshot = Snapshot(**fields)._replace(  # type: ignore[arg-type]
-        spatial_index=91, temporal_index=92, commands=93, drops=94, deadline_misses=95, frame_id="odom", gear=Gear.DRIVE
+        reason=Reason.NOMINAL,
+        spatial_index=91,
+        temporal_index=92,
+        commands=93,
+        drops=94,
+        deadline_misses=95,
+        frame_id="odom",
+        gear=Gear.DRIVE,
     )
     shown = dict(re.findall(r'id="n-([a-z-]+)"[^>]*>([^<]*)<', numbers_html(view(snapshot))))
     assert shown["x"] == f"{fields['x_m']:.2f} m"
