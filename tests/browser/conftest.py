@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect, sync_playwright
 
+from tests.slow_drawing import slow_drawing
+
 from .processes import Publisher, Viewer
 
 CHROMIUM = "/usr/bin/chromium"
@@ -20,16 +22,6 @@ ARGUMENTS = (
     "--disable-quic",
     "--no-first-run",
 )
-
-SLOW_DRAWING = """
-if (location.protocol === "http:") {
-    const soon = window.requestAnimationFrame.bind(window);
-    window.requestAnimationFrame = (draw) => window.setTimeout(() => soon(draw), 200);
-    window.cancelAnimationFrame = (number) => window.clearTimeout(number);
-}
-"""
-"""The scene of the live page, drawn in software at 60 pictures a second, costs half a processor; a few are enough. Pages
-from a file have no scene."""
 
 
 @pytest.fixture
@@ -77,7 +69,7 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BrowserContex
 def page(chromium: BrowserContext) -> Iterator[Page]:
     """An empty page; whatever goes wrong in it fails the test."""
     opened = chromium.new_page()
-    opened.add_init_script(SLOW_DRAWING)
+    opened.add_init_script(slow_drawing(pause_ms=200))
     faults: list[str] = []
     opened.on("pageerror", lambda error: faults.append(str(error)))
     yield opened

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, sync_playwright
 
+from tests.slow_drawing import slow_drawing
 from vehicle_iface import Trajectory
 from vehicle_iface.sim.driver_socket import send_line
 from vehicle_iface.trajectories import Route, make_route, save_csv
@@ -62,6 +63,7 @@ def page(tmp_path: Path) -> Iterator[Page]:
             timeout=PATIENCE_MS,
         )
         context.set_default_timeout(PATIENCE_MS)
+        context.add_init_script(slow_drawing(pause_ms=2000))
         yield context.new_page()
         context.close()
 
