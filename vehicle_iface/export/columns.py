@@ -3,29 +3,20 @@
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
 from vehicle_iface.telemetry import Snapshot
+from vehicle_iface.telemetry.columns import NUMBERS, PLACES, ROW, TYPES, Columns
 from vehicle_iface.units import NS_PER_MS, NS_PER_S
-
-Columns = npt.NDArray[np.void]
-"""Structured array: one row for each snapshot, one column for each of its numbers."""
-Flags = npt.NDArray[np.bool_]
 
 GAP_NS = 250 * NS_PER_MS
 """After a longer time without a snapshot nothing is known of the time between."""
 UNKNOWN = -1
 """`controller_state` of a row at the beginning of such a gap; all its flags are false."""
-_KINDS = {"int": "i8", "bool": "?", "float": "f8"}
-_TYPES = {name: str(getattr(kind, "__forward_arg__", kind)) for name, kind in Snapshot.__annotations__.items()}
-_NUMBERS = [name for name in Snapshot._fields if _TYPES[name] in _KINDS]
-_PLACES = [Snapshot._fields.index(name) for name in _NUMBERS]
-_FLAGS = [name for name in _NUMBERS if _TYPES[name] == "bool"]
-_INTEGERS = [Snapshot._fields.index(name) for name in _NUMBERS if _TYPES[name] == "int"]
-_FLOATS = [name for name in _NUMBERS if _TYPES[name] == "float"]
+_FLAGS = [name for name in NUMBERS if TYPES[name] == "bool"]
+_INTEGERS = [Snapshot._fields.index(name) for name in NUMBERS if TYPES[name] == "int"]
+_FLOATS = [name for name in NUMBERS if TYPES[name] == "float"]
 _DAY_NS = 86_400 * NS_PER_S
 _TOO_LARGE, _ABSURD = 2**61, 1e12
-_ROW = np.dtype([(name, _KINDS[_TYPES[name]]) for name in _NUMBERS])
 
 
 def to_columns(snapshots: Iterable[Snapshot]) -> Columns:
@@ -33,7 +24,7 @@ def to_columns(snapshots: Iterable[Snapshot]) -> Columns:
 
     Numbers that are not finite, or absurd, are NaN. A row of another day than most is left out as damaged.
     """
-    rows = np.fromiter((tuple(one[place] for place in _PLACES) for one in snapshots if _fits(one)), _ROW)
+    rows = np.fromiter((tuple(one[place] for place in PLACES) for one in snapshots if _fits(one)), ROW)
     rows = rows[np.argsort(rows["published_ns"], kind="stable")]
     if len(rows):
         rows = rows[np.abs(rows["published_ns"] - rows["published_ns"][len(rows) // 2]) < _DAY_NS]

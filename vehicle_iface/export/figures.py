@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle_iface.export.columns import Columns
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState
+from vehicle_iface.telemetry.columns import Columns
 from vehicle_iface.telemetry.details import ErrorSummary
 from vehicle_iface.telemetry.events import EventKind, LoopEvent, Phase
 from vehicle_iface.trajectory import FloatArray

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vehicle_iface.export.columns import Columns, Flags
+from vehicle_iface.telemetry.columns import Columns, Flags
 from vehicle_iface.trajectory import FloatArray
 
 JUMP_M = 1.0

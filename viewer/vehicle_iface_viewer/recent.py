@@ -5,20 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
 from vehicle_iface.telemetry import Snapshot
+from vehicle_iface.telemetry.columns import PLACES, ROW, Columns
 from vehicle_iface.units import NS_PER_S
-
-Columns = npt.NDArray[np.void]
-"""Structured array: one row for each snapshot, one column for each of its numbers."""
-
-_KINDS = {"int": "i8", "bool": "?", "float": "f8"}
-_TYPES = {name: str(getattr(kind, "__forward_arg__", kind)) for name, kind in Snapshot.__annotations__.items()}
-NUMBERS = [name for name in Snapshot._fields if _TYPES[name] in _KINDS]
-"""Fields of a snapshot that are columns."""
-_PLACES = [Snapshot._fields.index(name) for name in NUMBERS]
-_ROW = np.dtype([(name, _KINDS[_TYPES[name]]) for name in NUMBERS])
 
 
 class RecentSnapshots:
@@ -27,7 +17,7 @@ class RecentSnapshots:
     def __init__(self, *, length_s: float, rate_hz: float = 100.0) -> None:
         self._length_ns = round(length_s * NS_PER_S)
         # The kept rows are moved to the front when the end is reached: each slice is one piece, without a copy.
-        self._rows: Columns = np.zeros(round(length_s * rate_hz * 1.25) + 16, _ROW)
+        self._rows: Columns = np.zeros(round(length_s * rate_hz * 1.25) + 16, ROW)
         self._begin = self._end = 0
 
     @property
@@ -55,7 +45,7 @@ class RecentSnapshots:
         if self._end == len(self._rows):
             self._make_room()
         try:
-            self._rows[self._end] = tuple(snapshot[place] for place in _PLACES)
+            self._rows[self._end] = tuple(snapshot[place] for place in PLACES)
         except OverflowError:  # a number of a damaged recording
             return
         self._end += 1

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from vehicle_iface.errors import ConfigError
-from vehicle_iface.export.columns import UNKNOWN, Columns, Flags, to_columns
+from vehicle_iface.export.columns import UNKNOWN, to_columns
 from vehicle_iface.export.csv_file import name_of
 from vehicle_iface.export.figures import DriveFigures, measure_drive
 from vehicle_iface.export.page.model import Curve, Drive, Packed, PageEvent, PathLine, Plot, StateSpan, Ticks, Track
@@ -18,6 +18,7 @@ from vehicle_iface.export.recording import RecordedDrive
 from vehicle_iface.export.way import way_along_path
 from vehicle_iface.recorder.files import Meta, TrajectoryLine
 from vehicle_iface.status import ControllerState
+from vehicle_iface.telemetry.columns import Columns, Flags
 from vehicle_iface.telemetry.events import LoopEvent
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface.units import NS_PER_S, s_from_ns

@@ -4,19 +4,20 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
-from vehicle_iface.export.columns import Columns, Flags
-from vehicle_iface.reason import Reason
 from vehicle_iface.telemetry import DrivingLimits
-from vehicle_iface.trajectory import FloatArray
+from vehicle_iface.telemetry.columns import (
+    ROUNDING_MPS2,
+    ROUNDING_RAD,
+    Columns,
+    Flags,
+    Reader,
+    is_limited,
+    of_flag,
+    of_limited,
+    of_state,
+)
 from vehicle_iface.units import NS_PER_MS
 
-OLD_STATE_NS = 100 * NS_PER_MS
-"""What is known of an older state is not drawn."""
-ROUNDING_MPS2, ROUNDING_RAD = 0.05, 0.005
-"""A command that differs by less from the request was rounded, not limited."""
-_LARGEST = 1e9
 _DEGREES = math.degrees(1.0)
 
 
@@ -28,7 +29,7 @@ class CurveKind:
     """Name of the column in CSV; with its unit."""
     label: str
     color: str
-    read: Callable[[Columns], FloatArray]
+    read: Reader
     """The values in the plot's unit; NaN where their flag says that they are unknown."""
     width: float = 1.6
     is_compared: bool = True
@@ -49,39 +50,8 @@ class PlotKind:
 
 def limited(rows: Columns) -> Flags:
     """Whether the command that was sent is not the one that was requested (n,)."""
-    wheel = _is_limited(rows, "front_wheel_angle_rad", ROUNDING_RAD)
-    return _is_limited(rows, "accel_mps2", ROUNDING_MPS2) | wheel
-
-
-def _is_limited(rows: Columns, name: str, rounding: float) -> Flags:
-    with np.errstate(invalid="ignore"):
-        differs = np.abs(rows[f"requested_{name}"] - rows[f"sent_{name}"]) > rounding
-    # for any other reason the command was replaced, not limited
-    is_limited: Flags = rows["sent"] & rows["has_requested"] & (rows["reason"] == Reason.NOMINAL) & differs
-    return is_limited
-
-
-def _known(values: FloatArray, is_known: Flags) -> FloatArray:
-    with np.errstate(invalid="ignore"):
-        return np.where(is_known & (np.abs(values) < _LARGEST), values, np.nan)
-
-
-def _of_state(name: str, factor: float = 1.0, flag: str = "has_state") -> Callable[[Columns], FloatArray]:
-    """Read a column that is known where the state is young, times `factor`."""
-
-    def read(rows: Columns) -> FloatArray:
-        is_young = rows["published_ns"] - rows["stamp_ns"] < OLD_STATE_NS
-        return _known(rows[name] * factor, rows[flag] & rows["has_state"] & is_young)
-
-    return read
-
-
-def _of_command(name: str, flag: str, factor: float = 1.0) -> Callable[[Columns], FloatArray]:
-    return lambda rows: _known(rows[name] * factor, rows[flag])
-
-
-def _limited(name: str, rounding: float, factor: float = 1.0) -> Callable[[Columns], FloatArray]:
-    return lambda rows: _known(rows[f"sent_{name}"] * factor, _is_limited(rows, name, rounding))
+    wheel = is_limited(rows, "front_wheel_angle_rad", ROUNDING_RAD)
+    return is_limited(rows, "accel_mps2", ROUNDING_MPS2) | wheel
 
 
 def _around_zero(limit: float) -> tuple[float, float]:
@@ -97,7 +67,7 @@ def _command_curves(name: str, unit: str, rounding: float, factor: float = 1.0) 
             label="limited",
             color="limited",
             width=5.0,
-            read=_limited(name, rounding, factor),
+            read=of_limited(name, rounding, factor),
             is_compared=False,
         ),
         CurveKind(
@@ -105,20 +75,20 @@ def _command_curves(name: str, unit: str, rounding: float, factor: float = 1.0) 
             label="requested",
             color="requested",
             width=2.2,
-            read=_of_command(f"requested_{name}", "has_requested", factor),
+            read=of_flag(f"requested_{name}", "has_requested", factor),
             is_compared=False,
         ),
         CurveKind(
             key=f"sent_{stem}_{unit}",
             label="sent",
             color="sent",
-            read=_of_command(f"sent_{name}", "sent", factor),
+            read=of_flag(f"sent_{name}", "sent", factor),
         ),
         CurveKind(
             key=f"{stem}_{unit}",
             label="measured",
             color="measured",
-            read=_of_state(name, factor),
+            read=of_state(name, factor),
             is_compared=False,
         ),
     )
@@ -137,10 +107,10 @@ PLOTS = (
                 label="reference",
                 color="requested",
                 width=2.2,
-                read=_of_state("reference_speed_mps", flag="has_reference"),
+                read=of_state("reference_speed_mps", flag="has_reference"),
                 is_compared=False,
             ),
-            CurveKind(key="speed_mps", label="vehicle", color="measured", read=_of_state("speed_mps")),
+            CurveKind(key="speed_mps", label="vehicle", color="measured", read=of_state("speed_mps")),
         ),
     ),
     PlotKind(
@@ -154,7 +124,7 @@ PLOTS = (
                 key="lateral_error_m",
                 label="vehicle",
                 color="error",
-                read=_of_state("lateral_error_m", flag="has_reference"),
+                read=of_state("lateral_error_m", flag="has_reference"),
             ),
         ),
     ),
@@ -169,7 +139,7 @@ PLOTS = (
                 key="heading_error_deg",
                 label="vehicle",
                 color="error",
-                read=_of_state("heading_error_rad", _DEGREES, flag="has_reference"),
+                read=of_state("heading_error_rad", _DEGREES, flag="has_reference"),
             ),
         ),
     ),
@@ -200,7 +170,7 @@ PLOTS = (
                 key="latency_ms",
                 label="command",
                 color="latency",
-                read=_of_command("latency_ns", "sent", 1.0 / NS_PER_MS),
+                read=of_flag("latency_ns", "sent", 1.0 / NS_PER_MS),
             ),
         ),
     ),

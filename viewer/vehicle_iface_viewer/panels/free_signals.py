@@ -6,10 +6,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from vehicle_iface.telemetry.columns import NUMBERS, Columns, Reader, known, of_flag, of_state
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface.units import NS_PER_MS
-from vehicle_iface_viewer.panels.values import Reader, known, of_flag, of_state
-from vehicle_iface_viewer.recent import NUMBERS, Columns
 
 _UNITS = {
     "_mps2": ("m/s²", 1.0),

@@ -9,10 +9,11 @@ import viser
 
 from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState
+from vehicle_iface.telemetry.columns import Columns
 from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
 from vehicle_iface_viewer.access import handle_checkbox, handle_key, handle_slider, handle_text
 from vehicle_iface_viewer.panels.text import MAX_SHOWN, enum_name, plain
-from vehicle_iface_viewer.recent import Columns, RecentSnapshots
+from vehicle_iface_viewer.recent import RecentSnapshots
 
 WINDOWS = {"10 s": 10.0, "20 s": 20.0, "30 s": 30.0, "120 s": 120.0}
 USUAL_WINDOW = "20 s"

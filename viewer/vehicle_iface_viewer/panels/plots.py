@@ -6,13 +6,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
 import viser
 from viser import uplot
 
-from vehicle_iface.reason import Reason
 from vehicle_iface.telemetry import DrivingLimits
-from vehicle_iface.trajectory import FloatArray
+from vehicle_iface.telemetry.columns import ROUNDING_MPS2, ROUNDING_RAD, Reader, of_flag, of_limited, of_state
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.colors import LIMITED, MEASURED, REQUESTED, SENT
 from vehicle_iface_viewer.panels.curves import TimeAxis
@@ -25,11 +23,7 @@ from vehicle_iface_viewer.panels.plot_frame import (
     value_scale,
 )
 from vehicle_iface_viewer.panels.plot_time import USUAL_WINDOW, WINDOWS
-from vehicle_iface_viewer.panels.values import Reader, known, of_flag, of_state
-from vehicle_iface_viewer.recent import Columns, RecentSnapshots
-
-_ROUNDING_MPS2, _ROUNDING_RAD = 0.05, 0.005
-"""A command that differs by less from the request was rounded, not limited."""
+from vehicle_iface_viewer.recent import RecentSnapshots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,19 +50,6 @@ class Plot:
 
 def _around_zero(limit: float) -> Range:
     return Range(low=-limit, high=limit)
-
-
-def _limited(name: str, rounding: float, factor: float = 1.0) -> Reader:
-    """Read what was sent where it is not what was requested, although nothing but a limit has replaced it."""
-
-    def read(rows: Columns) -> FloatArray:
-        requested, sent = rows[f"requested_{name}"], rows[f"sent_{name}"]
-        with np.errstate(invalid="ignore"):
-            is_limited = np.abs(requested - sent) > rounding
-        is_controllers = rows["sent"] & rows["has_requested"] & (rows["reason"] == Reason.NOMINAL)
-        return known(sent * factor, is_controllers & is_limited)
-
-    return read
 
 
 _DEGREES = math.degrees(1.0)
@@ -107,7 +88,7 @@ PLOTS = (
                 label="limited",
                 color=LIMITED,
                 width=5.0,
-                read=_limited("front_wheel_angle_rad", _ROUNDING_RAD, _DEGREES),
+                read=of_limited("front_wheel_angle_rad", ROUNDING_RAD, _DEGREES),
             ),
             Curve(
                 label="requested",
@@ -122,7 +103,7 @@ PLOTS = (
         title="Acceleration, m/s²",
         range=lambda limits: Range(low=limits.accel_min_mps2, high=limits.accel_max_mps2),
         curves=(
-            Curve(label="limited", color=LIMITED, width=5.0, read=_limited("accel_mps2", _ROUNDING_MPS2)),
+            Curve(label="limited", color=LIMITED, width=5.0, read=of_limited("accel_mps2", ROUNDING_MPS2)),
             Curve(label="requested", color=REQUESTED, read=of_flag("requested_accel_mps2", "has_requested")),
             Curve(label="sent", color=SENT, read=of_flag("sent_accel_mps2", "sent")),
             Curve(label="vehicle", color=MEASURED, read=of_state("accel_mps2")),

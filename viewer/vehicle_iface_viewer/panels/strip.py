@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from vehicle_iface.telemetry.columns import Columns
 from vehicle_iface.telemetry.events import EventKind, LoopEvent, Phase
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.panels.colors import AMBER, BLUE, GREEN, GREY, LIMITED, RED, TEAL, VIOLET, state_color
 from vehicle_iface_viewer.panels.text import plain
-from vehicle_iface_viewer.recent import Columns
 
 COLUMNS = 300
 """Of each column the worst state is drawn."""
