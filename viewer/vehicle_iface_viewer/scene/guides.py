@@ -9,6 +9,7 @@ import viser
 
 from vehicle_iface.telemetry import Snapshot
 from vehicle_iface.trajectory import FloatArray
+from vehicle_iface.units import NS_PER_MS
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.scene.nodes import assign_changed, is_near
@@ -16,7 +17,7 @@ from vehicle_iface_viewer.scene.vehicle import FRAME
 
 ERROR_COLOR, BRAKING_COLOR = (255, 107, 107), (255, 212, 59)
 _ERROR_Z_M, _BRAKING_Z_M = 2.3, 0.06
-_PERIOD_NS = 100_000_000
+_PERIOD_NS = 100 * NS_PER_MS
 _LONGEST_M = 300.0
 _ARC_POINTS = 16
 _SLOWEST_MPS = 0.3
@@ -40,7 +41,7 @@ class Guides:
 
     def show(self, view: View) -> None:
         """Draw both for the snapshot of `view`, ten times a second."""
-        if 0 <= view.now_ns - self._due_ns + _PERIOD_NS < _PERIOD_NS:
+        if self._due_ns - _PERIOD_NS <= view.now_ns < self._due_ns:
             return
         self._due_ns = view.now_ns + _PERIOD_NS
         assert view.snapshot is not None
