@@ -11,6 +11,8 @@ from hil_bench.report import html, over_time
 from hil_bench.result import Run
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
+from .waiting import wait_until
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -144,7 +146,8 @@ def test_an_event_is_shown_by_a_click_and_the_wheel_zooms_with_ctrl_only(
     quiet_page.keyboard.down("Control")
     quiet_page.mouse.wheel(0, -300)
     quiet_page.keyboard.up("Control")
-    quiet_page.wait_for_function(
+    wait_until(
+        quiet_page,
         "width => document.querySelector('details.case[open] svg.time').viewBox.baseVal.width < width",
         arg=(end - begin) * over_time.WIDTH * 0.95,
     )

@@ -13,6 +13,8 @@ from tests.export.recorded import Recorded, mute_state, record_drive
 from vehicle_iface.cli import main
 from vehicle_iface.telemetry import Snapshot
 
+from .waiting import wait_until
+
 
 @pytest.fixture(scope="module")
 def drives(tmp_path_factory: pytest.TempPathFactory) -> list[Recorded]:
@@ -74,13 +76,13 @@ def test_a_drive_plays_from_a_file_and_shows_what_was_recorded(
 
     canvas = page.locator(".plot canvas").first
     canvas.hover(position={"x": 400, "y": 40})
-    page.wait_for_function("() => parseFloat(document.querySelector('#clock').textContent) > 1")
+    wait_until(page, "() => parseFloat(document.querySelector('#clock').textContent) > 1")
     assert float(output(page, "speed_mps")) == pytest.approx(at(shown, clock(page)).speed_mps, abs=0.03)
 
     page.keyboard.press(" ")
     expect(page.get_by_role("button", name="Pause")).to_be_visible()
     began_s = clock(page)
-    page.wait_for_function(f"() => parseFloat(document.querySelector('#clock').textContent) > {began_s + 0.1}")
+    wait_until(page, f"() => parseFloat(document.querySelector('#clock').textContent) > {began_s + 0.1}")
     page.keyboard.press(" ")
     expect(page.get_by_role("button", name="Play")).to_be_visible()
 
@@ -102,7 +104,7 @@ def test_a_drive_plays_from_a_file_and_shows_what_was_recorded(
     pixels = "() => document.querySelector('.plot canvas').toDataURL()"
     light = page.evaluate(pixels)
     page.emulate_media(color_scheme="dark")
-    page.wait_for_function(f"light => ({pixels})() !== light", arg=light)
+    wait_until(page, f"light => ({pixels})() !== light", arg=light)
     page.emulate_media(color_scheme="dark", media="print")
     expect(page.locator("body")).to_have_css("background-color", "rgb(255, 255, 255)")
     page.emulate_media(color_scheme="light", media="screen")
@@ -114,6 +116,6 @@ def test_a_drive_plays_from_a_file_and_shows_what_was_recorded(
     page.get_by_role("combobox", name="Horizontal axis").select_option("way")
     expect(page.locator("#clock")).to_contain_text(" m")
     page.locator(".plot canvas").first.hover(position={"x": 300, "y": 40})
-    page.wait_for_function("() => parseFloat(document.querySelector('#clock').textContent) > 1")
+    wait_until(page, "() => parseFloat(document.querySelector('#clock').textContent) > 1")
     assert output(page, "speed_mps", 0) == output(page, "speed_mps", 1) != "–"
     assert [address for address in asked if not address.startswith(("file:", "blob:"))] == []

@@ -19,6 +19,7 @@ from .processes import Publisher, Replay, Viewer
 from .recording import STOP_S, write_recording
 from .strip import click_strip
 from .tunnel import open_tunnel
+from .waiting import wait_until
 
 Start = Callable[..., Publisher]
 HOSTILE = "<img src=x onerror=\"document.title='owned'\"><b>bold</b> & [link](http://evil.example) `code`"
@@ -54,9 +55,7 @@ def number(page: Page, name: str) -> float:
 
 def differs(page: Page, name: str, old: float) -> None:
     """Wait until a figure has changed."""
-    page.wait_for_function(
-        "([id, old]) => parseFloat(document.getElementById(id).innerText) !== old", arg=[f"n-{name}", old]
-    )
+    wait_until(page, "([id, old]) => parseFloat(document.getElementById(id).innerText) !== old", arg=[f"n-{name}", old])
 
 
 def test_the_page_follows_the_loop_through_stop_death_and_restart(publish: Start, viewer: Viewer, page: Page) -> None:
@@ -117,7 +116,7 @@ def test_a_page_without_a_loop_is_updated_and_not_frozen(viewer: Viewer, page: P
     page.goto(viewer.url)
     cover = page.locator("#frozen")
     before = cover.get_attribute("data-number")
-    page.wait_for_function("old => document.getElementById('frozen').dataset.number - old > 20", arg=before)
+    wait_until(page, "old => document.getElementById('frozen').dataset.number - old > 20", arg=before)
     expect(cover).to_be_hidden()
 
 
@@ -128,12 +127,12 @@ def test_on_a_phone_nothing_of_the_panel_is_cut_off(publish: Start, viewer: View
     banner(page, "ENGAGED", "NOMINAL")
     outside = """() => [...document.querySelectorAll("#banner *, #numbers td, #legend *")].filter(each => {
         const box = each.getBoundingClientRect(); return box.left < 0 || box.right > 390; }).length"""
-    page.wait_for_function(f"() => document.querySelector('#numbers td') && ({outside})() === 0")
-    page.wait_for_function("() => document.querySelector('#banner').getBoundingClientRect().width > 350")
+    wait_until(page, f"() => document.querySelector('#numbers td') && ({outside})() === 0")
+    wait_until(page, "() => document.querySelector('#banner').getBoundingClientRect().width > 350")
     drawn = """() => {
         const box = document.querySelector(".vi-phone .vi-map use[href='#vi-moving']").getBoundingClientRect();
         return box.left > 0 && box.right < 390 && box.width > 5; }"""
-    page.wait_for_function(drawn)
+    wait_until(page, drawn)
 
 
 def test_fault_and_shadow_are_named(publish: Start, viewer: Viewer, page: Page) -> None:
@@ -167,9 +166,9 @@ def test_the_request_to_take_over_is_large_and_of_its_own_colour(publish: Start,
     expect(request).to_contain_text("TAKE OVER")
     # Each in one call: an update replaces the element.
     height = "document.querySelector('#handover div').getBoundingClientRect().height"
-    page.wait_for_function(f"() => {height} >= 50")
+    wait_until(page, f"() => {height} >= 50")
     colour = "getComputedStyle(document.querySelector('#handover')).backgroundColor"
-    page.wait_for_function(f"() => {colour} === 'rgb(255, 230, 0)'")
+    wait_until(page, f"() => {colour} === 'rgb(255, 230, 0)'")
     loop.order("engaged")
     expect(request).to_have_count(0)
 

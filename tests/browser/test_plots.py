@@ -9,6 +9,7 @@ from playwright.sync_api import Page, expect
 from .contrast import read_contrasts
 from .processes import Publisher, Viewer
 from .strip import click_strip
+from .waiting import wait_until
 
 Start = Callable[..., Publisher]
 _COLUMNS = """([title, red, green, blue]) => {
@@ -41,7 +42,8 @@ def small(page: Page) -> None:
 
 def wait_for_columns(page: Page, title: str, color: tuple[int, int, int], pattern: str) -> None:
     """Wait until the columns of a curve match the regular expression."""
-    page.wait_for_function(
+    wait_until(
+        page,
         f"([pattern, ...of]) => new RegExp(pattern).test(({_COLUMNS})(of))",
         arg=[pattern, title, *color],
         polling=300,  # reading pixels in each frame of a busy machine would stop the page
@@ -82,8 +84,11 @@ def test_in_a_run_that_sends_nothing_no_plot_is_empty_and_one_cursor_reads_all(
     box = over.bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + 0.97 * box["width"], box["y"] + 20)
-    page.wait_for_function(f"""() => ({_AT_CURSOR})().every(([_, left, time_s, values]) =>
-        left > 0 && time_s < 0 && time_s > -1.5 && /[0-9]/.test(values))""")
+    wait_until(
+        page,
+        f"""() => ({_AT_CURSOR})().every(([_, left, time_s, values]) =>
+        left > 0 && time_s < 0 && time_s > -1.5 && /[0-9]/.test(values))""",
+    )
     read = {row[3] for row in page.evaluate(_AT_CURSOR) if str(row[0]).startswith(("Heading", "Free"))}
     assert {bool(re.fullmatch(r"-?[0-9.]+", each)) for each in read} == {True}
 
@@ -122,7 +127,7 @@ def test_the_limits_are_drawn_across_the_whole_window(publish: Start, viewer: Vi
     expect(page.locator(".uplot")).to_have_count(6)
     for title in ("Speed", "Lateral", "Front wheels", "Acceleration"):
         wait_for_columns(page, title, LIMIT, "x{4}.*x{4}.{0,40}$")
-    page.wait_for_function(f"of => /^[.]+$/.test(({_COLUMNS})(of))", arg=["Heading", *LIMIT])
+    wait_until(page, f"of => /^[.]+$/.test(({_COLUMNS})(of))", arg=["Heading", *LIMIT])
 
 
 _RANGES = """() => Object.values(window.__viserTestpoints.uplots).filter(
@@ -139,10 +144,10 @@ def test_the_ranges_are_the_limits_and_both_axes_have_labels(publish: Start, vie
     wait_for_columns(page, "Speed", VEHICLE, "x{8}")
     limits = ["-1.0, 21.0", "-1.1, 1.1", "-12.6, 12.6", "-37.8, 37.8", "-6.5, 3.5"]
     expected = sorted(f"{each}, {SECONDS}" for each in limits)
-    page.wait_for_function(f"expected => ({_RANGES})().sort().join() === expected", arg=",".join(expected))
+    wait_until(page, f"expected => ({_RANGES})().sort().join() === expected", arg=",".join(expected))
     loop.order("fast")
     wait_for_columns(page, "Speed", VEHICLE, "x{8}")
-    page.wait_for_function(f"() => ({_RANGES})().some(each => /^-1.0, 3[0-9]/.test(each))")
+    wait_until(page, f"() => ({_RANGES})().some(each => /^-1.0, 3[0-9]/.test(each))")
 
 
 def test_plots_can_be_paused_and_look_back_while_the_head_stays_live(
