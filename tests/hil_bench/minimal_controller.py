@@ -568,7 +568,7 @@ class Controller:
         else:
             wheel_rad, jerk_mps3 = 0.0, math.inf if self.defect == "stop_swerves" else LATERAL_MPS3
         if reason == Reason.NOMINAL:
-            speed_mps, gear = self.wanted_speed_mps(state)
+            speed_mps, gear = self.wanted_speed_mps(state, now_ns)
         dt_s = min(0.05, max(0.0, (now_ns - self.pair_ns) / 1e9))
         self.wheel_rad = self.limited_wheel_rad(wheel_rad, state, dt_s, jerk_mps3)
         self.accel_mps2 = self.limited_accel_mps2(speed_mps, state, dt_s, is_stop=reason != Reason.NOMINAL)
@@ -584,10 +584,10 @@ class Controller:
         wheel_rad = math.atan(WHEELBASE_M * 2.0 * left_m / max(0.01, dx * dx + dy * dy))
         return -wheel_rad if self.defect == "steer_sign_swapped" else wheel_rad
 
-    def wanted_speed_mps(self, state: State) -> tuple[float, int]:
-        """The route's speed with its sign, to a stop where the direction changes, and the gear for it."""
+    def wanted_speed_mps(self, state: State, now_ns: int) -> tuple[float, int]:
+        """The route's speed with its sign, to a stop where the leg ends, and the gear for it."""
         left_m = self.route.left_of_leg_m()
-        if left_m < 0.1 and abs(state.speed_mps) < 0.05:
+        if left_m < 0.1 and abs(state.speed_mps) < 0.05 and self.route.may_leave_leg(self.driven_s(now_ns)):
             self.route.next_leg()
             left_m = self.route.left_of_leg_m()
         direction = self.route.direction
@@ -675,7 +675,7 @@ class Controller:
         named = {"standby": 1, "engaging": 2, "engaged": 4 if is_stop else 3, "out": 5}
         is_let_go = self.phase == "engaged" and not is_enabled
         state = 1 if is_let_go or self.latched == Reason.DRIVER_OVERRIDE else named[self.phase]
-        indices = max(0, self.route.furthest), self.route.index_at(self.driven_s(now_ns))
+        indices = self.route.furthest_row(), self.route.index_at(self.driven_s(now_ns))
         self.send(CONTROLLER_STATUS, struct.pack("<BBHHB", state << 4, reason, *(min(65535, i) for i in indices), 0))
 
     def send(self, can_id: int, content: bytes, step: int = 1) -> bool:

@@ -25,24 +25,32 @@ class Pose(Protocol):
 
 
 class Route:
-    """Points in time and space, driven in legs of one direction each."""
+    """Points in time and space, driven in legs of one direction each, from stop to stop."""
 
     def __init__(self, frame: int, rows: Sequence[tuple[float, ...]]) -> None:
-        """Rows of time, x, y, heading, speed; points that do not move on only last."""
+        """Rows of time, x, y, heading, speed; a row that does not move on is a dwell where its speed is 0."""
         self.frame, self.end_s = frame, rows[-1][0]
-        self.points = [rows[0]]
-        for row in rows[1:]:
+        self.times_s = [row[0] for row in rows]
+        self.points, self.rows = [rows[0]], [0]
+        self.until_s: dict[int, float] = {}
+        for number, row in enumerate(rows[1:], 1):
             if math.dist(row[1:3], self.points[-1][1:3]) > 0.001:
                 self.points.append(row)
+                self.rows.append(number)
+            elif row[4] == self.points[-1][4] == 0.0:
+                self.until_s[len(self.points) - 1] = row[0]
         self.segments = len(self.points) - 1
         if self.segments < 1:
             raise ValueError("needs two points apart")
         self.along_m = [0.0]
         self.directions: list[int] = []
-        for a, b in pairwise(self.points):
+        self.legs: list[int] = []
+        for i, (a, b) in enumerate(pairwise(self.points)):
             self.along_m.append(self.along_m[-1] + math.dist(a[1:3], b[1:3]))
             is_ahead = math.cos(math.atan2(b[2] - a[2], b[1] - a[1]) - a[3]) >= 0.0
             self.directions.append(1 if is_ahead else -1)
+            is_new = i in self.until_s or self.directions[-1] != self.directions[max(0, i - 1)]
+            self.legs.append((self.legs[-1] if self.legs else 0) + is_new)
         self.begin_again()
 
     def begin_again(self) -> None:
@@ -70,12 +78,16 @@ class Route:
         return self.along_m[self.place] + self.share * (self.along_m[self.place + 1] - self.along_m[self.place])
 
     def left_of_leg_m(self) -> float:
-        """Way to the next change of direction; infinite on the last leg."""
+        """Way to the next change of direction or dwell; infinite on the last leg."""
         end = self._leg_end()
         return math.inf if end == self.segments else self.along_m[end] - self.reached_m
 
+    def may_leave_leg(self, t_s: float) -> bool:
+        """Whether the dwell at its end is over, if it has one."""
+        return t_s >= self.until_s.get(self._leg_end(), 0.0)
+
     def next_leg(self) -> None:
-        """From here on in the other direction."""
+        """From here on in the other direction, or on after a dwell."""
         self.place, self.share = self._leg_end(), 0.0
 
     def speed_mps(self, ahead_m: float = 0.0) -> float:
@@ -104,12 +116,16 @@ class Route:
         return a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
 
     def index_at(self, t_s: float) -> int:
-        """The point last passed in time."""
-        return max(0, bisect_right(self.points, t_s, key=lambda point: point[0]) - 1)
+        """The row last passed in time."""
+        return max(0, bisect_right(self.times_s, t_s) - 1)
+
+    def furthest_row(self) -> int:
+        """The row of the point last passed in space."""
+        return self.rows[max(0, self.furthest)]
 
     def _leg_end(self) -> int:
         end = self.place + 1
-        while end < self.segments and self.directions[end] == self.direction:
+        while end < self.segments and self.legs[end] == self.legs[self.place]:
             end += 1
         return end
 
@@ -119,7 +135,7 @@ class Route:
             return
         for step, reach_m in ((1, 6.0), (-1, 2.0)):
             i = self.place if step > 0 else self.place - 1
-            while 0 <= i < self.segments and self.directions[i] == self.direction:
+            while 0 <= i < self.segments and self.legs[i] == self.legs[self.place]:
                 if abs(self.along_m[i] - self.along_m[self.place]) > reach_m:
                     break
                 yield i

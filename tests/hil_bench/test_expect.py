@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from hil_bench import expect, routes
 from hil_bench.cases import catalogue_of
+from hil_bench.cases.limits import limit_cases
 from hil_bench.expect import Expectation, Observation
 from hil_bench.peer.build import open_wire
 from hil_bench.result import Verdict
@@ -33,6 +34,21 @@ def asking(at_s: float, speed_mps: float) -> Pair:
     )
     assert drive is not None
     return Pair(drive, pair(at_s).steer)
+
+
+def turning(at_s: float, wheel_rad: float) -> Pair:
+    values = {"ENABLE": 1, "FRONT_WHEEL_ANGLE_REQUEST": wheel_rad}
+    steer = WIRE.intact(replace(WIRE.pack("STEER_COMMAND", 1, **values), stamp_ns=round(at_s * S)))
+    assert steer is not None
+    return Pair(pair(at_s).drive, steer)
+
+
+def drive_past_dwells(*, stands_until_s: float, v_mps: float = 0.0) -> Observation:
+    """Both dwells of the route, at 16 and 32 m; at the second one the vehicle is at rest until its time."""
+    route = routes.stop_and_go()
+    first, second = (route.time_s[point] for point in route.dwells())
+    history = [at(stands_until_s * first, v_mps, x_m=16.0), at(second, 0.0, x_m=32.0)]
+    return replace(observed(pair(0.0), history=history), route=route)
 
 
 def given_up(at_s: float) -> Pair:
@@ -146,6 +162,17 @@ JUDGED: list[tuple[Expectation, Observation, Observation]] = [
         ),
     ),
     (
+        expect.MakesUpForNothing(),
+        observed(*steady(0, 5), turning(6.3, -0.08)),
+        observed(*steady(0, 5), turning(6.3, -0.085)),
+    ),
+    (
+        expect.StandsAtDwells(),
+        drive_past_dwells(stands_until_s=1.0),
+        drive_past_dwells(stands_until_s=1.0, v_mps=0.3),
+    ),
+    (expect.StandsAtDwells(), drive_past_dwells(stands_until_s=1.01), drive_past_dwells(stands_until_s=0.98)),
+    (
         expect.FollowsGaps(),
         observed(*steady(5.001, 5.101), *steady(5.121, 6), samples=[5.08, 5.09, 5.1 - 0.0005, 5.12, 5.13]),
         observed(*steady(5.001, 5.131), *steady(5.151, 6), samples=[5.08, 5.09, 5.1 - 0.0005, 5.12, 5.13]),
@@ -171,4 +198,6 @@ def test_each_expectation_passes_on_the_right_observation_and_fails_on_the_wrong
 
 
 def test_every_expectation_of_the_catalogue_is_tested() -> None:
-    assert {type(e) for case in catalogue_of(2) for e in case.see} == {type(row[0]) for row in JUDGED}
+    assert {type(e) for case in (*catalogue_of(2), *limit_cases(WIRE)) for e in case.see} == {
+        type(row[0]) for row in JUDGED
+    }

@@ -15,6 +15,7 @@ GENTLE_MPS2 = 1.0
 SLACK = 2.0
 """Factor on the time that the speeds take; `BEGINNING_S` is added."""
 BEGINNING_S = 6.0
+DWELL_S = 1.0
 
 Segment = tuple[float, float]
 """Length, m, negative in reverse; curvature, 1/m, positive to the left when driving forward."""
@@ -49,7 +50,13 @@ class Route:
         along_m = [0.0, *itertools.accumulate(math.dist(a, b) for a, b in steps)]
         inner = zip(along_m[1:-1], self.speed_mps[1:-1], strict=True)
         stops_m = [0.0, *(done_m for done_m, v in inner if v == 0.0), along_m[-1]]
-        return min(b - a for a, b in itertools.pairwise(stops_m))
+        return min(b - a for a, b in itertools.pairwise(stops_m) if b > a)
+
+    def dwells(self) -> list[int]:
+        """The last point of each dwell: of points in a row at one place, with speed 0."""
+        places = list(zip(self.x_m, self.y_m, self.speed_mps, strict=True))
+        stays = [i for i, (a, b) in enumerate(itertools.pairwise(places), 1) if a == b and b[2] == 0.0]
+        return [i for i in stays if i + 1 not in stays]
 
     def write(self, path: Path, frame_id: str = "map") -> Path:
         """Write the CSV file; returns its path."""
@@ -162,19 +169,16 @@ def double_lane_change(speed_mps: float = 8.0) -> Route:
 
 
 def stop_and_go(speed_mps: float = 4.0) -> Route:
-    """Three stretches, each with a stop at its end."""
+    """Three stretches, with a dwell between them: two points at one place, `DWELL_S` apart, with speed 0."""
     one = route("one", [(16.0, 0.0)], speed_mps)
-    times, xs, ys, headings, speeds = [], [], [], [], []  # type: ignore[var-annotated]
-    for number in range(3):
-        begin_s, begin_m = (times[-1] + 0.5, xs[-1]) if times else (0.0, 0.0)
-        for i in range(1 if number else 0, len(one.x_m)):
-            times.append(begin_s + one.time_s[i])
-            xs.append(begin_m + one.x_m[i])
-            ys.append(0.0)
-            headings.append(0.0)
-            speeds.append(one.speed_mps[i] if one.speed_mps[i] or i == len(one.x_m) - 1 else 0.3)
-    speeds[-1] = 0.0
-    return Route("stop-and-go", times, xs, ys, headings, speeds)
+    times, xs, speeds = list(one.time_s), list(one.x_m), list(one.speed_mps)
+    for _ in range(2):
+        begin_s, begin_m = times[-1] + DWELL_S, xs[-1]
+        times += [begin_s + t - BEGINNING_S * min(1.0, i / 10) for i, t in enumerate(one.time_s)]
+        xs += [begin_m + x for x in one.x_m]
+        speeds += [0.0, *one.speed_mps[1:]]
+    nothing = [0.0] * len(xs)
+    return Route("stop-and-go", times, xs, nothing, nothing, speeds)
 
 
 def reverse_bay() -> Route:

@@ -3,9 +3,10 @@
 from contextlib import AbstractContextManager
 
 from hil_bench import routes
-from hil_bench.case import Case
-from hil_bench.expect import DrivesOn
-from hil_bench.faults import vehicle
+from hil_bench.case import Case, Need, Then
+from hil_bench.cases.common import ANY
+from hil_bench.expect import DrivesOn, MakesUpForNothing
+from hil_bench.faults import base, process, vehicle
 from hil_bench.faults.base import Injection
 from hil_bench.parts import Part
 from hil_bench.rig import Rig
@@ -17,7 +18,8 @@ DRIFT_MPS, DRIFTS_S = 4.0, 0.7
 
 def limit_cases(wire: Wire) -> tuple[Case, ...]:
     """For one vehicle."""
-    return tuple(_swept_aside(wire, side, way) for side, way in (("left", 1.0), ("right", -1.0)))
+    swept = (_swept_aside(wire, side, way) for side, way in (("left", 1.0), ("right", -1.0)))
+    return *swept, _swept_aside_unseen(wire)
 
 
 def _swept_aside(wire: Wire, side: str, way: float) -> Case:
@@ -33,9 +35,32 @@ def _swept_aside(wire: Wire, side: str, way: float) -> Case:
         for_s=DRIFTS_S,
         after_s=2.0,
         about=(Part.POSITION,),
-        lacks="" if wire.has("LATERAL_SPEED") else "without a lateral speed on its bus a drift contradicts its heading",
+        lacks=_lacks(wire),
         see=(DrivesOn(afterwards_s=2.0),),
     )
+
+
+def _swept_aside_unseen(wire: Wire) -> Case:
+    return Case(
+        name="swept-aside-while-paused",
+        fault="P1",
+        tags=("process", "limits"),
+        proves="After 0.3 s without the processor, no limit of a rate makes up for the time that was missed.",
+        injected=f"the device pauses for 0.3 s while the vehicle drifts at {DRIFT_MPS} m/s with its watchdog off",
+        inject=base.combine(vehicle.change_vehicle(has_watchdog=False), _drift(DRIFT_MPS), process.pause()),
+        for_s=0.3,
+        after_s=1.0,
+        about=(Part.POSITION,),
+        lacks=_lacks(wire),
+        see=(MakesUpForNothing(),),
+        then=Then.MAY_GO_ON,
+        allow=ANY,
+        needs=(Need.OWN_PROCESS,),
+    )
+
+
+def _lacks(wire: Wire) -> str:
+    return "" if wire.has("LATERAL_SPEED") else "without a lateral speed on its bus a drift contradicts its heading"
 
 
 def _drift(to_left_mps: float) -> Injection:

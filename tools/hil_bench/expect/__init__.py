@@ -16,6 +16,7 @@ from hil_bench.expect.commands import (
     FollowsGaps,
     GivesUp,
     LetsGo,
+    MakesUpForNothing,
     MomentaryAtMost,
     NeverDrives,
     NeverEnables,
@@ -23,7 +24,7 @@ from hil_bench.expect.commands import (
     Stops,
 )
 from hil_bench.expect.fields import DoesNoHarm, StopsOnContradiction
-from hil_bench.expect.path import StaysNear
+from hil_bench.expect.path import StandsAtDwells, StaysNear
 from hil_bench.expect.process import Ends, EndsOrderly, NamesBus, Refuses
 from hil_bench.expect.vehicle import AsksForItsSpeed, HazardLights, ReachesEnd, Standstill, WatchdogActs
 
@@ -40,6 +41,7 @@ __all__ = [
     "GivesUp",
     "HazardLights",
     "LetsGo",
+    "MakesUpForNothing",
     "Measurement",
     "MomentaryAtMost",
     "NamesBus",
@@ -48,6 +50,7 @@ __all__ = [
     "Observation",
     "ReachesEnd",
     "Refuses",
+    "StandsAtDwells",
     "Standstill",
     "StaysNear",
     "StaysOut",

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from vehicle_bus_contract.reference import S
 
-from hil_bench.expect.base import Observation, check, describe
+from hil_bench.expect.base import Observation, check, describe, not_applicable
 from hil_bench.result import Check, Event, EventKind
 from hil_bench.vehicle import WATCHDOG_NS
 from hil_bench.vocabulary import Wait
@@ -14,6 +14,9 @@ from hil_bench.vocabulary import Wait
 STOP_S = 0.150
 GAP_PERIODS = 5
 MOVES_MPS = 0.05
+FRONT_WHEEL = "FRONT_WHEEL_ANGLE_REQUEST"
+LED_ON_S = 0.1
+"""After so long without a command the reference vehicle no longer obeys: no command continues an older one."""
 
 
 @dataclass(frozen=True)
@@ -182,6 +185,22 @@ class MomentaryAtMost:
             return check(text, wrong), []
         stopped_s = sum(pair.is_stop for pair in pairs) * observed.wire.command_period_s
         return check(text, wrong, stopped_s, most_s), []
+
+
+@dataclass(frozen=True)
+class MakesUpForNothing:
+    """After a silence the wheels are led on from where they were: the time without a command counts as `LED_ON_S`."""
+
+    def judge(self, observed: Observation) -> tuple[Check, list[Event]]:
+        text = f"after the silence the wheels turn no further than in {LED_ON_S} s"
+        wire = observed.wire
+        if not wire.commands_angle:
+            return not_applicable(text, "the vehicle is not commanded a wheel angle"), []
+        enabled = [pair for pair in observed.pairs if pair.is_enabled]
+        gaps = [(a, b) for a, b in pairwise(enabled) if a.stamp_ns < observed.end_ns <= b.stamp_ns]
+        most_rad = wire.profile["limits"]["front_wheel_rate_radps"] * LED_ON_S + wire.wheel_count_rad
+        turned_rad = [abs(b.steer[FRONT_WHEEL] - a.steer[FRONT_WHEEL]) for a, b in gaps]
+        return check(text, [f"by {rad:.3f} rad, at most {most_rad:.3f}" for rad in turned_rad if rad > most_rad]), []
 
 
 @dataclass(frozen=True)
