@@ -18,11 +18,12 @@ from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer import shapes
 from vehicle_iface_viewer.access import Access, open_server
 from vehicle_iface_viewer.feed import View
-from vehicle_iface_viewer.journey import Mark
+from vehicle_iface_viewer.journey import Journey, Mark
 from vehicle_iface_viewer.panels.plots import Plots
 from vehicle_iface_viewer.panels.side_panel import SidePanel
 from vehicle_iface_viewer.recent import RecentSnapshots
 from vehicle_iface_viewer.scene.guides import braking_arc
+from vehicle_iface_viewer.scene.nodes import LIVE
 from vehicle_iface_viewer.scene.scene import Scene
 from vehicle_iface_viewer.scene.trajectory_path import select_drawable
 
@@ -70,14 +71,17 @@ def view(k: int, x_m: float, y_m: float, trajectory: DrawnTrajectory | None = No
 
 def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserServer) -> None:
     recent = RecentSnapshots(length_s=25.0)
-    scene, panel, plots = Scene(server.scene), SidePanel(server.gui), Plots(server.gui, recent)
+    journey, panel, plots = Journey(), SidePanel(server.gui), Plots(server.gui, recent)
+    scene = Scene(server.scene, LIVE, journey)
     sizes = []
     for k in range(1, 1501):
         along = path(np.arange(600.0) + k, np.zeros(600), version=k // 50)
         changes = {"has_reference": True, "has_lookahead": True, "lookahead_x_m": k + 5.0}
         now = view(k, 2.0 * k, math.sin(k), along if k % 50 == 0 else None, **changes)
+        assert now.snapshot is not None
+        journey.add(now.snapshot)
         scene.draw(now)
-        recent.extend([now.snapshot] if now.snapshot else [])
+        recent.extend([now.snapshot])
         panel.show(now, k)
         plots.show(now, k, end_ns=recent.newest_ns, window_s=20.0)
         if k % 500 == 0:
@@ -86,14 +90,17 @@ def test_a_long_drive_adds_no_node_no_message_and_no_point(server: viser.ViserSe
             assert len(scene._trail._line.points) < 400
     assert sizes[0] == sizes[1] == sizes[2]
     for k in range(1501, 2501):  # round and round one place, where nothing is forgotten for being far away
-        scene.draw(view(k, 3000.0 + 50.0 * math.cos(0.04 * k), 50.0 * math.sin(0.04 * k)))
+        now = view(k, 3000.0 + 50.0 * math.cos(0.04 * k), 50.0 * math.sin(0.04 * k))
+        assert now.snapshot is not None
+        journey.add(now.snapshot)
+        scene.draw(now)
     assert 250 < len(scene._trail._line.points) < 400
     assert 200 < len(scene._track._line.points) < 601
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e12, 1e300])
 def test_a_value_that_cannot_be_drawn_is_hidden_and_returns(server: viser.ViserServer, bad: float) -> None:
-    scene = Scene(server.scene)
+    scene = Scene(server.scene, LIVE, Journey())
     assert scene.draw(view(1, 3.0, 4.0)) is not None
     assert at_present(scene._vehicle._frame.visible)
     assert scene.draw(view(2, bad, 4.0)) is None
@@ -109,7 +116,7 @@ def test_a_value_that_cannot_be_drawn_is_hidden_and_returns(server: viser.ViserS
 
 
 def test_far_from_the_maps_origin_the_vehicle_still_moves_by_centimetres(server: viser.ViserServer) -> None:
-    scene = Scene(server.scene)
+    scene = Scene(server.scene, LIVE, Journey())
     places = []
     for k in range(5):
         scene.draw(view(k, 500_000.0 + 0.01 * k, 5_400_000.0))
@@ -118,7 +125,7 @@ def test_far_from_the_maps_origin_the_vehicle_still_moves_by_centimetres(server:
 
 
 def test_a_session_brings_its_vehicles_shape(server: viser.ViserServer) -> None:
-    scene = Scene(server.scene)
+    scene = Scene(server.scene, LIVE, Journey())
     scene.draw(view(1, 0.0, 0.0))
     assert np.ptp(scene._vehicle._body.vertices[:, 0]) == pytest.approx(SHAPE.length_m)
     assert scene._vehicle._wheels[0].position == pytest.approx((SHAPE.wheelbase_m, SHAPE.track_m / 2, 0.5))
@@ -126,7 +133,7 @@ def test_a_session_brings_its_vehicles_shape(server: viser.ViserServer) -> None:
 
 
 def test_left_is_left(server: viser.ViserServer) -> None:
-    scene = Scene(server.scene)
+    scene = Scene(server.scene, LIVE, Journey())
     scene.draw(view(1, 0.0, 0.0, heading_rad=math.pi / 2, front_wheel_angle_rad=0.3))
     assert scene._vehicle._frame.wxyz == pytest.approx((math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
     assert scene._vehicle._wheels[0].wxyz == pytest.approx((math.cos(0.15), 0.0, 0.0, math.sin(0.15)))
@@ -134,7 +141,7 @@ def test_left_is_left(server: viser.ViserServer) -> None:
 
 
 def test_a_trajectory_in_another_frame_is_not_drawn(server: viser.ViserServer) -> None:
-    scene = Scene(server.scene)
+    scene = Scene(server.scene, LIVE, Journey())
     scene.draw(view(1, 0.0, 0.0, path([0.0, 1.0], [0.0, 0.0]), frame_id="odom"))
     assert not scene._path._line.visible
 
@@ -165,7 +172,7 @@ def test_a_vehicle_at_rest_has_no_braking_distance_and_an_absurd_one_is_bounded(
 
 
 def test_the_error_line_joins_vehicle_and_reference(server: viser.ViserServer) -> None:
-    scene = Scene(server.scene)
+    scene = Scene(server.scene, LIVE, Journey())
     north = {"has_reference": True, "heading_rad": math.pi / 2, "spatial_reference_x_m": 3.0}
     scene.draw(view(2, 3.0, 4.0, None, **north, spatial_reference_y_m=5.0))
     assert at_present(scene._guides._error.visible)
@@ -180,11 +187,12 @@ def test_the_error_line_joins_vehicle_and_reference(server: viser.ViserServer) -
 
 
 def test_stops_are_pins_at_their_places(server: viser.ViserServer) -> None:
-    scene = Scene(server.scene)
+    journey = Journey()
+    scene = Scene(server.scene, LIVE, journey)
     scene.draw(view(1, 1000.0, 0.0))
     for number, kind in enumerate((EventKind.STOP, EventKind.MODE, EventKind.FAULT)):
         event = LoopEvent(number=number, at_ns=number, kind=kind, name="x")
-        scene.journey.marks.append(Mark(x_m=1000.0 + 10.0 * number, y_m=2.0, event=event))
+        journey.marks.append(Mark(x_m=1000.0 + 10.0 * number, y_m=2.0, event=event))
     scene.draw(view(2, 1000.0, 0.0))
     tips = scene._marks._mesh.vertices[4::5, 0]
     assert tips.tolist() == [0.0, 20.0]

@@ -15,9 +15,9 @@ from vehicle_iface_viewer.cameras import look_first
 from vehicle_iface_viewer.feed import LiveTelemetry
 from vehicle_iface_viewer.journey import Journey
 from vehicle_iface_viewer.playback import Playback
-from vehicle_iface_viewer.scene.scene import Scene, set_stage
+from vehicle_iface_viewer.scene.scene import set_stage
 from vehicle_iface_viewer.settings import configure_theme
-from vehicle_iface_viewer.showing import Showing
+from vehicle_iface_viewer.watched import Watched
 
 _PERIOD_NS = NS_PER_S // 30
 _PANEL_WIDTH_PX = 430
@@ -28,10 +28,10 @@ class App:
 
     def __init__(self, access: Access, source: str | Playback, bus_table: BusTableSource | None = None) -> None:
         """`bus_table`: where the table of messages comes from; without it there is none."""
-        self._reader: LiveTelemetry | Playback = LiveTelemetry(source) if isinstance(source, str) else source
+        reader = LiveTelemetry(source) if isinstance(source, str) else source
         self._bus_table = bus_table
         self._clients: dict[int, LiveBrowser | ReplayBrowser] = {}
-        is_recording = isinstance(self._reader, Playback)
+        is_recording = isinstance(reader, Playback)
         self.server = open_server(access)
         configure_theme(self.server.gui, is_dark=True)
         self.server.gui.set_panel_label("vehicle-iface: RECORDING" if is_recording else "vehicle-iface")
@@ -39,10 +39,11 @@ class App:
         self.server.gui.main_panel.set_width(_PANEL_WIDTH_PX)
         set_stage(self.server, is_recording=is_recording)
         look_first(self.server)
-        if isinstance(self._reader, Playback):
-            self._playback, self._whole, self._live = self._reader, Journey.of(self._reader), None
+        self._live: Watched | None = None
+        if isinstance(reader, Playback):
+            self._playback, self._whole = reader, Journey.of(reader)
         else:
-            self._live = Showing(self.server, self._reader, Scene(self.server.scene), bus_table)
+            self._live = Watched(reader, bus_table)
 
     @property
     def port(self) -> int:
@@ -64,18 +65,19 @@ class App:
         """Update the page in all browsers."""
         now_ns = clock.monotonic_ns()
         if self._live is not None:
-            with self.server.atomic():
-                self._live.update(now_ns, tick)
+            self._live.update(now_ns, tick)
         for client in self._update_clients():
             client.update(now_ns, tick)
-        # Both at once: the vehicle's position and the world's shift belong in the same frame.
         self.server.flush()
 
     def close(self) -> None:
         """Stop serving."""
-        self._reader.close()
-        if self._bus_table is not None:
-            self._bus_table.close()
+        if self._live is not None:
+            self._live.close()
+        else:
+            self._playback.close()
+            if self._bus_table is not None:
+                self._bus_table.close()
         self.server.stop()
 
     def _update_clients(self) -> list[LiveBrowser | ReplayBrowser]:
@@ -94,8 +96,7 @@ class App:
             return LiveBrowser(client, self._live)
         playback = self._playback.fork()
         table = self._bus_table.fork() if self._bus_table is not None else None
-        showing = Showing(client, playback, Scene(client.scene, journey=self._whole), table)
-        return ReplayBrowser(client, showing, playback)
+        return ReplayBrowser(client, Watched(playback, table, self._whole), playback)
 
     def _note_place(self, gone: LiveBrowser | ReplayBrowser) -> None:
         """Let the next browser begin where this one has left: a page that is loaded again continues."""

@@ -16,37 +16,40 @@ from vehicle_iface_viewer.playback_controls import PlaybackControls
 from vehicle_iface_viewer.scene.nodes import LIVE, PAST
 from vehicle_iface_viewer.scene.scene import set_background
 from vehicle_iface_viewer.settings import Settings
-from vehicle_iface_viewer.showing import MAP_EVERY, PANELS_EVERY, Picture, Showing
+from vehicle_iface_viewer.showing import Picture, Showing
+from vehicle_iface_viewer.watched import MAP_EVERY, PANELS_EVERY, Watched
 
 _TURNS_PER_FREE_PLOT = 5
 
 
 class _Browser:
-    def __init__(self, client: viser.ClientHandle, showing: Showing, *, is_live: bool) -> None:
+    def __init__(self, client: viser.ClientHandle, watched: Watched) -> None:
         self._client = client
-        self._showing = showing
+        self._watched = watched
         self.camera = Camera(client)
-        self._left_panel = LeftPanel(client, has_frames=showing.has_frames)
+        self._present = client.scene.add_frame(LIVE, show_axes=False)
+        self._showing = Showing(client, watched)
+        self._left_panel = LeftPanel(client, has_frames=watched.has_frames)
         self._map_panel = MapPanel(client, above=self._left_panel.panel)
-        self._time = PlotTime(client, is_live=is_live)
-        self._plots = Plots(client.gui, showing.feed.recent)
-        self._free_plot = FreePlot(client, showing.feed.recent)
+        self._time = PlotTime(client, is_live=watched.is_live)
+        self._plots = Plots(client.gui, watched.feed.recent)
+        self._free_plot = FreePlot(client, watched.feed.recent)
         self._settings = Settings(client, self._time, self._free_plot)
 
     def _show(self, picture: Picture, end_ns: int, tick: int) -> None:
         """Update the camera, and in turns plots, tables and map."""
-        showing, turn = self._showing, tick // PANELS_EVERY
-        assert showing.view is not None
+        watched, turn = self._watched, tick // PANELS_EVERY
+        assert watched.view is not None
         if picture.place is not None:
             self.camera.move(picture.place, picture.drive)
         if tick % PANELS_EVERY == 2:
             self._settings.keep()
-            self._time.show(showing.feed.recent)
-            self._plots.show(showing.view, turn, end_ns=end_ns, window_s=self._time.window_s)
+            self._time.show(watched.feed.recent)
+            self._plots.show(watched.view, turn, end_ns=end_ns, window_s=self._time.window_s)
             if turn % _TURNS_PER_FREE_PLOT == 0:
                 self._free_plot.show(end_ns=end_ns, window_s=self._time.window_s)
         if tick % PANELS_EVERY == 1:  # not with the texts and plots, so that no update is long
-            self._left_panel.show(showing.view, showing.report, showing.feed, turn)
+            self._left_panel.show(watched.view, watched.report, watched.feed, turn)
         if tick % MAP_EVERY == MAP_EVERY - 2:
             self._map_panel.show(picture.map)
 
@@ -54,15 +57,17 @@ class _Browser:
 class LiveBrowser(_Browser):
     """A browser that watches a running loop, and may look back."""
 
-    def __init__(self, client: viser.ClientHandle, showing: Showing) -> None:
-        super().__init__(client, showing, is_live=True)
-        self._present = client.scene.add_frame(LIVE, show_axes=False)
+    def __init__(self, client: viser.ClientHandle, watched: Watched) -> None:
+        super().__init__(client, watched)
         self._past_frame = client.scene.add_frame(PAST, show_axes=False, visible=False)
         self._past: Past | None = None
 
     def update(self, _now_ns: int, tick: int) -> None:
-        """Show what is shown to all, or the time that this browser looks back to."""
-        recent = self._showing.feed.recent
+        """Show the present, or the time that this browser looks back to."""
+        view, recent = self._watched.view, self._watched.feed.recent
+        assert view is not None
+        with self._client.atomic():
+            self._showing.update(view, tick)
         end_ns = self._time.end_ns(recent.newest_ns)
         is_present = self._time.is_present
         if is_present is not self._present.visible:
@@ -72,17 +77,16 @@ class LiveBrowser(_Browser):
             self._show(self._showing, end_ns, tick)
             return
         if self._past is None:
-            self._past = Past(self._client, self._showing.scene.journey)
-        assert self._showing.view is not None
-        self._past.update(self._showing.view, recent, end_ns, tick)
+            self._past = Past(self._client, self._watched.journey)
+        self._past.update(view, recent, end_ns, tick)
         self._show(self._past, end_ns, tick)
 
 
 class ReplayBrowser(_Browser):
     """A browser that plays a recording, at a place of its own."""
 
-    def __init__(self, client: viser.ClientHandle, showing: Showing, playback: Playback) -> None:
-        super().__init__(client, showing, is_live=False)
+    def __init__(self, client: viser.ClientHandle, watched: Watched, playback: Playback) -> None:
+        super().__init__(client, watched)
         self.playback = playback
         self._controls = PlaybackControls(client, playback)
 
@@ -90,6 +94,6 @@ class ReplayBrowser(_Browser):
         """Play on, and show the time that has been reached."""
         with self._client.atomic():
             self._controls.update(now_ns)
-            self._showing.update(now_ns, tick)
-        self._show(self._showing, self._time.end_ns(self._showing.feed.recent.newest_ns), tick)
+            self._showing.update(self._watched.update(now_ns, tick), tick)
+        self._show(self._showing, self._time.end_ns(self._watched.feed.recent.newest_ns), tick)
         self._client.flush()

@@ -15,7 +15,7 @@ from vehicle_iface_viewer.panels.map_drawing import MapDrawing
 from vehicle_iface_viewer.recent import RecentSnapshots
 from vehicle_iface_viewer.scene.nodes import PAST, Place
 from vehicle_iface_viewer.scene.scene import Scene
-from vehicle_iface_viewer.showing import MAP_EVERY
+from vehicle_iface_viewer.watched import MAP_EVERY
 
 _JUMP_NS = NS_PER_S
 
@@ -27,6 +27,7 @@ class Past:
         """`journey`: the whole drive, which is shown in the past as well."""
         self.map = MapDrawing()
         self.place: Place | None = None
+        self._journey = journey
         self._scene = Scene(client.scene, PAST, journey)
         self._shown_ns = 0
         self._jumps = 0
@@ -46,7 +47,7 @@ class Past:
             self._view = replace(view_at(present, recent, at_ns), session=self._jumps)
             self.place = self._scene.draw(self._view, recent)
         if tick % MAP_EVERY == MAP_EVERY - 2 and self._view is not None:
-            self.map.update(self._view, self._scene.journey)
+            self.map.update(self._view, self._journey)
 
 
 def view_at(present: View, recent: RecentSnapshots, at_ns: int) -> View:

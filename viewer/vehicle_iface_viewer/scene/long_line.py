@@ -34,18 +34,13 @@ class LongLine:
             f"{root}/{name}", np.zeros((1, 2, 3)), color, thickness=thickness_m, visible=False
         )
 
-    def hide(self) -> None:
-        """Hide the line until the next `draw`."""
-        self._line.visible = False
-        self.invalidate()
-
     def invalidate(self) -> None:
         """Draw the line again at the next `draw`."""
         self._due_ns, self._drawn = 0, -1
 
     def draw(self, origin: tuple[float, float], now_ns: int) -> None:
         """Redraw the line relative to `origin` when it has changed and that is due."""
-        if now_ns < self._due_ns or self._drawn == self._places.changes:
+        if self._drawn == self._places.changes or (now_ns < self._due_ns and len(self._places) > 1):
             return
         self._due_ns, self._drawn = now_ns + _PERIOD_NS, self._places.changes
         flat = self._places.positions_m() - origin

@@ -12,7 +12,7 @@ from vehicle_iface.telemetry import Snapshot
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.box import Box
-from vehicle_iface_viewer.feed import Feed, View
+from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.journey import LAST_M, Journey
 from vehicle_iface_viewer.recent import RecentSnapshots
 from vehicle_iface_viewer.scene.event_marks import EventMarks
@@ -20,7 +20,7 @@ from vehicle_iface_viewer.scene.ground import SECTION_M, Ground
 from vehicle_iface_viewer.scene.guides import Guides
 from vehicle_iface_viewer.scene.long_line import LongLine
 from vehicle_iface_viewer.scene.markers import Markers
-from vehicle_iface_viewer.scene.nodes import LIVE, Place, is_near
+from vehicle_iface_viewer.scene.nodes import Place, is_near
 from vehicle_iface_viewer.scene.trail import Trail
 from vehicle_iface_viewer.scene.trajectory_path import TrajectoryPath
 from vehicle_iface_viewer.scene.vehicle import PAINT_COLOR, RECORDED_COLOR, STALE_COLOR, Vehicle
@@ -36,18 +36,17 @@ TRACK_COLOR = (150, 156, 163)
 class Scene:
     """All nodes of the scene."""
 
-    def __init__(self, scene: viser.SceneApi, root: str = LIVE, journey: Journey | None = None) -> None:
-        """All nodes hang on the frame `root`. `journey` is the whole drive, if it is known in advance."""
-        self._is_whole = journey is not None
-        self.journey = journey or Journey()
+    def __init__(self, scene: viser.SceneApi, root: str, journey: Journey) -> None:
+        """All nodes hang on the frame `root`. `journey` is the drive so far, or the whole one; it is only read."""
+        self._journey = journey
         self._origin: tuple[float, float] | None = None
         self._session = 0
         self._trail_of: tuple[int, tuple[float, float]] | None = None
         self._ground = Ground(scene, root)
         self._path = TrajectoryPath(scene, root)
         self._trail = Trail(scene, root)
-        self._route = LongLine(scene, root, "route", self.journey.route, ROUTE_COLOR, thickness_m=0.14, z_m=0.02)
-        self._track = LongLine(scene, root, "track", self.journey.track, TRACK_COLOR, thickness_m=0.07, z_m=0.04)
+        self._route = LongLine(scene, root, "route", self._journey.route, ROUTE_COLOR, thickness_m=0.14, z_m=0.02)
+        self._track = LongLine(scene, root, "track", self._journey.track, TRACK_COLOR, thickness_m=0.07, z_m=0.04)
         self._markers = Markers(scene, root)
         self._vehicle = Vehicle(scene, root)
         self._guides = Guides(scene, root)
@@ -62,10 +61,6 @@ class Scene:
         if view.session != self._session:
             self._session = view.session
             self._trail.clear()
-            if not self._is_whole:
-                self.journey.clear()
-                for line in (self._route, self._track):
-                    line.hide()
             if view.info is not None:
                 self._vehicle.reshape(view.info.shape)
         if snapshot is None or not snapshot.has_state or not is_near(snapshot.x_m, snapshot.y_m, LAST_M):
@@ -82,18 +77,11 @@ class Scene:
             self._trail_of = (view.session, origin)
             self._trail.restore(_places(recent, snapshot.published_ns), origin)
         self._trail.extend(snapshot, origin, view.now_ns)
-        if not self._is_whole:
-            self.journey.add(snapshot)
         self._track.draw(origin, view.now_ns)
         self._route.draw(origin, view.now_ns)
         self._guides.show(view)
-        self._marks.show(self.journey.marks, origin)
+        self._marks.show(self._journey.marks, origin)
         return Place(snapshot.x_m - origin[0], snapshot.y_m - origin[1], snapshot.heading_rad)
-
-    def mark(self, feed: Feed) -> None:
-        """Mark the events that are new."""
-        if not self._is_whole:
-            self.journey.mark(feed.events, feed.recent)
 
     def relative(self, box: Box | None) -> Box | None:
         """Return a box of the drive's frame, relative to the local origin."""
