@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable, Iterator
 
@@ -16,11 +17,15 @@ from vehicle_iface.sim.wire import simulated_vehicle
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
+from vehicle_iface_viewer.bus_table.bus_signals import BusSignals
+from vehicle_iface_viewer.bus_table.finder import MessageFinder
 from vehicle_iface_viewer.bus_table.monitor import BusMonitor
-from vehicle_iface_viewer.bus_table.report import BusReport
+from vehicle_iface_viewer.bus_table.report import BusReport, SignalKey
+from vehicle_iface_viewer.bus_table.sampler import SignalSampler
 from vehicle_iface_viewer.feed import View
 
 from .processes import Publisher
+from .test_plots import REQUESTED, VEHICLE, choose, wait_for_columns
 
 Start = Callable[..., Publisher]
 
@@ -30,7 +35,9 @@ class Bus:
 
     def __init__(self) -> None:
         database = load_database(load_profile("reference"))
-        self.monitor = BusMonitor(database)
+        finder = MessageFinder(database)
+        self.monitor, self.signals, self._sampler = BusMonitor(finder), BusSignals(), SignalSampler(finder)
+        self._keys: list[SignalKey] = []
         self._vehicle = simulated_vehicle(database, start_ns=clock.monotonic_ns())
         self._due_ns = 0
         self._report: BusReport | None = None
@@ -38,10 +45,17 @@ class Bus:
     def read(self, _view: View) -> BusReport | None:
         now_ns = clock.monotonic_ns()
         while (at_ns := self._vehicle.next_due_ns) < now_ns:
-            self.monitor.add(self._damage(frame._replace(stamp_ns=at_ns)) for frame in self._vehicle.advance(at_ns))
+            frames = [self._damage(frame._replace(stamp_ns=at_ns)) for frame in self._vehicle.advance(at_ns)]
+            self.monitor.add(frames)
+            self._sampler.add(frames)
+        self.signals.extend(self._keys, self._sampler.take())
+        if (keys := self.signals.advance()) != self._keys:
+            self._keys = keys
+            self._sampler.choose(keys)
         if now_ns >= self._due_ns:
             self._due_ns = now_ns + NS_PER_S // 2
             self._report = self.monitor.report(now_ns)
+            self.signals.update(self._report)
         return self._report
 
     def fork(self) -> Bus:
@@ -70,7 +84,7 @@ def app(address: str) -> Iterator[App]:
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
 def test_all_messages_are_listed_the_faulty_one_first_and_can_be_filtered(publish: Start, app: App, page: Page) -> None:
     loop = publish()
-    page.goto(f"http://127.0.0.1:{app.port}/")
+    page.goto(f"http://127.0.0.1:{app.port}/?free=MOTION.YAW_RATE,+rad/s&and=NO.SUCH")
     messages = page.locator("#signals .vi-message")
     expect(messages).to_have_count(4)
     expect(messages.first).to_contain_text("0x112 CHASSIS")
@@ -86,6 +100,13 @@ def test_all_messages_are_listed_the_faulty_one_first_and_can_be_filtered(publis
     expect(messages).not_to_contain_text("HEADING")
     field.fill("")
     expect(messages).to_have_count(4)
+    notes = page.get_by_text("is not among the signals")
+    expect(notes).to_have_text("“NO.SUCH” is not among the signals, at least not yet, and not drawn")
+    choose(page, "and", "POSE.POS_X, m")
+    expect(notes).to_have_count(0)
+    wait_for_columns(page, "Free plot", VEHICLE, "x{8}")
+    wait_for_columns(page, "Free plot", REQUESTED, "x{8}")
+    page.wait_for_url(re.compile(r"free=MOTION.YAW_RATE%2C\+rad%2Fs&and=POSE.POS_X%2C\+m"))
     page.get_by_role("tab", name="Events").click()
     expect(page.locator("#events")).to_contain_text("mode ENGAGED")
     loop.order("fault")

@@ -31,6 +31,7 @@ _COLUMNS = """([title, red, green, blue]) => {
     return columns;
 }"""
 """One character for each column of pixels of a plot: whether a curve of this colour is drawn there."""
+REQUESTED = (0xC9, 0x7A, 0x00)
 VEHICLE, LATERAL, HEADING, LIMIT = (0x22, 0x8B, 0xE6), (0x0C, 0xA6, 0x78), (0x97, 0x75, 0xFA), (0xF0, 0x3E, 0x3E)
 
 

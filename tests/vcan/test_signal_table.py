@@ -54,6 +54,7 @@ def test_rates_values_and_identifiers_are_those_of_candump(
         end_s = time.monotonic() + _SPAN_S
         while time.monotonic() < end_s:
             report = read(listener)
+            listener.signals.want("POSE.POS_X, m")
             time.sleep(0.05)
         candump.terminate()
     assert report is not None
@@ -74,6 +75,11 @@ def test_rates_values_and_identifiers_are_those_of_candump(
         for signal in row.signals:
             assert signal.value in seen[signal.name], f"{row.name}.{signal.name}"
         assert {signal.name for signal in row.signals} == set(seen)
+    # Plotted at the full rate: each value of candump, but for those that only one of them has received.
+    plotted = listener.signals.between("POSE.POS_X, m", 0, 1 << 62)["value"].tolist()
+    assert len(plotted) > 0.8 * len(payloads[0x110])
+    values = [str(dict(dbc.decode_message(0x110, data))["POS_X"]) for data in payloads[0x110]]
+    assert ",".join(map(str, plotted[20:-20])) in ",".join(values)
     assert report.lost == 0
     assert sum(row.error_count for row in report.rows) == 0
 

@@ -11,6 +11,7 @@ from vehicle_iface.frame import CanFrame
 from vehicle_iface.profile import load_profile
 from vehicle_iface.sim.wire import simulated_vehicle
 from vehicle_iface.units import NS_PER_MS, NS_PER_S
+from vehicle_iface_viewer.bus_table.finder import MessageFinder
 from vehicle_iface_viewer.bus_table.monitor import MAX_MESSAGES, BusMonitor
 from vehicle_iface_viewer.bus_table.report import BusReport, MessageRow
 from vehicle_iface_viewer.panels.signals import is_faulty, signals_html
@@ -28,7 +29,7 @@ def dbc() -> Database:
 
 @pytest.fixture
 def monitor() -> BusMonitor:
-    return BusMonitor(load_database(load_profile("reference")))
+    return BusMonitor(MessageFinder(load_database(load_profile("reference"))))
 
 
 def drive(seconds: float) -> list[CanFrame]:
@@ -170,7 +171,7 @@ def test_both_buses_of_a_profile_are_listed_with_their_names() -> None:
     database = load_database(profile)
     names = list(profile.all_buses)
     of_bus = {number: next(m for m in database.received if m.bus == number) for number in range(len(names))}
-    monitor = BusMonitor(database)
+    monitor = BusMonitor(MessageFinder(database))
     monitor.add(
         CanFrame(m.can_id, bytes(m.length), BEGIN_NS, m.is_extended, bus=number) for number, m in of_bus.items()
     )

@@ -12,8 +12,10 @@ from vehicle_iface.telemetry import Snapshot
 from vehicle_iface.units import NS_PER_MS, NS_PER_S
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
+from vehicle_iface_viewer.bus_table.bus_signals import SAMPLE, BusSignals
+from vehicle_iface_viewer.bus_table.report import BusReport, MessageRow, Samples, SignalValue
 from vehicle_iface_viewer.panels import free_plot as module
-from vehicle_iface_viewer.panels.free_plot import NONE, FreePlot, find_range
+from vehicle_iface_viewer.panels.free_plot import NONE, FreePlot, _find_gap, find_range
 from vehicle_iface_viewer.panels.free_signals import FREE_SIGNALS
 from vehicle_iface_viewer.panels.plot_frame import Range
 from vehicle_iface_viewer.recent import RecentSnapshots
@@ -127,7 +129,7 @@ def test_signals_of_one_unit_share_an_axis_and_others_do_not(
 ) -> None:
     sent: list[list[float]] = []
     monkeypatch.setattr(module, "send_curves", lambda _, __, curves, *___: sent.append([np.nanmax(c) for c in curves]))
-    plot = FreePlot(client, kept(numbered(speed_mps=5.0, reference_speed_mps=6.0, lateral_error_m=0.1)))
+    plot = FreePlot(client, kept(numbered(speed_mps=5.0, reference_speed_mps=6.0, lateral_error_m=0.1)), BusSignals())
 
     def scales() -> list[str | None]:
         plot.show(end_ns=NOW_NS, window_s=20.0)
@@ -145,3 +147,49 @@ def test_signals_of_one_unit_share_an_axis_and_others_do_not(
     plot.choose(1, NONE)
     assert scales() == ["y"]
     assert sent[1:] == [[5.0, 6.0], [5.0, 0.1], [5.0]]  # what has not changed is not sent again
+
+
+def test_a_signal_of_the_bus_is_named_until_it_is_received_and_then_drawn_at_its_full_rate(
+    client: viser.ClientHandle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[list[float]] = []
+    monkeypatch.setattr(
+        module, "send_curves", lambda _, __, curves, *___: sent.append(list(map(np.fmax.reduce, curves)))
+    )
+    bus, name = BusSignals(), "MOTION.SPEED, m/s"
+    plot = FreePlot(client, kept(numbered(speed_mps=5.0)), bus)
+    plot.choose(0, "speed, m/s")
+    plot.choose(1, name)
+
+    def show() -> str:
+        plot.show(end_ns=NOW_NS, window_s=20.0)
+        return plot._note.content
+
+    bus.problem = "No frames were recorded."
+    assert f"“{name}” is not among the signals, at least not yet, and not drawn (No frames" in show()
+    assert (plot.names[1], plot.wanted[1]) == (NONE, name)
+    signal = SignalValue(name="SPEED", value="1", unit="m/s")
+    row = MessageRow(bus="", can_id="0x111", name="MOTION", frames=1, rate_hz=0.0, age_s=0.0, data="", signals=[signal])
+    bus.update(BusReport(rows=[row]))
+    assert show() == ""
+    assert plot.names[1] == name
+    assert [name in box.options for box in plot._boxes] == [True, True]
+    (key,) = bus.advance()
+    times = [NOW_NS - k * NS_PER_MS for k in range(500, 0, -1)]
+    bus.extend([key], [Samples(times, [50.0 if k == 250 else 1.0 for k in range(500)])])
+    show()
+    assert sent[-1] == [5.0, 50.0]  # one sample in 500, half a pixel wide, is drawn
+    assert not plot._has_two_axes()
+    bus.extend([key], [Samples([NOW_NS], [60.0])])
+    show()
+    assert sent[-1] == [5.0, 60.0]
+    bus.clear()
+    assert "is not among the signals" in show()
+
+
+@pytest.mark.parametrize(("period_ms", "gap_ms"), [(10, 100), (1000, 3000)])
+def test_a_slow_message_is_no_line_of_gaps(period_ms: int, gap_ms: int) -> None:
+    rows = np.zeros(20, SAMPLE)
+    rows["at_ns"] = np.arange(20) * period_ms * NS_PER_MS
+    assert _find_gap(rows) == gap_ms * NS_PER_MS
+    assert _find_gap(rows[:1]) == 100 * NS_PER_MS

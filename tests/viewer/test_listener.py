@@ -17,7 +17,7 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.telemetry import SessionInfo, WriterState
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.bus_table.listener import Listener
-from vehicle_iface_viewer.bus_table.report import BusReport
+from vehicle_iface_viewer.bus_table.report import BusReport, BusSamples, MessageRow, Samples, SignalValue
 from vehicle_iface_viewer.bus_table.source import NO_FRAMES, ListenerProcess, has_frames
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels.signals import signals_html
@@ -120,6 +120,31 @@ def test_half_a_line_is_no_report(source: ListenerProcess) -> None:
     assert report.frames == 7
     os.close(writing)
     _Process.stdout.close()
+
+
+def test_the_listener_is_asked_for_what_is_plotted_and_older_samples_are_not_taken_for_it(
+    source: ListenerProcess,
+) -> None:
+    wait_for_report(source, view(1))
+    process = source._process
+    assert process is not None
+    row = MessageRow(bus="", can_id="0x111", name="MOTION", frames=1, rate_hz=0.0, age_s=0.0, data="")
+    values = [SignalValue(name=name, value="1") for name in ("SPEED", "YAW_RATE")]
+    source.signals.update(BusReport(rows=[msgspec.structs.replace(row, signals=values)]))
+    requests = []
+    for name in ("MOTION.SPEED", "MOTION.YAW_RATE"):
+        source.signals.want(name)
+        source.read(view(1))
+        assert source._unsent == b""
+        requests.append(source._request)
+    for number, signals in zip(requests, ([[7], []], [[8], [9]]), strict=True):
+        samples = [Samples(times, [1.0] * len(times)) for times in signals]
+        source._receive(BusSamples(request=number, signals=samples))
+    assert source.signals.between("MOTION.SPEED", 0, 99)["at_ns"].tolist() == [8]
+    assert source.signals.between("MOTION.YAW_RATE", 0, 99)["at_ns"].tolist() == [9]
+    later = wait_for_report(source, view(1))
+    assert later.problem
+    assert process.poll() is None  # it has understood both requests
 
 
 def test_the_listener_ends_when_the_viewer_has_gone() -> None:

@@ -4,7 +4,9 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import cantools
 import pytest
+from cantools.database import Database
 
 from vehicle_iface.codec.database import load_database
 from vehicle_iface.frame import CanFrame
@@ -13,6 +15,7 @@ from vehicle_iface.recorder import files
 from vehicle_iface.sim.wire import simulated_vehicle
 from vehicle_iface.telemetry import SessionInfo, WriterState
 from vehicle_iface.units import NS_PER_S
+from vehicle_iface_viewer.bus_table.finder import MessageFinder
 from vehicle_iface_viewer.bus_table.monitor import BusMonitor
 from vehicle_iface_viewer.bus_table.recorded import RecordedBusTable
 from vehicle_iface_viewer.bus_table.report import BusReport
@@ -65,7 +68,7 @@ def read(table: RecordedBusTable, at_s: float, *, session: int = 1) -> BusReport
 
 def expected(frames: list[CanFrame], begin_s: float, end_s: float) -> BusReport:
     """The report of a monitor that received the frames of that time."""
-    monitor = BusMonitor(load_database(load_profile("reference")))
+    monitor = BusMonitor(MessageFinder(load_database(load_profile("reference"))))
     begin_ns, end_ns = (BEGIN_NS + round(at_s * NS_PER_S) for at_s in (begin_s, end_s))
     monitor.add(frame for frame in frames if begin_ns < frame.stamp_ns <= end_ns)
     return monitor.report(end_ns)
@@ -155,3 +158,31 @@ def test_each_browser_has_a_table_of_its_own_time(table: RecordedBusTable, frame
     assert other._report is None
     assert read(other, 5.0) == expected(frames, 3.0, 5.0)
     assert read(table, 3.1).frames == read(table, 3.0).frames
+
+
+def test_a_plotted_signal_has_each_sample_of_the_last_two_minutes_up_to_the_time_that_is_shown(
+    table: RecordedBusTable, frames: list[CanFrame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, dbc = "POSE.POS_X, m", cantools.database.load_file(DBCS / "reference.dbc")
+    assert isinstance(dbc, Database)
+
+    def expected_samples(until_s: float) -> list[tuple[int, float]]:
+        of = [each for each in frames if each.can_id == 0x110 and each.stamp_ns <= BEGIN_NS + round(until_s * NS_PER_S)]
+        values = [str(dict(dbc.decode_message(0x110, each.data))["POS_X"]) for each in of]
+        return [(frame.stamp_ns, float(value)) for frame, value in zip(of, values, strict=True)]
+
+    read(table, 9.0)
+    other = table.fork()
+    table.signals.want(name)
+    for at_s in (9.0, 9.25, 11.0):
+        read(table, at_s)
+        assert table.signals.between(name, 0, 1 << 62).tolist() == expected_samples(at_s)
+    read(table, 4.0, session=2)
+    assert table.signals.between(name, 0, 1 << 62).tolist() == expected_samples(4.0)
+    assert other.signals.offered == ()
+    monkeypatch.setattr("vehicle_iface_viewer.bus_table.recorded._MOST_SEARCHED_LINES", 1500)
+    read(table, 5.0, session=3)
+    assert len(table.signals.between(name, 0, 1 << 62)) < len(expected_samples(5.0))
+    for _ in range(3):
+        read(table, 5.0, session=3)
+    assert table.signals.between(name, 0, 1 << 62).tolist() == expected_samples(5.0)

@@ -12,6 +12,7 @@ from viser import _messages as messages
 from vehicle_iface_viewer import browser_memory
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
+from vehicle_iface_viewer.bus_table.bus_signals import BusSignals
 from vehicle_iface_viewer.panels.free_plot import NONE, FreePlot
 from vehicle_iface_viewer.panels.plot_time import PlotTime
 from vehicle_iface_viewer.recent import RecentSnapshots
@@ -44,7 +45,7 @@ class Browser:
         monkeypatch.setattr(browser_memory, "ask", lambda _, __, on_answer: self.answers.append(on_answer))
         monkeypatch.setattr(browser_memory, "remember", lambda _, values: self.remembered.append(dict(values)))
         self.time = PlotTime(client, is_live=True)
-        self.plot = FreePlot(client, RecentSnapshots(length_s=10.0))
+        self.plot = FreePlot(client, RecentSnapshots(length_s=10.0), BusSignals())
         self.settings = Settings(client, self.time, self.plot)
 
     def answer(self, **values: str) -> None:
@@ -70,6 +71,7 @@ def test_what_does_not_exist_is_ignored(browser: Browser) -> None:
     browser.answer(theme="<b>", plots="-1 s", free=NONE, prefers="x", **{"and": "../../etc"})
     assert browser.settings._is_dark
     assert (browser.time.window, browser.plot.names) == ("20 s", ("latency, ms", NONE))
+    assert browser.plot.wanted == ("latency, ms", "../../etc")  # remembered: it may be a signal of another day
     assert browser.remembered == []
 
 

@@ -47,7 +47,7 @@ class Settings:
             browser_memory.remember(self._client, chosen)
 
     def _chosen(self) -> dict[str, str]:
-        free, second = self._free_plot.names
+        free, second = self._free_plot.wanted
         return {_THEME: self._theme, _PLOTS: self._time.window, _FREE: free, _AND: second}
 
     def _apply(self, answer: Mapping[str, str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from vehicle_iface_viewer.bus_table.bus_signals import BusSignals
 from vehicle_iface_viewer.bus_table.report import BusReport
 from vehicle_iface_viewer.bus_table.source import BusTableSource, has_frames
 from vehicle_iface_viewer.feed import LIVE_S, RECORDED_S, Feed, LiveTelemetry, View
@@ -35,6 +36,7 @@ class Watched:
         self.report: BusReport | None = _NO_TABLE
         self._reader = reader
         self._bus_table = bus_table
+        self.bus_signals = bus_table.signals if bus_table is not None else BusSignals()
         self._is_whole = whole is not None
         self._session = 0
 

@@ -7,15 +7,16 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 
-from vehicle_iface.codec.bus_files import read_dbcs
-from vehicle_iface.codec.cantools_classes import Message, Signal
-from vehicle_iface.codec.compiled import MessageCodec, Value
-from vehicle_iface.codec.database import BoundMessage, VehicleDatabase, find_masked
+import msgspec
+
+from vehicle_iface.codec.cantools_classes import Signal
+from vehicle_iface.codec.compiled import Value
 from vehicle_iface.codec.decoder import Decoder
 from vehicle_iface.codec.protection import NO_COUNTER
-from vehicle_iface.errors import ConfigError, SignalError
+from vehicle_iface.errors import SignalError
 from vehicle_iface.frame import CanFrame, FrameKey
 from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
+from vehicle_iface_viewer.bus_table.finder import Found, MessageFinder
 from vehicle_iface_viewer.bus_table.report import BusReport, MessageRow, SignalValue
 
 WINDOW_NS = 2 * NS_PER_S
@@ -28,19 +29,9 @@ _MAX_STAMPS = 1024
 class BusMonitor:
     """All messages on the buses of one vehicle."""
 
-    def __init__(self, database: VehicleDatabase) -> None:
-        profile = database.profile
-        self._names = list(profile.all_buses)
-        file = read_dbcs(profile)
-        parts = file.parts or {"": file}
-        self._messages: dict[FrameKey, Message] = {
-            FrameKey(message.frame_id, message.is_extended_frame, number): message
-            for number, name in enumerate(self._names)
-            for message in parts[name].messages.values()
-        }
-        self._bound = (*database.received, *database.sent)
-        self._sent = {message.name for message in database.sent}
-        self._decoder = Decoder(self._bound)
+    def __init__(self, finder: MessageFinder) -> None:
+        self._finder = finder
+        self._decoder = Decoder(finder.bound)
         self._seen: dict[FrameKey, _Seen] = {}
         self._frames = self._error_frames = self._unlisted = 0
 
@@ -57,7 +48,7 @@ class BusMonitor:
                 if len(self._seen) >= MAX_MESSAGES:
                     self._unlisted += 1
                     continue
-                seen = self._seen[key] = self._first_of(key)
+                seen = self._seen[key] = _Seen(key, self._finder.find(key))
             seen.add(frame)
             if seen.bound is not None:
                 self._decoder.decode(frame)
@@ -83,31 +74,22 @@ class BusMonitor:
             problem=problem,
         )
 
-    def _first_of(self, key: FrameKey) -> _Seen:
-        bound = next((each for each in self._bound if each.key == key and not each.is_masked), None)
-        if bound is None and key.is_extended:
-            masked = [each for each in self._bound if each.is_masked]
-            bound = find_masked(masked, key.can_id, key.bus)
-        message = self._messages.get(key) or (self._messages.get(bound.key) if bound is not None else None)
-        return _Seen(key, self._names[key.bus], message, bound, is_sent=bound is not None and bound.name in self._sent)
-
 
 class _Seen:
     """What is known of one identifier."""
 
-    def __init__(
-        self, key: FrameKey, bus: str, message: Message | None, bound: BoundMessage | None, *, is_sent: bool
-    ) -> None:
+    def __init__(self, key: FrameKey, found: Found) -> None:
+        bound, message = found.bound, found.message
         self.bound = bound
         self._can_id = f"0x{key.can_id:08X}" if key.is_extended else f"0x{key.can_id:03X}"
-        self._bus = bus
-        self._is_sent = is_sent
+        self._bus = found.bus
+        self._is_sent = found.is_sent
         self._name = bound.name if bound is not None else message.name if message is not None else ""
         period_s = bound.cycle_s if bound is not None else None
         if period_s is None and message is not None and message.cycle_time:
             period_s = message.cycle_time / 1e3
         self._period_s = period_s
-        self._codec = _compile(message)
+        self._codec = found.compile_codec()
         self._signals = {signal.name: signal for signal in message.signals} if message is not None else {}
         self._shown: dict[str, SignalValue] = {}
         self._frames = 0
@@ -130,6 +112,7 @@ class _Seen:
             can_id=self._can_id,
             name=self._name,
             is_sent=self._is_sent,
+            is_masked=self.bound is not None and self.bound.is_masked,
             is_bound=self.bound is not None,
             frames=self._frames,
             rate_hz=NS_PER_S / mean_ns if mean_ns > 0.0 else 0.0,
@@ -161,17 +144,10 @@ class _Seen:
             if value is not None:
                 self._shown[name] = _signal_value(self._signals[name], value, old)
             elif old is not None:
-                self._shown[name] = SignalValue(name=name, value=old.value, unit=old.unit, is_absent=True)
+                self._shown[name] = msgspec.structs.replace(
+                    old, is_absent=True, is_out_of_range=False, has_changed=False
+                )
         return list(self._shown.values())
-
-
-def _compile(message: Message | None) -> MessageCodec | None:
-    if message is None:
-        return None
-    try:
-        return MessageCodec(message, checked=False)
-    except ConfigError:  # the data is shown as it is
-        return None
 
 
 def _signal_value(signal: Signal, value: Value, old: SignalValue | None) -> SignalValue:
@@ -185,7 +161,8 @@ def _signal_value(signal: Signal, value: Value, old: SignalValue | None) -> Sign
     return SignalValue(
         name=signal.name,
         value=text,
-        unit=(signal.unit or "") if named is None else "",
+        unit=signal.unit or "",
+        is_named=named is not None,
         is_out_of_range=is_out and named is None,
         has_changed=old is not None and old.value != text,
     )

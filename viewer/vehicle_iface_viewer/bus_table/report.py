@@ -1,4 +1,4 @@
-"""What the listener reports twice a second, one JSON object a line."""
+"""What the viewer asks of the listener, and what the listener reports: one JSON object a line."""
 
 from __future__ import annotations
 
@@ -14,6 +14,37 @@ class ListenRequest(msgspec.Struct, frozen=True, kw_only=True):
     """By the name of each bus, the SocketCAN interface; by "" that of the only one."""
 
 
+class SignalKey(msgspec.Struct, frozen=True, kw_only=True):
+    """One signal of one identifier; bus and identifier are written as in a `MessageRow`."""
+
+    bus: str
+    can_id: str
+    signal: str
+
+
+class PlotRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """Each further line of the listener's input: the signals that are plotted from now on."""
+
+    number: int
+    signals: list[SignalKey]
+
+
+class Samples(msgspec.Struct, frozen=True, array_like=True):
+    """Values of one signal, in the unit of the DBC, in the order in which they were received."""
+
+    times_ns: list[int]
+    """On the monotonic clock."""
+    values: list[float]
+
+
+class BusSamples(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """All values since the last report, of each plotted signal."""
+
+    request: int
+    """Number of the `PlotRequest` whose signals these are, in its order."""
+    signals: list[Samples]
+
+
 class SignalValue(msgspec.Struct, frozen=True, kw_only=True):
     """The last value of a signal."""
 
@@ -21,6 +52,8 @@ class SignalValue(msgspec.Struct, frozen=True, kw_only=True):
     value: str
     """A number in `unit`, or the name that the DBC has for it."""
     unit: str = ""
+    is_named: bool = False
+    """`value` is a name, and has no unit."""
     is_out_of_range: bool = False
     """The DBC does not allow this value."""
     has_changed: bool = False
@@ -39,6 +72,8 @@ class MessageRow(msgspec.Struct, frozen=True, kw_only=True):
     """Empty: in no DBC."""
     is_sent: bool = False
     """A message that the loop sends."""
+    is_masked: bool = False
+    """Other identifiers may be the same message."""
     is_bound: bool = False
     """The profile uses it, so its checksum, counter and ranges are checked as the loop does."""
     frames: int
@@ -64,7 +99,7 @@ class MessageRow(msgspec.Struct, frozen=True, kw_only=True):
         return sum(self.errors.values())
 
 
-class BusReport(msgspec.Struct, frozen=True, kw_only=True):
+class BusReport(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     """All messages that were seen so far."""
 
     rows: list[MessageRow] = msgspec.field(default_factory=list)

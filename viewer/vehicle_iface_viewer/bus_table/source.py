@@ -1,4 +1,5 @@
-"""The newest report for the page: starts the listener's process for the session that is shown, and reads its output."""
+"""The newest report and samples for the page: starts the listener's process for the session that is shown, and reads
+its output."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.process import module_command
 from vehicle_iface.profile import load_profile, profile_names
 from vehicle_iface.telemetry import SessionInfo
-from vehicle_iface_viewer.bus_table.report import BusReport, ListenRequest
+from vehicle_iface_viewer.bus_table.bus_signals import BusSignals
+from vehicle_iface_viewer.bus_table.report import BusReport, BusSamples, ListenRequest, PlotRequest, SignalKey
 from vehicle_iface_viewer.feed import View
 
 _SOCKETCAN = "SocketCAN "
@@ -22,7 +24,10 @@ NO_FRAMES = "The bus of this demo is inside the program: there are no frames to 
 
 
 class BusTableSource(Protocol):
-    """What the page asks for the table of messages."""
+    """What the page asks for the table of messages, and for the signals that are plotted."""
+
+    @property
+    def signals(self) -> BusSignals: ...
 
     def read(self, view: View) -> BusReport | None:
         """Return the newest report for the session of `view`; None before the first one."""
@@ -46,8 +51,11 @@ class ListenerProcess:
         self._name = load_profile(profile).name if profile is not None else ""
         self._session = 0
         self._process: subprocess.Popen[bytes] | None = None
-        self._unread = b""
+        self._unread = self._unsent = b""
         self._report: BusReport | None = None
+        self.signals = BusSignals()
+        """Those of the session, for all browsers."""
+        self._request, self._plotted = 0, list[SignalKey]()
 
     def read(self, view: View) -> BusReport | None:
         """Return the newest report for the session of `view`; None before the first one."""
@@ -56,7 +64,9 @@ class ListenerProcess:
             self.close()
             self._start(view.info)
         if self._process is not None:
+            self._choose_signals(self._process)
             self._read_output(self._process)
+        self.signals.update(self._report)
         return self._report
 
     def fork(self) -> ListenerProcess:
@@ -65,7 +75,10 @@ class ListenerProcess:
 
     def close(self) -> None:
         """End the listener."""
-        process, self._process, self._unread, self._report = self._process, None, b"", None
+        process, self._process, self._report = self._process, None, None
+        self._unread = self._unsent = b""
+        self._plotted = []
+        self.signals.clear()
         if process is not None:
             process.kill()  # it has nothing to lose, and may still be reading a large DBC
             process.communicate()
@@ -75,7 +88,7 @@ class ListenerProcess:
             self._report = BusReport(note=NO_FRAMES)
             return
         try:
-            request = self._request(info)
+            request = self._listen_request(info)
         except ConfigError as error:
             self._report = BusReport(problem=str(error))
             return
@@ -91,10 +104,11 @@ class ListenerProcess:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         os.set_blocking(self._process.stdout.fileno(), False)
-        with contextlib.suppress(BrokenPipeError):
-            self._process.stdin.write(msgspec.json.encode(request) + b"\n")
+        os.set_blocking(self._process.stdin.fileno(), False)
+        self._unsent = msgspec.json.encode(request) + b"\n"
+        self._send(self._process)
 
-    def _request(self, info: SessionInfo) -> ListenRequest:
+    def _listen_request(self, info: SessionInfo) -> ListenRequest:
         if self._profile is not None and self._name != info.profile:
             raise ConfigError(f"view --profile is {self._name}, and the loop drives {info.profile}: give its profile")
         if self._profile is None and info.profile not in profile_names():
@@ -103,16 +117,37 @@ class ListenerProcess:
             )
         return ListenRequest(profile=self._profile or info.profile, channels=parse_channels(info.channel))
 
+    def _choose_signals(self, process: subprocess.Popen[bytes]) -> None:
+        """Have the listener sample what is plotted now; later, if it has not read the last request yet."""
+        wanted = self.signals.advance()
+        if wanted != self._plotted and not self._unsent:
+            self._plotted = wanted
+            self._request += 1
+            self._unsent = msgspec.json.encode(PlotRequest(number=self._request, signals=wanted)) + b"\n"
+        self._send(process)
+
+    def _send(self, process: subprocess.Popen[bytes]) -> None:
+        if self._unsent:
+            assert process.stdin is not None
+            with contextlib.suppress(BrokenPipeError):
+                self._unsent = self._unsent[process.stdin.write(self._unsent) or 0 :]
+
     def _read_output(self, process: subprocess.Popen[bytes]) -> None:
         assert process.stdout is not None
         while chunk := process.stdout.read(_READ_BYTES):
             self._unread += chunk
         *lines, self._unread = self._unread.split(b"\n")
-        if lines:
+        for line in lines:
             with contextlib.suppress(msgspec.MsgspecError):
-                self._report = msgspec.json.decode(lines[-1], type=BusReport)
+                self._receive(msgspec.json.decode(line, type=BusReport | BusSamples))
         if process.poll() is not None and not (self._report and self._report.problem):
             self._report = BusReport(problem=f"the listener has ended (status {process.returncode}); restart view")
+
+    def _receive(self, line: BusReport | BusSamples) -> None:
+        if isinstance(line, BusReport):
+            self._report = line
+        elif line.request == self._request:
+            self.signals.extend(self._plotted, line.signals)
 
 
 def has_frames(info: SessionInfo | None) -> bool:

@@ -99,7 +99,7 @@ def _signal(signal: SignalValue) -> str:
     kinds = [name for name, applies in (("vi-bad", signal.is_out_of_range), ("vi-old", signal.is_absent)) if applies]
     marks = f' class="{" ".join(kinds)}"' if kinds else ""
     changed = ' class="vi-new"' if signal.has_changed else ""
-    unit = f" <i>{plain(signal.unit)}</i>" if signal.unit else ""
+    unit = f" <i>{plain(signal.unit)}</i>" if signal.unit and not signal.is_named else ""
     return f"<div{marks}><span>{plain(signal.name)}</span><span{changed}>{plain(signal.value)}{unit}</span></div>"
 
 
