@@ -19,8 +19,9 @@ from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
 
 from vehicle_iface.errors import ConfigError
-from vehicle_iface_viewer import access
-from vehicle_iface_viewer.access import MAX_MESSAGE_BYTES, Access, open_server
+from vehicle_iface_viewer import serving
+from vehicle_iface_viewer.access import Access
+from vehicle_iface_viewer.serving import MAX_MESSAGE_BYTES, open_server
 
 TOKEN = "0123456789abcdef"
 
@@ -234,7 +235,7 @@ def test_through_a_tunnel_a_page_of_another_port_is_forbidden(server: viser.Vise
 def test_one_browser_more_than_the_maximum_is_refused_with_the_number(
     server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(access, "MAX_CLIENTS", 1)
+    monkeypatch.setattr(serving, "MAX_CLIENTS", 1)
     with joined(server) as client:
         wait_for_answer(client)
         with pytest.raises(InvalidStatus) as refused:

@@ -9,11 +9,12 @@ import viser
 from tests.narrowing import at_present
 from vehicle_iface.telemetry import DrawnTrajectory, Snapshot, WriterState
 from vehicle_iface.units import NS_PER_S
-from vehicle_iface_viewer.access import Access, open_server
+from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.journey import Journey
 from vehicle_iface_viewer.past import Past, view_at
 from vehicle_iface_viewer.recent import RecentSnapshots
+from vehicle_iface_viewer.serving import open_server
 
 PERIOD_NS = NS_PER_S // 20
 COUNT = 400

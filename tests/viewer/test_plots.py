@@ -11,12 +11,13 @@ from viser import uplot
 from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry import DrivingLimits, SessionInfo, Snapshot, WriterState
 from vehicle_iface.units import NS_PER_S
-from vehicle_iface_viewer.access import Access, open_server
+from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.panels import plots as module
 from vehicle_iface_viewer.panels.plot_frame import send_curves
 from vehicle_iface_viewer.panels.plots import PLOTS, Plots
 from vehicle_iface_viewer.recent import RecentSnapshots
+from vehicle_iface_viewer.serving import open_server
 
 TITLES = [plot.title.partition(",")[0] for plot in PLOTS]
 LIMITS = DrivingLimits(speed_max_mps=8.0, accel_min_mps2=-5.0, accel_max_mps2=2.0, front_wheel_angle_rad=0.5)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.browser.processes import Viewer
 
-from .test_token import TOKEN, write_token
+from .test_access_token import TOKEN, write_token
 
 
 @pytest.fixture

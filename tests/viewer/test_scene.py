@@ -16,7 +16,7 @@ from vehicle_iface.telemetry.details import LinkDetails, LiveDetails
 from vehicle_iface.telemetry.events import EventKind, LoopEvent
 from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer import shapes
-from vehicle_iface_viewer.access import Access, open_server
+from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.journey import Journey, Mark
 from vehicle_iface_viewer.panels.plots import Plots
@@ -26,6 +26,7 @@ from vehicle_iface_viewer.scene.guides import braking_arc
 from vehicle_iface_viewer.scene.nodes import LIVE
 from vehicle_iface_viewer.scene.scene import Scene
 from vehicle_iface_viewer.scene.trajectory_path import select_drawable
+from vehicle_iface_viewer.serving import open_server
 
 SHAPE = VehicleShape(length_m=7.0, width_m=2.4, wheelbase_m=4.0, height_m=2.8, track_m=2.0, wheel_radius_m=0.5)
 INFO = SessionInfo(channel="vcan0", bus="SocketCAN vcan0", shape=SHAPE)

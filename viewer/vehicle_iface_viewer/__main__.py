@@ -17,13 +17,13 @@ from vehicle_iface.errors import ConfigError
 from vehicle_iface.telemetry import telemetry_path
 from vehicle_iface.telemetry.running import find_running_loops
 from vehicle_iface_viewer.access import Access
+from vehicle_iface_viewer.access_token import TOKEN_VARIABLE, opened_in_browser, read_token
 from vehicle_iface_viewer.addresses import find_reachable_host, format_url
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.bus_table.recorded import RecordedBusTable
 from vehicle_iface_viewer.bus_table.source import BusTableSource, ListenerProcess
 from vehicle_iface_viewer.loops import choose_loop, list_loops
 from vehicle_iface_viewer.playback import SPEEDS, Playback
-from vehicle_iface_viewer.token import TOKEN_VARIABLE, opened_in_browser, read_token
 
 _TOKEN_WARNING = (
     "--token shows the secret to every user of this machine (`ps`), and will be rejected in the next version; "

@@ -8,7 +8,7 @@ import viser
 
 from vehicle_iface import clock
 from vehicle_iface.units import NS_PER_S
-from vehicle_iface_viewer.access import Access, open_server
+from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.browser import LiveBrowser, ReplayBrowser
 from vehicle_iface_viewer.bus_table.source import BusTableSource
 from vehicle_iface_viewer.cameras import look_first
@@ -16,6 +16,7 @@ from vehicle_iface_viewer.feed import LiveTelemetry
 from vehicle_iface_viewer.journey import Journey
 from vehicle_iface_viewer.playback import Playback
 from vehicle_iface_viewer.scene.scene import set_stage
+from vehicle_iface_viewer.serving import open_server
 from vehicle_iface_viewer.settings import configure_theme
 from vehicle_iface_viewer.watched import Watched
 

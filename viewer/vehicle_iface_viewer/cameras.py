@@ -14,8 +14,8 @@ import viser
 from viser._messages import HotkeyKey
 
 from vehicle_iface_viewer import shapes
-from vehicle_iface_viewer.access import handle_key, handle_text
 from vehicle_iface_viewer.box import Box
+from vehicle_iface_viewer.controls import handle_key, handle_text
 from vehicle_iface_viewer.scene.nodes import ROOT, Place
 
 ORDER = 2.0

@@ -11,7 +11,7 @@ from functools import partial
 import viser
 
 from vehicle_iface.units import NS_PER_S, ns_from_s
-from vehicle_iface_viewer.access import handle_checkbox, handle_key, handle_slider, handle_text
+from vehicle_iface_viewer.controls import handle_checkbox, handle_key, handle_slider, handle_text
 from vehicle_iface_viewer.panels.strip import COLUMNS, Span, strip_html
 from vehicle_iface_viewer.playback import Playback
 from vehicle_iface_viewer.recent import RecentSnapshots

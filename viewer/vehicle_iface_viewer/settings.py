@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import viser
 
 from vehicle_iface_viewer import browser_memory
-from vehicle_iface_viewer.access import handle_text
+from vehicle_iface_viewer.controls import handle_text
 from vehicle_iface_viewer.panels.free_plot import FreePlot
 from vehicle_iface_viewer.panels.plot_time import PlotTime
 

@@ -12,8 +12,8 @@ import viser
 from viser import uplot
 
 from vehicle_iface.trajectory import FloatArray
-from vehicle_iface_viewer.access import handle_text
 from vehicle_iface_viewer.bus_table.bus_signals import MAX_PLOTTED, BusSignals, SampleRows
+from vehicle_iface_viewer.controls import handle_text
 from vehicle_iface_viewer.panels.colors import MEASURED, REQUESTED
 from vehicle_iface_viewer.panels.curves import GAP_NS, TimeAxis
 from vehicle_iface_viewer.panels.free_signals import FREE_SIGNALS

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import viser
 
-from vehicle_iface_viewer.access import handle_text
 from vehicle_iface_viewer.bus_table.report import BusReport
+from vehicle_iface_viewer.controls import handle_text
 from vehicle_iface_viewer.feed import Feed, View
 from vehicle_iface_viewer.panels.counters import counters_html
 from vehicle_iface_viewer.panels.events import events_html

@@ -11,7 +11,7 @@ from vehicle_iface.reason import Reason
 from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry.columns import Columns
 from vehicle_iface.units import NS_PER_S, ns_from_s, s_from_ns
-from vehicle_iface_viewer.access import handle_checkbox, handle_key, handle_slider, handle_text
+from vehicle_iface_viewer.controls import handle_checkbox, handle_key, handle_slider, handle_text
 from vehicle_iface_viewer.panels.text import MAX_SHOWN, enum_name, plain
 from vehicle_iface_viewer.recent import RecentSnapshots
 

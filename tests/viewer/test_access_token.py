@@ -7,7 +7,7 @@ import pytest
 
 from vehicle_iface.errors import ConfigError
 from vehicle_iface_viewer.access import Access
-from vehicle_iface_viewer.token import TOKEN_VARIABLE, read_token
+from vehicle_iface_viewer.access_token import TOKEN_VARIABLE, read_token
 
 TOKEN = "0123456789abcdef"
 
