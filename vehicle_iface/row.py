@@ -4,7 +4,6 @@ The codec compiles a profile's fields, forms and conditions to the two functions
 """
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
 
 from vehicle_iface.pose import Located, PoseInputs
 from vehicle_iface.state import VehicleState
@@ -19,7 +18,7 @@ Locate = Callable[[int, bool, PoseInputs], Located]
 """Stamp, whether the vehicle calls its pose valid, and what the pose is computed from: the pose."""
 
 
-class MeasuredState(NamedTuple):
+class MeasuredState(Value, frozen=True, gc=False):
     """A state, and what the vehicle says about its pose."""
 
     state: VehicleState

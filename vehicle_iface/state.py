@@ -65,4 +65,5 @@ class VehicleState(Value, frozen=True, kw_only=True, gc=False):
                 msgspec.structs.force_setattr(self, name, checks.finite(name, value))
         if type(self.stamp_ns) is not int:
             msgspec.structs.force_setattr(self, "stamp_ns", checks.integer("stamp_ns", self.stamp_ns))
-        checks.frame_id("frame_id", self.frame_id)
+        if self.frame_id != "map":  # the usual one is known to be good
+            checks.frame_id("frame_id", self.frame_id)

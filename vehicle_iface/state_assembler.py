@@ -9,12 +9,13 @@ from vehicle_iface.pose import Locator
 from vehicle_iface.row import Row, RowReader
 from vehicle_iface.state import VehicleState
 from vehicle_iface.status import VehicleStatus
+from vehicle_iface.value import Value
 
 MOST_BEHIND = 3
 """The messages of one sample may be later than those of others by so many samples."""
 
 
-class Sample(NamedTuple):
+class Sample(Value, frozen=True, gc=False):
     """One complete and consistent sample of the vehicle's state."""
 
     state: VehicleState

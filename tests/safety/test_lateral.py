@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle_iface.safety.lateral import curvature_per_m, front_angle_rad
+from vehicle_iface.safety.lateral import curvature_per_m
 
 from .test_gate import WHEELBASE_M, SendingGate, driven, new_gate, request, state
 
@@ -28,7 +28,6 @@ def test_a_path_bends_by_the_difference_of_the_wheels_tangents(
     front_rad: float, rear_rad: float, expected_per_m: float
 ) -> None:
     assert curvature_per_m(front_rad, rear_rad, 3.0) == pytest.approx(expected_per_m)
-    assert front_angle_rad(expected_per_m, rear_rad, 3.0) == pytest.approx(front_rad)
 
 
 @pytest.mark.parametrize("sign", [-1, 1])

@@ -33,6 +33,9 @@ class ControlReference(StrEnum):
     TEMPORAL = "temporal"
 
 
+_SPATIAL = ControlReference.SPATIAL  # enumerations are slow to read
+
+
 class StopSteering(StrEnum):
     """The commanded wheel angle while the vehicle stops."""
 
@@ -179,7 +182,7 @@ class ControllerBase(ABC):
         """The spatial or the temporal index, by `BehaviorConfig.reference`. Raises as `spatial_index`
         does."""
         progress = self._progress_in_force()
-        in_space = self.behavior.reference is ControlReference.SPATIAL
+        in_space = self.behavior.reference is _SPATIAL
         return progress.spatial_index if in_space else progress.temporal_index
 
     @final

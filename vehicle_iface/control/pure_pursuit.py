@@ -8,7 +8,6 @@ after the other.
 
 import math
 from collections.abc import Callable, Generator, Iterator
-from typing import NamedTuple
 
 from msgspec.structs import force_setattr, replace
 
@@ -68,7 +67,7 @@ class PurePursuitConfig(Value, frozen=True, kw_only=True):
             )
 
 
-class _Target(NamedTuple):
+class _Target(Value, frozen=True, gc=False):
     """What the vehicle aims at, as seen from it."""
 
     dx_m: float

@@ -45,7 +45,8 @@ class ArrivalFilter:
         is_gap = since_ns > self._gap_ns
         if is_gap or 2 * since_ns >= self._period_ns:
             self._follows_gap = is_gap
-        self._saved_ns = self._cost_ns if is_gap else min(self._saved_ns + since_ns, self._most_ns)
+        saved_ns = self._cost_ns if is_gap else self._saved_ns + since_ns
+        self._saved_ns = saved_ns if saved_ns < self._most_ns else self._most_ns
         if self._saved_ns < self._cost_ns:
             return Arrival.BURST
         self._saved_ns -= self._cost_ns

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable
-from typing import NamedTuple
 
 from vehicle_iface.command import Command, SafeCommand
 from vehicle_iface.control.base import ControllerBase
@@ -21,13 +20,14 @@ from vehicle_iface.state import VehicleState
 from vehicle_iface.state_assembler import Sample
 from vehicle_iface.status import ControllerState, Gear, VehicleStatus
 from vehicle_iface.units import NS_PER_MS
+from vehicle_iface.value import Value
 
 log = logging.getLogger(__name__)
 
-_NO_GEAR, _NOMINAL = Gear.NO_REQUEST, Reason.NOMINAL  # enumerations are slow to read
+_NO_GEAR, _DRIVE, _REVERSE, _NOMINAL = Gear.NO_REQUEST, Gear.DRIVE, Gear.REVERSE, Reason.NOMINAL  # slow to read
 
 
-class Decision(NamedTuple):
+class Decision(Value, frozen=True, gc=False):
     """What the controller requested and what may be sent for it."""
 
     requested: Command
@@ -262,4 +262,4 @@ def find_needed_gear(requested: Command, state: VehicleState) -> Gear:
         direction = requested.accel_mps2
     if direction == 0.0:
         return _NO_GEAR
-    return Gear.DRIVE if direction > 0.0 else Gear.REVERSE
+    return _DRIVE if direction > 0.0 else _REVERSE

@@ -12,7 +12,7 @@ from vehicle_iface.runtime.arrival import Arrival
 from vehicle_iface.runtime.components import LoopComponents
 from vehicle_iface.runtime.cycle import Decision
 from vehicle_iface.runtime.shadow import Shadow
-from vehicle_iface.runtime.transmitter import Outcome
+from vehicle_iface.runtime.transmitter import NOT_DUE, NOT_SENT, SENT, Outcome
 from vehicle_iface.safety.modes import Event
 from vehicle_iface.standstill import AT_REST_MPS
 from vehicle_iface.state import VehicleState
@@ -171,10 +171,10 @@ class Loop:
         if shadow is not None:
             shadow.record(sample, decision.permitted, now_ns)
         outcome = self._transmitter.send_command(decision, now_ns, is_newest=is_newest)
-        if outcome is not Outcome.NOT_SENT:
+        if outcome is not NOT_SENT:
             self._send_others(now_ns)
         latency_ns = self._now_ns() - sample.completed_ns
-        if outcome is Outcome.SENT:
+        if outcome is SENT:
             self._counters.latency.add(latency_ns)
             self._counters.commands_late += latency_ns > self._period_ns
         self._publish(now_ns, decision, outcome, latency_ns=latency_ns)
@@ -184,9 +184,9 @@ class Loop:
         """Send a stop computed from the last known state, because no usable sample arrived."""
         decision = self._cycle.decide_stop(last, self._assembler.status, reason, now_ns)
         outcome = self._transmitter.send_command(decision, now_ns)
-        if outcome is not Outcome.NOT_SENT:
+        if outcome is not NOT_SENT:
             self._send_others(now_ns)
-        self._counters.stops_on_stale_state += outcome is Outcome.SENT and decision.permitted.enable
+        self._counters.stops_on_stale_state += outcome is SENT and decision.permitted.enable
         self._publish(now_ns, decision, outcome)
 
     def _send_others(self, now_ns: int) -> None:
@@ -280,14 +280,14 @@ class Loop:
         self,
         now_ns: int,
         decision: Decision | None,
-        outcome: Outcome = Outcome.NOT_SENT,
+        outcome: Outcome = NOT_SENT,
         *,
         latency_ns: int = 0,
     ) -> None:
         """Publish a snapshot. Between two commands, `sent` keeps the value of the earlier one."""
         newest = self._newest
-        if outcome is not Outcome.NOT_DUE:
-            self._was_sent = outcome is Outcome.SENT
+        if outcome is not NOT_DUE:
+            self._was_sent = outcome is SENT
         self._publisher.publish_snapshot(
             now_ns,
             controller_state=self._cycle.wire_state,

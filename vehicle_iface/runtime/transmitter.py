@@ -31,7 +31,8 @@ class Outcome(Enum):
     NOT_SENT = auto()
 
 
-_SENT = Outcome.SENT  # enumerations are slow to read
+SENT, NOT_DUE, NOT_SENT = Outcome.SENT, Outcome.NOT_DUE, Outcome.NOT_SENT
+"""Enumerations are slow to read."""
 
 
 class Transmitter:
@@ -82,20 +83,20 @@ class Transmitter:
         self.decided_ns = now_ns
         if not self._engagement.mode.may_send:
             self._gate.commit()  # a shadow counts its rates from what it would have sent
-            return Outcome.NOT_SENT
+            return NOT_SENT
         if not self.has_room():
-            return Outcome.NOT_SENT
+            return NOT_SENT
         permitted = decision.permitted
         names = self._pace.select(permitted, now_ns, is_newest=is_newest)
         if not names or not self._prepare(names, now_ns):
-            return Outcome.NOT_DUE
+            return NOT_DUE
         former, is_all = self._former, names == self._pace.all_names
         command = permitted if former is None else _form(former, decision, now_ns)
         try:
             frames = self._encoder.encode_command(command, None if is_all else names)
         except SignalError as error:
             self._note_unencodable(error)
-            return Outcome.NOT_SENT
+            return NOT_SENT
         sent = self._send(frames)
         if sent == len(frames):
             self._pace.commit(permitted, now_ns, names)
@@ -107,7 +108,7 @@ class Transmitter:
         elif sent and permitted.enable:
             fields = self._encoder.fields_of(frames[:sent])
             self._gate.commit_fields(fields if former is None else former.commit_fields(fields))
-        return _SENT if sent == len(frames) else Outcome.NOT_SENT
+        return SENT if sent == len(frames) else NOT_SENT
 
     def send(self, message: str, source: object) -> bool:
         """One message, its values taken from the attributes of `source`; whether it left."""

@@ -9,6 +9,7 @@ log = logging.getLogger(__name__)
 
 CONTRADICTS_NS = 200 * NS_PER_MS
 """A gear that does not fit for less is a change of gear."""
+_DRIVE = Gear.DRIVE  # enumerations are slow to read
 
 
 class GearCheck:
@@ -29,7 +30,7 @@ class GearCheck:
         `needed` is DRIVE, REVERSE, or NO_REQUEST for no direction; a `gear` of None is unknown. A vehicle that rolls
         against the needed direction may be in the needed gear.
         """
-        along_mps = speed_mps if needed is Gear.DRIVE else -speed_mps if needed is Gear.REVERSE else 0.0
+        along_mps = speed_mps if needed is _DRIVE else -speed_mps if needed is Gear.REVERSE else 0.0
         if gear is None or gear is needed or along_mps <= self._gear_change_speed_mps:
             self._since_ns = None
             return False

@@ -10,8 +10,3 @@ import math
 def curvature_per_m(front_rad: float, rear_rad: float, wheelbase_m: float) -> float:
     """Curvature of the path of the rear axle's centre, in 1/m, positive to the left. Angles in rad."""
     return (math.tan(front_rad) - math.tan(rear_rad)) / wheelbase_m
-
-
-def front_angle_rad(curvature: float, rear_rad: float, wheelbase_m: float) -> float:
-    """The front wheels that make this curvature (1/m) with the rear wheels where they are."""
-    return math.atan(math.tan(rear_rad) + curvature * wheelbase_m)

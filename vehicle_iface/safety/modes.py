@@ -103,6 +103,8 @@ class Mode(Enum):
     )
     """The run is ending: samples are answered with ENABLE = 0 until the program exits."""
 
+    __hash__ = object.__hash__  # that of enumerations is written in Python, and modes are looked up on every tick
+
     def __init__(self, row: ModeRow) -> None:
         self.may_send, self.enables, self.computes, self.engages = row.may_send, row.enables, row.computes, row.engages
         self.stops, self.ends, self.observes, self.latched = row.stops, row.ends, row.observes, row.latched
@@ -111,6 +113,8 @@ class Mode(Enum):
 
 class Event(Enum):
     """Events that change the mode."""
+
+    __hash__ = object.__hash__  # as that of `Mode`
 
     ARMED = auto()
     NO_OTHER_DRIVER = auto()

@@ -181,11 +181,16 @@ class PlausibilityCheck:
         limits, before = self._limits, anchor.state
         dt_s = (state.stamp_ns - before.stamp_ns) / NS_PER_S
         moved_m = math.hypot(state.x_m - before.x_m, state.y_m - before.y_m)
-        distance_m = max(abs(state.speed_mps), anchor.fastest_mps) * dt_s
+        fastest_mps, fastest_radps = abs(state.speed_mps), abs(state.yaw_rate_radps)
+        if fastest_mps < anchor.fastest_mps:
+            fastest_mps = anchor.fastest_mps
+        if fastest_radps < anchor.fastest_radps:
+            fastest_radps = anchor.fastest_radps
+        distance_m = fastest_mps * dt_s
         if moved_m > distance_m + limits.position_tolerance_m:
             return LimitViolation(PlausibilityFault.JUMP, "moved_m", moved_m, distance_m + limits.position_tolerance_m)
         turned_rad = abs(wrapped_rad(state.heading_rad - before.heading_rad))
-        most_rad = max(abs(state.yaw_rate_radps), anchor.fastest_radps) * dt_s + limits.heading_tolerance_rad
+        most_rad = fastest_radps * dt_s + limits.heading_tolerance_rad
         if turned_rad > most_rad:
             return LimitViolation(PlausibilityFault.JUMP, "turned_rad", turned_rad, most_rad)
         frozen = self._find_freeze(state)

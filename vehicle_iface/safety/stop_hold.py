@@ -14,6 +14,7 @@ _BY_TRAJECTORY = frozenset(
 )
 SLOW_MPS = 1.0
 """A slower vehicle arrives and drives off as its trajectories say: stops by these are not counted."""
+_SHUTDOWN = Reason.SHUTDOWN  # enumerations are slow to read
 
 
 class StopHold:
@@ -48,7 +49,7 @@ class StopHold:
 
         `speed_mps` is the vehicle's, of either sign.
         """
-        if cause is Reason.SHUTDOWN:
+        if cause is _SHUTDOWN:
             return cause
         if cause is not None:
             if self._held is None and (cause not in _BY_TRAJECTORY or abs(speed_mps) > SLOW_MPS):
