@@ -40,3 +40,8 @@ def test_it_cannot_be_changed() -> None:
     value = Size(width_m=2.0)
     with pytest.raises(AttributeError):
         value.width_m = 3.0  # type: ignore[misc]
+
+
+def test_a_subclass_with_the_decorator_of_dataclasses_is_refused_with_the_way_on() -> None:
+    with pytest.raises(AttributeError, match="declare a subclass of it without @dataclass, as in class Mine"):
+        dataclasses.make_dataclass("Wrong", [("depth_m", float)], bases=(Size,), frozen=True)

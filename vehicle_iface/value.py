@@ -7,7 +7,7 @@ whose fields are quicker to assign.
 
 from dataclasses import Field, field, fields, make_dataclass
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
 
 import msgspec
 
@@ -20,6 +20,16 @@ class Value(msgspec.Struct, frozen=True):
     """
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+
+class _NoDataclassParams:
+    """What `@dataclass` asks each base for: a subclass needs no decorator, and has no place for one."""
+
+    def __get__(self, _: object, kind: type[Value]) -> NoReturn:
+        raise AttributeError(
+            f"{kind.__name__} is no dataclass: declare a subclass of it without @dataclass, "
+            "as in class Mine(BehaviorConfig, frozen=True, kw_only=True)"
+        )
 
 
 class _DataclassFields:
@@ -43,3 +53,4 @@ def _default(one: msgspec.structs.FieldInfo) -> Any:
 
 
 Value.__dataclass_fields__ = _DataclassFields()  # type: ignore[assignment]
+Value.__dataclass_params__ = _NoDataclassParams()  # type: ignore[attr-defined]
