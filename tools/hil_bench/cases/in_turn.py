@@ -14,7 +14,7 @@ from hil_bench.cases.messages import REASONS, find_loss_s, from_start, make_impo
 from hil_bench.cases.thresholds.common import Numbers, backwards, sequence_case, straight
 from hil_bench.cases.thresholds.deviation import DRIFT_MPS, LATERAL, TURN_MPS, leave_path, roll_back, turn_away
 from hil_bench.cases.thresholds.driver import act_alone, override_and_wait
-from hil_bench.cases.thresholds.samples import step_counters
+from hil_bench.cases.thresholds.samples import step_counters, why_counters_cannot_step
 from hil_bench.expect import Expectation, FallsSilent, HazardLights, LetsGo, Standstill, StaysOut, Stops
 from hil_bench.faults import frames, growing, signals, traffic, vehicle
 from hil_bench.faults.base import Injection
@@ -80,8 +80,7 @@ def _messages(numbers: Numbers) -> Case:
         )
         for one in found
     ]
-    counters, why_none = step_counters(numbers)
-    steps += [] if why_none else [counters]
+    steps += [] if why_counters_cannot_step(numbers) else [step_counters(numbers)]
     return sequence_case(
         name="messages-in-turn",
         fault="F1 F2 F3 F5 B12",

@@ -9,7 +9,7 @@ from hil_bench.expect.stop_thresholds import StopAfter
 from hil_bench.expect.thresholds import FirstDropped
 from hil_bench.faults import growing, signals
 from hil_bench.steps import Step
-from hil_bench.wire import Wire
+from hil_bench.wire import Protection, Wire
 
 EVERY = 25
 """Samples between two changed ones: so many sound ones that single glitches do not persist."""
@@ -123,31 +123,41 @@ def _frozen(numbers: Numbers) -> Case:
     )
 
 
-def step_counters(numbers: Numbers) -> tuple[Step, str]:
-    """Counter steps that grow, and why they do not apply."""
-    wire = numbers.wire
-    protections = [wire.protection_of(name) for name in wire.sample]
-    counted = [one for one in protections if one.counters]
-    most = min((one.max_step for one in counted), default=0)
-    fewest = min((one.counters for one in counted), default=0)
-    lacks = "" if counted and len(counted) == len(protections) else "no counter in every message of its samples"
-    if not lacks and fewest <= most + 2:
-        lacks = "its counters have so few values that every step is allowed"
+def step_counters(numbers: Numbers) -> Step:
+    """Counter steps that grow."""
+    most = _greatest_step(numbers)
     limit = Limit(
         key="e2e.max_counter_step", name="greatest counter step that is accepted", unit="", profile=float(most),
         lowest=float(most), highest=float(most),
     )  # fmt: skip
-    step = Step(
+    return Step(
         name="counter steps that grow",
         inject=growing.skip_each(EVERY),
-        for_s=(most + 3) * EVERY * wire.period_s,
+        for_s=(most + 3) * EVERY * numbers.wire.period_s,
         measure=(FirstDropped(limit=limit, every=EVERY, step=1.0),),
     )
-    return step, lacks
+
+
+def _greatest_step(numbers: Numbers) -> int:
+    """That the profile allows in every message of a sample; 0 where none has a counter."""
+    return min((one.max_step for one in _protections(numbers) if one.counters), default=0)
+
+
+def why_counters_cannot_step(numbers: Numbers) -> str:
+    """Why `step_counters` does not apply; empty where it does."""
+    counters = [one.counters for one in _protections(numbers)]
+    if not counters or not all(counters):
+        return "no counter in every message of its samples"
+    if min(counters) <= _greatest_step(numbers) + 2:
+        return "its counters have so few values that every step is allowed"
+    return ""
+
+
+def _protections(numbers: Numbers) -> list[Protection]:
+    return [numbers.wire.protection_of(name) for name in numbers.wire.sample]
 
 
 def _counters(numbers: Numbers) -> Case:
-    step, lacks = step_counters(numbers)
     return sequence_case(
         name="threshold-counter-step",
         fault="F3",
@@ -155,6 +165,6 @@ def _counters(numbers: Numbers) -> Case:
         proves="A sample whose counter steps further than the profile allows is no sample; one step less is accepted.",
         injected=f"before one sample of {EVERY} the counter skips, each time one value more",
         route=straight(),
-        steps=(step,),
-        lacks=lacks,
+        steps=(step_counters(numbers),),
+        lacks=why_counters_cannot_step(numbers),
     )
