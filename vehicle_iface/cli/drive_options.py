@@ -5,7 +5,11 @@ import math
 
 from vehicle_iface.cli.option_types import (
     add_bus,
+    add_duration,
     add_profile,
+    add_record,
+    add_summary,
+    add_verbose,
     number_above_0,
     port,
     processor,
@@ -48,12 +52,7 @@ def add_run(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="never send, but compute and compare with the active commander: the default",
     )
-    parser.add_argument(
-        "--duration",
-        type=number_above_0("seconds"),
-        metavar="S",
-        help="stop the vehicle and exit after S seconds (default: run until SIGINT)",
-    )
+    add_duration(parser, "stop the vehicle and exit after S seconds (default: run until SIGINT)")
     parser.add_argument(
         "--wait",
         nargs="?",
@@ -65,7 +64,7 @@ def add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--telemetry", default=DEFAULT_TELEMETRY, metavar="ADDRESS", help="name, or path, that `view` connects to"
     )
-    parser.add_argument("--record", metavar="DIR", help="record frames and telemetry into DIR, which must not exist")
+    add_record(parser)
     black_box = parser.add_mutually_exclusive_group()
     black_box.add_argument(
         "--black-box",
@@ -74,12 +73,12 @@ def add_run(parser: argparse.ArgumentParser) -> None:
         "(default: DIR/events of --record; of an armed drive on a real bus ~/.local/state/vehicle-iface/black-box)",
     )
     black_box.add_argument("--no-black-box", action="store_true", help="keep no stops")
-    parser.add_argument("--summary", metavar="FILE.json", help="write counts and latencies of the run to this file")
+    add_summary(parser)
     parser.add_argument("--cpu", type=processor, metavar="N", help="run on this CPU only, counted from 0")
     parser.add_argument(
         "--frame", help="frame of reference of the route (default: the vehicle's; map if it has several)"
     )
-    parser.add_argument("--verbose", action="store_true", help="log more")
+    add_verbose(parser)
     parser.epilog = (
         "Exit status: 0 done, 2 bad usage, configuration or file (also a summary that cannot be written after a drive "
         "without fault), 3 the bus cannot be used, 4 ended in a latched fault. SIGINT or SIGTERM stops the vehicle and "
@@ -92,13 +91,13 @@ def add_sim(parser: argparse.ArgumentParser) -> None:
     add_bus(parser)
     parser.add_argument("--start", default="0,0,0", metavar="X,Y,HEADING", help="start pose in m, m, rad")
     parser.add_argument("--frame", help="frame of reference of the reported pose (default: the vehicle's, else map)")
-    parser.add_argument("--duration", type=number_above_0("seconds"), metavar="S", help="exit after S seconds")
+    add_duration(parser)
     parser.add_argument(
         "--driver-socket",
         metavar="PATH",
         help="socket for `vehicle-iface driver` (default: in the user's runtime directory, else in /tmp)",
     )
-    parser.add_argument("--verbose", action="store_true", help="log more")
+    add_verbose(parser)
 
 
 def add_driver(parser: argparse.ArgumentParser) -> None:
@@ -112,9 +111,9 @@ def add_demo(parser: argparse.ArgumentParser) -> None:
     add_profile(parser)
     parser.add_argument("--route", default="figure8", choices=sorted(ROUTE_NAMES), help="what to drive")
     parser.add_argument("--port", type=port, default=8080, help="TCP port of the page on 127.0.0.1")
-    parser.add_argument("--duration", type=number_above_0("seconds"), metavar="S", help="exit after S seconds")
-    parser.add_argument("--summary", metavar="FILE.json", help="write counts and latencies of the run to this file")
-    parser.add_argument("--record", metavar="DIR", help="record frames and telemetry into DIR, which must not exist")
+    add_duration(parser)
+    add_summary(parser)
+    add_record(parser)
     parser.add_argument("--no-viewer", action="store_true", help="do not start the viewer")
     parser.add_argument("--open", action="store_true", help="open the page in this machine's browser")
 
@@ -158,7 +157,7 @@ def add_commission(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="if every step succeeds, write reviewed = true and the record into the profile without asking",
     )
-    parser.add_argument("--verbose", action="store_true", help="log more")
+    add_verbose(parser)
     parser.epilog = (
         "No frame is ever sent. Exit status: 0 when everything was seen and nothing contradicts the profile, 1 when "
         "something contradicts it, 2 bad usage, profile or file, 3 the bus cannot be used, 5 when something was not "

@@ -2,7 +2,14 @@
 
 import argparse
 
-from vehicle_iface.cli.option_types import add_channels, add_log_channels, add_profile, interface, number_above_0
+from vehicle_iface.cli.option_types import (
+    add_channels,
+    add_log_channels,
+    add_profile,
+    add_verbose,
+    interface,
+    number_above_0,
+)
 
 
 def add_check_dbc(parser: argparse.ArgumentParser) -> None:
@@ -122,7 +129,7 @@ def add_rerun(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="only with --save: keep the first S seconds (default: all)",
     )
-    parser.add_argument("--verbose", action="store_true", help="show the log of the loop")
+    add_verbose(parser, "show the log of the loop")
     parser.epilog = (
         "Frames and times are fed to the loop as they were recorded, pass by pass. On the same machine and version no "
         "command differs; a controller of your own must not depend on anything else. Exit status: 0 no difference, 1 a "

@@ -107,3 +107,23 @@ def add_channels(parser: argparse.ArgumentParser) -> None:
 def add_profile(parser: "argparse._ActionsContainer") -> None:
     """--profile, of the vehicle to use."""
     parser.add_argument("--profile", default="reference", help="profile of the vehicle: its name, or a .toml file")
+
+
+def add_duration(parser: argparse.ArgumentParser, end: str = "exit after S seconds") -> None:
+    """--duration."""
+    parser.add_argument("--duration", type=number_above_0("seconds"), metavar="S", help=end)
+
+
+def add_summary(parser: argparse.ArgumentParser) -> None:
+    """--summary, of a run."""
+    parser.add_argument("--summary", metavar="FILE.json", help="write counts and latencies of the run to this file")
+
+
+def add_record(parser: argparse.ArgumentParser) -> None:
+    """--record, of a run."""
+    parser.add_argument("--record", metavar="DIR", help="record frames and telemetry into DIR, which must not exist")
+
+
+def add_verbose(parser: argparse.ArgumentParser, what: str = "log more") -> None:
+    """--verbose."""
+    parser.add_argument("--verbose", action="store_true", help=what)
