@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from vehicle_iface.cli import run
+from vehicle_iface.cli import recording
 from vehicle_iface.cli.parser import build_parser
 from vehicle_iface.recorder.black_box import default_place
 
 
 @pytest.fixture
 def is_real(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run, "is_virtual", lambda _, channel: channel != "can0")
+    monkeypatch.setattr(recording, "is_virtual", lambda _, channel: channel != "can0")
 
 
 @pytest.mark.usefixtures("is_real")
@@ -30,7 +30,7 @@ def is_real(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_the_place_of_the_black_boxes(channel: str, options: list[str], place: str) -> None:
     given = build_parser().parse_args(["run", "--route", "circle", *options])
-    assert run._find_black_box(given, {"": channel}) == place
+    assert recording.find_black_box(given, {"": channel}) == place
 
 
 def test_a_place_and_none_at_all_exclude_each_other(capsys: pytest.CaptureFixture[str]) -> None:
