@@ -9,12 +9,10 @@ ROOT = Path(__file__).resolve().parents[2]
 TOOLS = ROOT / "tools"
 
 
-def run_module(
-    module: str, *arguments: str, within: tuple[str, ...] = (), cwd: Path | None = None
-) -> subprocess.CompletedProcess[str]:
-    """Its status, output and errors; `within` is a command that runs the rest, such as tools/vcan."""
+def run_module(module: str, *arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Its status, output and errors."""
     return subprocess.run(
-        [*within, sys.executable, "-P", "-m", module, *arguments],
+        [sys.executable, "-P", "-m", module, *arguments],
         check=False,
         capture_output=True,
         text=True,

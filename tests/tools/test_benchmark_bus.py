@@ -3,7 +3,6 @@
 import contextlib
 import json
 import socket
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +15,12 @@ from vehicle_bus_contract.socketcan import decode
 
 from vehicle_iface.runtime import realtime
 
-from .running import TOOLS, run_module
-
-VCAN = TOOLS / "vcan"
+from .running import run_module
 
 
-def part(module: str, *arguments: str, within: tuple[str, ...] = ()) -> Any:
+def part(module: str, *arguments: str) -> Any:
     """What a part of a benchmark has found, in a process of its own."""
-    done = run_module(f"benchmarks.parts.{module}", *arguments, within=within)
+    done = run_module(f"benchmarks.parts.{module}", *arguments)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -31,11 +28,6 @@ def part(module: str, *arguments: str, within: tuple[str, ...] = ()) -> Any:
 @pytest.fixture(scope="module")
 def passes() -> Any:
     return part("reaction_pass", "8", "8")
-
-
-@pytest.fixture(scope="module")
-def on_vcan() -> Any:
-    return part("reaction_vcan", "1", "20", within=(sys.executable, str(VCAN)))
 
 
 def command_pair(stamp_ns: int, counter: int, reason: int = 0) -> list[Frame]:
@@ -69,18 +61,6 @@ def test_the_pass_becomes_a_table_with_its_targets(passes: Any) -> None:
     assert {len(row) for row in table.rows} == {len(table.columns)}
     assert len(table.rows) == 2 * len(passes)
     assert len(reaction._pass_targets(passes)) == 4
-
-
-@pytest.mark.timeout(300)
-def test_every_process_answers_on_vcan_and_its_calls_are_counted(on_vcan: Any) -> None:
-    assert set(on_vcan["latencies"]) == set(reaction_vcan.NAMES)
-    for name, found in on_vcan["latencies"].items():
-        assert found["first_s"], name
-        assert all(0.0 < first <= second for first, second in zip(found["first_s"], found["second_s"], strict=True))
-    calls = on_vcan["calls"]
-    assert calls is not None, "strace is missing"
-    assert calls["echo"].keys() == {"recvfrom", "sendto"}
-    assert not any("clock_gettime" in found for found in calls.values())
 
 
 def test_a_command_is_timed_from_its_samples_last_frame() -> None:
