@@ -11,11 +11,12 @@ import sys
 import tempfile
 import termios
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from unittest import mock
 
 import pytest
-from vcan_kernel.host import reserve_processor
+from vcan_kernel.host import before_kernel, reserve_processor
 
 from .running import TOOLS
 
@@ -258,3 +259,21 @@ def test_two_kernels_do_not_share_a_processor_where_there_are_two() -> None:
     assert {first, second} == {1001, 1002}
     assert third in {1001, 1002}
     assert again == first
+
+
+def test_a_kernel_that_goes_first_has_the_greatest_weight_in_its_session_and_between_sessions() -> None:
+    is_root = subprocess.run(["nice", "-n", "-20", "nice"], capture_output=True, check=False).stdout == b"-20\n"
+    code = "import os; print(os.getpriority(os.PRIO_PROCESS, 0))"
+    grouped = Path("/proc/sys/kernel/sched_autogroup_enabled")
+    if grouped.exists() and grouped.read_text() == "1\n":
+        code += "; print(open('/proc/self/autogroup').read().split()[-1])"
+    for goes_first in (True, False):
+        found = subprocess.run(
+            python(code),
+            preexec_fn=partial(before_kernel, 0, goes_first),
+            start_new_session=True,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert {nice == "-20" for nice in found.stdout.split()} == {goes_first and is_root}, found.stdout
