@@ -1,7 +1,8 @@
 """The control process of the `pacing` benchmark: `vehicle-iface run` on the embedded bus, with a watch on its wake-ups.
 
-`python -m benchmarks.parts.pacing_loop PROFILE TELEMETRY SECONDS {fifo,ordinary}` prints JSON. The program is as it is:
-only `clock.sleep_until` is wrapped, and `realtime.apply_settings` leaves one step out where SCHED_FIFO is not wanted.
+`python -m benchmarks.parts.pacing_loop PROFILE TELEMETRY SECONDS {fifo,ordinary} [OPTION …]` prints JSON; the options
+are those of `run`. The program is as it is: only `clock.sleep_until` is wrapped, and `realtime.apply_settings` leaves
+one step out where SCHED_FIFO is not wanted.
 """
 
 import gc
@@ -84,7 +85,7 @@ class Watch:
 
 
 def main() -> None:
-    profile, telemetry, seconds, policy = sys.argv[1:]
+    profile, telemetry, seconds, policy, *more = sys.argv[1:]
     watch, build_loop = Watch(float(seconds)), compose.build_loop
 
     def build(**parts: object) -> Loop:
@@ -98,7 +99,7 @@ def main() -> None:
         assert len(realtime.STEPS) == 5
     options = ["--interface", "embedded", "--route", "figure8", "--arm", "--profile", profile, "--telemetry", telemetry]
     try:
-        status = cli.main(["run", *options])
+        status = cli.main(["run", *options, *more])
     except _Over:
         print(json.dumps(watch.found()))
         return
