@@ -2,13 +2,13 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 from vehicle_iface.bus.base import Bus, SupportsErrorEvents, SupportsTraffic, prefix_bus
 from vehicle_iface.bus.controller_events import ControllerEvent
 from vehicle_iface.bus.link_state import TABLE, LinkEvent, LinkState
-from vehicle_iface.bus.several import Described, buses_by_name, name_refusing
+from vehicle_iface.bus.several import buses_by_name, name_refusing
 from vehicle_iface.errors import BusError, BusGoneError
 from vehicle_iface.frame import CanFrame
 from vehicle_iface.runtime.bus_load import BusLoads
@@ -47,6 +47,15 @@ class LinkTransition(NamedTuple):
     why: str
 
 
+class _Part(NamedTuple):
+    """One of the open buses. Whether it supports a protocol is found once: each time would take 10 µs."""
+
+    name: str
+    description: str
+    controller: SupportsErrorEvents | None
+    monitor: SupportsTraffic | None
+
+
 class Link:
     """Receives and sends while the bus is open. `take_loss` reports each loss once, wherever it was detected."""
 
@@ -60,7 +69,10 @@ class Link:
     ) -> None:
         """Open the bus. Raises `BusError` when that fails."""
         self._open_bus = open_bus
-        self._bus: Bus | None = (bus := open_bus())
+        self._bus: Bus | None
+        self._parts: tuple[_Part, ...]
+        bus = open_bus()
+        self._use(bus)
         self.description = bus.description
         self._counters = counters
         self._now_ns, self._sleep_until = now_ns, sleep_until
@@ -144,7 +156,8 @@ class Link:
     def watch(self, now_ns: int) -> None:
         """Poll the link: a bus that accepts nothing, or whose CAN controller is bus off, is lost."""
         if self._refused_since_ns is not None and now_ns - self._refused_since_ns > REFUSED_NS:
-            self._draining, self._bus = self._bus, None
+            self._draining = self._bus
+            self._use(None)
             text = f"{self.description}: accepts no frames; is another node on the bus?"
             self._on_drop(BusError(prefix_bus(name_refusing(self._draining), text)))
         if not self._watch_timer.is_due(now_ns):
@@ -169,12 +182,16 @@ class Link:
         if bus is not None:
             self._closed_counters = self.counters()
             bus.close()
-            self._bus = self._draining = None
+            self._draining = None
+            self._use(None)
+
+    def _use(self, bus: Bus | None) -> None:
+        """Work with this bus from now on; None: there is none."""
+        self._bus, self._parts = bus, () if bus is None else _find_parts(bus)
 
     def _poll_controller(self) -> None:
-        for name, bus in self._parts().items():
-            controller: object = bus
-            if not isinstance(controller, SupportsErrorEvents):
+        for name, description, controller, _ in self._parts:
+            if controller is None:
                 continue
             try:
                 events = controller.events()
@@ -182,9 +199,9 @@ class Link:
                 self._drop(error)
                 return
             for event in events:
-                self._note_event(event, name, bus.description)
+                self._note_event(event, name, description)
             if ControllerEvent.BUS_OFF in events:
-                text = f"{bus.description}: bus off; `sudo ip link set DEVICE type can restart` restarts it"
+                text = f"{description}: bus off; `sudo ip link set DEVICE type can restart` restarts it"
                 self._drop(BusError(prefix_bus(name, text)))
                 return
 
@@ -203,19 +220,14 @@ class Link:
     def _poll_traffic(self, now_ns: int) -> None:
         if not self._survey_timer.is_due(now_ns):
             return
-        for name, bus in self._parts().items():
-            monitor: object = bus
-            if not isinstance(monitor, SupportsTraffic):
+        for part in self._parts:
+            if part.monitor is None:
                 continue
             try:
-                self.load.add(name, monitor.poll_traffic(now_ns))
+                self.load.add(part.name, part.monitor.poll_traffic(now_ns))
             except BusError as error:
                 self._drop(error)
                 return
-
-    def _parts(self) -> Mapping[str, Described]:
-        """The open buses by name."""
-        return buses_by_name(self._bus) if self._bus is not None else {}
 
     def _check_overflow(self) -> None:
         """Degrade the link when a kernel's receive queue has dropped frames."""
@@ -265,13 +277,15 @@ class Link:
         if self._is_draining():
             return
         try:
-            self._bus, self._draining = self._draining or self._open_bus(), None
+            bus = self._draining or self._open_bus()
         except BusError as error:
             self._apply(_event_of(error), str(error))
             return
+        self._draining = None
+        self._use(bus)
         self._received_since_open = False
         self._troubled_ns = self._now_ns()
-        self._apply(LinkEvent.OPENED, f"{self._bus.description} is open again")
+        self._apply(LinkEvent.OPENED, f"{bus.description} is open again")
 
     def _is_draining(self) -> bool:
         """Whether frames still wait in the stuck bus. A new socket beside it could not see them."""
@@ -284,6 +298,15 @@ class Link:
         except BusError:  # the interface went down, and what waited in it is gone
             self.close()
         return False
+
+
+def _find_parts(bus: Bus) -> tuple[_Part, ...]:
+    return tuple(_describe(name, part.description, part) for name, part in buses_by_name(bus).items())
+
+
+def _describe(name: str, description: str, part: object) -> _Part:
+    controller = part if isinstance(part, SupportsErrorEvents) else None
+    return _Part(name, description, controller, part if isinstance(part, SupportsTraffic) else None)
 
 
 def _event_of(error: BusError) -> LinkEvent:
