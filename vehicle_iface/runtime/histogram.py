@@ -1,7 +1,7 @@
 """Histograms of a run in a fixed amount of memory, mainly of latencies."""
 
 import math
-from collections import Counter
+from typing import Self
 
 import numpy as np
 
@@ -33,12 +33,20 @@ class LogHistogram:
     def add_all(self, sizes: FloatArray) -> None:
         """Count all values of an array (n,)."""
         octaves = np.log2(np.maximum(sizes / self._smallest, 1.0))
-        places = np.minimum(np.ceil(octaves * _PER_OCTAVE), len(self._bins) - 1).astype(np.int64)
-        for place, count in Counter(places.tolist()).items():
-            self._bins[place] += count
+        places = np.minimum(np.ceil(octaves * _PER_OCTAVE), len(self._bins) - 1)
+        bins = self._bins
+        for place in places.astype(np.int64).tolist():
+            bins[place] += 1
         self.count += len(sizes)
         self.total += float(sizes.sum())
         self.max = max(self.max, float(sizes.max(initial=0.0)))
+
+    def merge(self, other: Self) -> None:
+        """Count all values of another histogram of the same bins."""
+        self._bins = [count + others for count, others in zip(self._bins, other._bins, strict=True)]
+        self.count += other.count
+        self.total += other.total
+        self.max = max(self.max, other.max)
 
     def quantile(self, share: float) -> float:
         """Return the value that `share` of all did not exceed (upper edge of its bin); 0 if there are none."""

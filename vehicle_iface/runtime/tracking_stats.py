@@ -1,6 +1,7 @@
 """Errors of tracking while the loop drives: over the run, and for each lap of a closed route."""
 
 import math
+from typing import Self
 
 import numpy as np
 from msgspec import UNSET, UnsetType
@@ -28,6 +29,11 @@ class ErrorStats:
         self._sizes.add_all(np.abs(errors))
         self._squares += float(errors @ errors)
 
+    def merge(self, other: Self) -> None:
+        """Count all errors of another one."""
+        self._sizes.merge(other._sizes)
+        self._squares += other._squares
+
     def summary(self) -> ErrorSummary:
         """Return the figures in the error's unit; p95 is the upper edge of its bin, 4.4 % wide."""
         sizes = self._sizes
@@ -46,53 +52,67 @@ class _Errors:
         self.lateral_m.add_all(lateral_m)
         self.heading_rad.add_all(heading_rad)
 
+    def merge(self, other: Self) -> None:
+        self.samples += other.samples
+        self.lateral_m.merge(other.lateral_m)
+        self.heading_rad.merge(other.heading_rad)
+
+    def lap_summary(self) -> LapSummary:
+        return LapSummary(
+            samples=self.samples, lateral_m=self.lateral_m.summary(), heading_rad=self.heading_rad.summary()
+        )
+
 
 class TrackingStats:
     """Errors against the spatial reference, of each sample that was answered with a command to drive.
 
-    They are counted `AT_ONCE` together: one by one they would cost a pass as much as its gate does.
+    They are counted `AT_ONCE` together: one by one they would cost a pass as much as its gate does. Of a lap that is
+    over only the figures are kept: its histograms would take 8 KiB.
     """
 
     def __init__(self) -> None:
-        self._pending: list[tuple[float, float]] = []
-        self._run = _Errors()
-        self._laps: list[_Errors] = []
+        self._lateral_m: list[float] = []
+        self._heading_rad: list[float] = []
+        self._before = _Errors()
+        """Those of all laps before the present one."""
+        self._present = _Errors()
         self._lap: int | None = None
-        self._in_lap: _Errors | None = None
-        """Those of the present lap; None where none is kept."""
+        self._laps: list[LapSummary] = []
 
     def add(self, lateral_m: float, heading_rad: float, *, lap: int | None) -> None:
         """Add one sample; `lap` changes with each round of a closed route, and is None on any other."""
         if lap != self._lap:
             self._count_pending()
-            self._lap, self._in_lap = lap, None
-            if lap is not None and len(self._laps) < MAX_LAPS:
-                self._in_lap = _Errors()
-                self._laps.append(self._in_lap)
-        self._pending.append((lateral_m, heading_rad))
-        if len(self._pending) == AT_ONCE:
+            self._laps = self._all_laps()
+            self._before.merge(self._present)
+            self._lap, self._present = lap, _Errors()
+        self._lateral_m.append(lateral_m)
+        self._heading_rad.append(heading_rad)
+        if len(self._lateral_m) == AT_ONCE:
             self._count_pending()
-
-    def _count_pending(self) -> None:
-        lateral_m, heading_rad = np.array(self._pending, dtype=np.float64).reshape(-1, 2).T
-        self._pending.clear()
-        self._run.add_all(lateral_m, heading_rad)
-        if self._in_lap is not None:
-            self._in_lap.add_all(lateral_m, heading_rad)
 
     def summary(self) -> TrackingSummary | UnsetType:
         """Return all figures; UNSET when nothing was driven."""
         self._count_pending()
-        if not self._run.samples:
+        run = _Errors()
+        run.merge(self._before)
+        run.merge(self._present)
+        if not run.samples:
             return UNSET
         return TrackingSummary(
-            samples=self._run.samples,
-            lateral_m=self._run.lateral_m.summary(),
-            heading_rad=self._run.heading_rad.summary(),
-            laps=[
-                LapSummary(
-                    samples=lap.samples, lateral_m=lap.lateral_m.summary(), heading_rad=lap.heading_rad.summary()
-                )
-                for lap in self._laps
-            ],
+            samples=run.samples,
+            lateral_m=run.lateral_m.summary(),
+            heading_rad=run.heading_rad.summary(),
+            laps=self._all_laps(),
         )
+
+    def _count_pending(self) -> None:
+        self._present.add_all(np.array(self._lateral_m), np.array(self._heading_rad))
+        self._lateral_m.clear()
+        self._heading_rad.clear()
+
+    def _all_laps(self) -> list[LapSummary]:
+        """The first `MAX_LAPS` laps, the present one among them."""
+        if self._lap is None or len(self._laps) == MAX_LAPS:
+            return self._laps
+        return [*self._laps, self._present.lap_summary()]
