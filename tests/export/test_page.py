@@ -16,7 +16,7 @@ from vehicle_iface.export.columns import to_columns
 from vehicle_iface.export.figures import measure_drive, tabulate
 from vehicle_iface.export.page.drive import load_drive
 from vehicle_iface.export.page.packing import pack
-from vehicle_iface.export.page.plots import PLOTS, limited
+from vehicle_iface.export.page.plots import PLOTS
 from vehicle_iface.export.page.reduction import MAX_ROWS, Reduction
 from vehicle_iface.export.page.render import SCRIPTS, render_drive
 from vehicle_iface.export.recording import RecordedDrive
@@ -25,7 +25,8 @@ from vehicle_iface.reason import Reason
 from vehicle_iface.recorder import files
 from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry import Snapshot
-from vehicle_iface.telemetry.events import EventKind, LoopEvent
+from vehicle_iface.telemetry.columns import ROUNDING_MPS2, is_limited
+from vehicle_iface.telemetry.events import EventKind, LoopEvent, limit_spans
 
 PAGE_FOLDER = Path(files.__file__).parents[1] / "export" / "page"
 TEN_MINUTES = 60_000
@@ -75,8 +76,21 @@ def test_a_command_that_a_stop_has_replaced_is_not_limited(drive: Recorded) -> N
     differs = np.abs(rows["requested_accel_mps2"] - rows["sent_accel_mps2"]) > 0.1
     is_nominal = rows["reason"] == Reason.NOMINAL
     assert (differs & rows["has_requested"] & rows["sent"] & ~is_nominal).any()
-    assert limited(rows)[is_nominal].any()
-    assert not limited(rows)[~is_nominal].any()
+    limited = is_limited(rows, "accel_mps2", ROUNDING_MPS2)
+    assert limited[is_nominal].any()
+    assert not limited[~is_nominal].any()
+
+
+def test_ticks_of_limited_commands_are_where_the_gate_says_so(drive: Recorded, page_file: Path) -> None:
+    (ticks,) = [one for one in read_page(page_file).drives[0].ticks if one.label == "limited commands"]
+    begin_ns, end_ns = drive.shown[0].published_ns, drive.shown[-1].published_ns
+    spans = list(limit_spans(drive.driven.loop.events.log.kept, begin_ns, end_ns))
+    spans_s = [((begin - begin_ns) / 1e9, (end - begin_ns) / 1e9) for begin, end in spans]
+    assert ticks.at_s
+    for at_s in ticks.at_s:
+        assert any(begin - 0.1 <= at_s <= end + 0.1 for begin, end in spans_s)
+    for begin, end in spans_s:
+        assert any(begin - 0.1 <= at_s <= end + 0.1 for at_s in ticks.at_s)
 
 
 def test_events_and_states_of_the_page_are_those_of_the_loop(drive: Recorded, page_file: Path) -> None:

@@ -56,7 +56,7 @@ def test_the_worst_state_of_a_column_is_drawn_however_short() -> None:
 
 def test_a_time_without_data_has_no_colour() -> None:
     assert strokes([]) == {}
-    found = strokes([*snapshots(2, 10, ENGAGED), *snapshots(10.3, 12, ENGAGED), *snapshots(13, 14, ENGAGED)])
+    found = strokes([*snapshots(2, 10, ENGAGED), *snapshots(10.2, 12, ENGAGED), *snapshots(13, 14, ENGAGED)])
     assert found == {GREEN: [(2.0, 10.0), (13.0, 1.0)]}
 
 

@@ -5,11 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from vehicle_iface.telemetry import Snapshot
-from vehicle_iface.telemetry.columns import NUMBERS, PLACES, ROW, TYPES, Columns
-from vehicle_iface.units import NS_PER_MS, NS_PER_S
+from vehicle_iface.telemetry.columns import GAP_NS, NUMBERS, PLACES, ROW, TYPES, Columns
+from vehicle_iface.units import NS_PER_S
 
-GAP_NS = 250 * NS_PER_MS
-"""After a longer time without a snapshot nothing is known of the time between."""
 UNKNOWN = -1
 """`controller_state` of a row at the beginning of such a gap; all its flags are false."""
 _FLAGS = [name for name in NUMBERS if TYPES[name] == "bool"]

@@ -27,6 +27,9 @@ ROW = np.dtype([(name, _KINDS[TYPES[name]]) for name in NUMBERS])
 
 OLD_STATE_NS = 100 * NS_PER_MS
 """What is known of an older state is not drawn."""
+GAP_NS = 250 * NS_PER_MS
+"""Nothing is drawn between known values that are farther apart: two periods of the slowest usual signal, 100 ms, and a
+margin. A shorter time would draw such a signal, or one of a busy machine, as dots."""
 ROUNDING_MPS2, ROUNDING_RAD = 0.05, 0.005
 """A command that differs by less from the request was rounded, not limited."""
 LARGEST = 1e12

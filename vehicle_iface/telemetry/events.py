@@ -1,5 +1,6 @@
 """Events of a run: each change of mode, each stop, each limit that began or ended to act, each refusal and request."""
 
+from collections.abc import Iterable, Iterator
 from enum import StrEnum
 
 import msgspec
@@ -47,3 +48,18 @@ class LoopEvent(msgspec.Struct, kw_only=True, frozen=True, omit_defaults=True):
     name: str
     phase: Phase = Phase.ONCE
     text: str = ""
+
+
+def limit_spans(events: Iterable[LoopEvent], begin_ns: int, end_ns: int) -> Iterator[tuple[int, int]]:
+    """Yield when a limit acted, from and to, in ns: what the gate says, however rarely snapshots were taken.
+
+    One that began before the events is taken to act from `begin_ns`, one that does not end to act until `end_ns`.
+    """
+    began_ns: dict[str, int] = {}
+    for event in events:
+        if event.kind is EventKind.LIMIT and event.phase is Phase.BEGAN:
+            began_ns[event.name] = event.at_ns
+        elif event.kind is EventKind.LIMIT:
+            yield began_ns.pop(event.name, begin_ns), event.at_ns
+    for at_ns in began_ns.values():
+        yield at_ns, end_ns

@@ -12,14 +12,14 @@ from vehicle_iface.export.csv_file import name_of
 from vehicle_iface.export.figures import DriveFigures, measure_drive
 from vehicle_iface.export.page.model import Curve, Drive, Packed, PageEvent, PathLine, Plot, StateSpan, Ticks, Track
 from vehicle_iface.export.page.packing import pack
-from vehicle_iface.export.page.plots import PLOTS, limited
+from vehicle_iface.export.page.plots import PLOTS
 from vehicle_iface.export.page.reduction import Reduction
 from vehicle_iface.export.recording import RecordedDrive
 from vehicle_iface.export.way import way_along_path
 from vehicle_iface.recorder.files import Meta, TrajectoryLine
 from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry.columns import Columns, Flags
-from vehicle_iface.telemetry.events import LoopEvent
+from vehicle_iface.telemetry.events import LoopEvent, limit_spans
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface.units import NS_PER_S, s_from_ns
 
@@ -89,7 +89,7 @@ def describe_drive(
         time=pack(reduction.pick(times_s), _TIME_DECIMALS),
         way=None if way_offset_m is None else pack(reduction.pick(drive.way_m + way_offset_m), _PLACE_DECIMALS),
         states=list(_find_states(rows, times_s)),
-        ticks=_find_ticks(rows, times_s),
+        ticks=_find_ticks(rows, times_s, drive.events),
         events=[_describe_event(event, zero_ns) for event in drive.events[:MAX_EVENTS]],
         events_left_out=max(0, len(drive.events) - MAX_EVENTS),
         track=Track(
@@ -206,13 +206,18 @@ def _find_states(rows: Columns, times_s: FloatArray) -> Iterator[StateSpan]:
         )
 
 
-def _find_ticks(rows: Columns, times_s: FloatArray) -> list[Ticks]:
+def _find_ticks(rows: Columns, times_s: FloatArray, events: Iterable[LoopEvent]) -> list[Ticks]:
     def at(happened: Flags) -> list[float]:
         times: list[float] = (np.unique(np.floor(times_s[happened] * _TICKS_PER_S)) / _TICKS_PER_S).tolist()
         return times
 
+    times_ns = rows["published_ns"]
+    is_limited = np.zeros(len(rows), np.bool_)
+    for begin_ns, end_ns in limit_spans(events, int(times_ns[0]), int(times_ns[-1])):
+        first, last = np.searchsorted(times_ns, (begin_ns, end_ns))
+        is_limited[first : max(last, first + 1)] = True
     return [
-        Ticks(label="limited commands", color="limited", at_s=at(limited(rows))),
+        Ticks(label="limited commands", color="limited", at_s=at(is_limited)),
         Ticks(label="dropped frames", color="dropped", at_s=at(_rises(rows["drops"]))),
         Ticks(label="late commands", color="late", at_s=at(_rises(rows["deadline_misses"]))),
     ]

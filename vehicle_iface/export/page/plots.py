@@ -8,10 +8,7 @@ from vehicle_iface.telemetry import DrivingLimits
 from vehicle_iface.telemetry.columns import (
     ROUNDING_MPS2,
     ROUNDING_RAD,
-    Columns,
-    Flags,
     Reader,
-    is_limited,
     of_flag,
     of_limited,
     of_state,
@@ -46,12 +43,6 @@ class PlotKind:
     range: Callable[[DrivingLimits], tuple[float, float]]
     limits: Callable[[DrivingLimits], list[float]]
     curves: tuple[CurveKind, ...]
-
-
-def limited(rows: Columns) -> Flags:
-    """Whether the command that was sent is not the one that was requested (n,)."""
-    wheel = is_limited(rows, "front_wheel_angle_rad", ROUNDING_RAD)
-    return is_limited(rows, "accel_mps2", ROUNDING_MPS2) | wheel
 
 
 def _around_zero(limit: float) -> tuple[float, float]:

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from vehicle_iface.telemetry.columns import GAP_NS
 from vehicle_iface.trajectory import FloatArray
-from vehicle_iface.units import NS_PER_MS, NS_PER_S
+from vehicle_iface.units import NS_PER_S
 
-GAP_NS = 100 * NS_PER_MS
-"""Nothing is drawn between two known values that are farther apart."""
 COLUMNS = 80
 """Columns of a plot; each is about four pixels wide."""
 

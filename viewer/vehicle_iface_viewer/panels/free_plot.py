@@ -11,11 +11,12 @@ import numpy as np
 import viser
 from viser import uplot
 
+from vehicle_iface.telemetry.columns import GAP_NS
 from vehicle_iface.trajectory import FloatArray
 from vehicle_iface_viewer.bus_table.bus_signals import MAX_PLOTTED, BusSignals, SampleRows
 from vehicle_iface_viewer.controls import handle_text
 from vehicle_iface_viewer.panels.colors import MEASURED, REQUESTED
-from vehicle_iface_viewer.panels.curves import GAP_NS, TimeAxis
+from vehicle_iface_viewer.panels.curves import TimeAxis
 from vehicle_iface_viewer.panels.free_signals import FREE_SIGNALS
 from vehicle_iface_viewer.panels.plot_frame import (
     LAYOUT,

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from vehicle_iface.telemetry.columns import Columns
-from vehicle_iface.telemetry.events import EventKind, LoopEvent, Phase
-from vehicle_iface.units import NS_PER_S
+from vehicle_iface.telemetry.columns import GAP_NS, Columns
+from vehicle_iface.telemetry.events import EventKind, LoopEvent, Phase, limit_spans
 from vehicle_iface_viewer.panels.colors import AMBER, BLUE, GREEN, GREY, LIMITED, RED, TEAL, VIOLET, state_color
 from vehicle_iface_viewer.panels.text import plain
 
@@ -18,8 +17,6 @@ COLUMNS = 300
 """Of each column the worst state is drawn."""
 _BEST_TO_WORST = (GREEN, BLUE, TEAL, GREY, VIOLET, AMBER, RED)
 _UNKNOWN = -1
-_GAP_NS = NS_PER_S // 2
-"""Nothing is known between snapshots that are farther apart."""
 _STOP, _DROPPED, _LATE = "#fff", "#74c0fc", "#ffd43b"
 _HEIGHT = 32
 _LANES = ((10, 20), (23.5, 3), (27, 3), (30.5, 3))
@@ -99,7 +96,7 @@ def _states(span: Span, rows: Columns) -> npt.NDArray[np.int64]:
     after = np.searchsorted(at_ns, span.begin_ns + empty * span.width_ns)
     is_inside = (after > 0) & (after < len(at_ns))
     empty, after = empty[is_inside], after[is_inside]
-    is_near = at_ns[after] - at_ns[after - 1] <= max(_GAP_NS, 2 * span.width_ns)
+    is_near = at_ns[after] - at_ns[after - 1] <= max(GAP_NS, 2 * span.width_ns)
     worst[empty[is_near]] = rank[after[is_near] - 1]
     return worst
 
@@ -117,22 +114,11 @@ def _rises(rows: Columns, counter: str) -> npt.NDArray[np.int64]:
 def _limited(span: Span, events: Sequence[LoopEvent]) -> Flags:
     """Mark the columns in which a limit acted."""
     flags = np.zeros(COLUMNS, np.bool_)
-    for begin_ns, end_ns in _limit_times(span, events):
+    for begin_ns, end_ns in limit_spans(events, span.begin_ns, span.end_ns):
         if end_ns >= span.begin_ns:
             first, last = span.columns([begin_ns, end_ns])
             flags[first : last + 1] = True
     return flags
-
-
-def _limit_times(span: Span, events: Iterable[LoopEvent]) -> Iterator[tuple[int, int]]:
-    began_ns: dict[str, int] = {}
-    for event in events:
-        if event.kind is EventKind.LIMIT and event.phase is Phase.BEGAN:
-            began_ns[event.name] = event.at_ns
-        elif event.kind is EventKind.LIMIT:
-            yield began_ns.pop(event.name, span.begin_ns), event.at_ns
-    for at_ns in began_ns.values():
-        yield at_ns, span.end_ns
 
 
 def _flags(columns: npt.NDArray[np.int64]) -> Flags:
