@@ -64,8 +64,10 @@ class Publisher(_Process):
 class Viewer(_Process):
     """A viewer process, with the address of its page."""
 
-    def __init__(self, address: str, *options: str) -> None:
-        super().__init__("vehicle_iface_viewer", "--connect", address, "--port", "0", *options)
+    def __init__(self, address: str | None, *options: str) -> None:
+        """Without an address the page offers the loops of this machine."""
+        connect = ["--connect", address] if address is not None else []
+        super().__init__("vehicle_iface_viewer", *connect, "--port", "0", *options)
         self.url = self.greeting.partition(" ")[2].partition(" ")[0]
 
 

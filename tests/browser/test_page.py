@@ -1,10 +1,12 @@
 """The page in a real browser: what a person would see, and what none may do."""
 
+import os
 import re
 import signal
 import subprocess
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from vehicle_iface.process import module_command
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.cameras import Look
+from vehicle_iface_viewer.live import LiveVisitor
 
 from .processes import Publisher, Replay, Viewer
 from .recording import STOP_S, write_recording
@@ -226,10 +229,12 @@ def test_a_browser_chooses_its_camera_with_buttons_and_keys(publish: Start, app:
     publish()
     page.goto(f"http://127.0.0.1:{app.port}/")
     banner(page, "ENGAGED", "NOMINAL")
-    while not app._clients:
+    while not app._visitors:
         page.wait_for_timeout(20)
-    (client,) = app._clients.values()
-    camera = client.camera
+    (visitor,) = app._visitors.values()
+    assert isinstance(visitor, LiveVisitor)
+    assert visitor.browser is not None
+    camera = visitor.browser.camera
 
     def wait_for(look: Look) -> None:
         expect(page.get_by_role("button", name=f"● {look}", exact=True)).to_be_visible()
@@ -258,6 +263,20 @@ def test_two_pages_see_the_same_drive(publish: Start, viewer: Viewer, page: Page
         banner(each, "ENGAGED", "NOMINAL")
     other.close()
     differs(page, "x", number(page, "x"))
+
+
+def test_of_two_loops_the_page_shows_the_chosen_one_by_its_name(page: Page) -> None:
+    names = [f"test-{os.getpid()}-{name}" for name in ("car", "truck")]
+    with ExitStack() as opened:
+        loops = [opened.enter_context(closing(Publisher(name))) for name in names]
+        loops[1].order("shadow")
+        viewer = opened.enter_context(closing(Viewer(None)))
+        page.goto(viewer.url)
+        page.get_by_role("link", name=names[1]).click()
+        banner(page, "SHADOW", "NOT_ENGAGED")
+        expect(page).to_have_url(re.compile(rf"[?&]loop={names[1]}\b"))
+        expect(page.locator("#loop > b")).to_have_text(names[1])
+        expect(page.locator(".vi-loop").filter(has_text=names[0])).to_contain_text("DRIVING")
 
 
 def test_the_page_is_shown_through_a_tunnel_from_another_port(publish: Start, viewer: Viewer, page: Page) -> None:

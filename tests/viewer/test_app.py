@@ -9,7 +9,9 @@ import pytest
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.box import Box
+from vehicle_iface_viewer.browser import LiveBrowser
 from vehicle_iface_viewer.cameras import Look
+from vehicle_iface_viewer.live import LiveVisitor
 from vehicle_iface_viewer.scene.nodes import Place
 
 from .test_access import camera, joined, packed, wait_for_answer
@@ -22,28 +24,43 @@ def app(tmp_path: Path) -> Iterator[App]:
     opened.close()
 
 
+def only_browser(app: App) -> LiveBrowser:
+    (visitor,) = app._visitors.values()
+    assert isinstance(visitor, LiveVisitor)
+    assert visitor.browser is not None
+    return visitor.browser
+
+
+@pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
+def test_the_texts_do_not_wait_for_the_first_picture(app: App) -> None:
+    with joined(app.server) as client:
+        wait_for_answer(client)  # no camera was sent
+        app.update(0)
+        assert "NO LOOP" in only_browser(app)._showing._side_panel._banner.content
+
+
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
 def test_a_browser_that_left_is_forgotten(app: App) -> None:
     for _ in range(5):
         with joined(app.server) as client:
             client.send(packed(camera()))
-            while not app._update_clients():
+            while not app._update_visitors():
                 wait_for_answer(client)
-            (follower,) = app._clients.values()
+            follower = only_browser(app)
             follower.camera.move(Place(1.0, 2.0, 0.5), None)
             assert tuple(follower.camera._frame.position) == (-1.0, -2.0, 0.0)
-        while app._update_clients():
+        while app._update_visitors():
             app.update(0)
-    assert app._clients == {}
+    assert app._visitors == {}
 
 
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does
 def test_each_camera_puts_the_world_where_its_name_says(app: App) -> None:
     with joined(app.server) as client:
         client.send(packed(camera()))
-        while not app._update_clients():
+        while not app._update_visitors():
             wait_for_answer(client)
-        (browser,) = app._clients.values()
+        browser = only_browser(app)
         view, place = browser.camera, Place(30.0, 40.0, 2.0)
         drive = Box(west=10.0, south=20.0, width=100.0, height=60.0)
 
@@ -82,9 +99,9 @@ def test_each_camera_puts_the_world_where_its_name_says(app: App) -> None:
 def test_without_a_loop_the_page_is_kept_up(app: App) -> None:
     with joined(app.server) as client:
         client.send(packed(camera()))
-        while not app._update_clients():
+        while not app._update_visitors():
             wait_for_answer(client)
         for tick in range(10):
             app.update(tick)
-        (browser,) = app._clients.values()
+        browser = only_browser(app)
         assert "NO LOOP" in browser._showing._side_panel._banner.content

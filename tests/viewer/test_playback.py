@@ -23,6 +23,7 @@ from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.browser import ReplayBrowser
 from vehicle_iface_viewer.feed import Feed
+from vehicle_iface_viewer.host import Replays
 from vehicle_iface_viewer.playback import Playback
 
 from .test_access import camera, joined, packed, wait_for_answer, wait_until_closed
@@ -321,10 +322,15 @@ def app(recording: Playback) -> Iterator[App]:
     opened.close()
 
 
+def host(app: App) -> Replays:
+    assert isinstance(app._host, Replays)
+    return app._host
+
+
 def opened_browser(app: App, client: Connection, count: int = 1) -> ReplayBrowser:
     """The newest browser, when the viewer has noticed `count` of them."""
     client.send(packed(camera()))
-    while len(browsers := app._update_clients()) < count:
+    while len(browsers := app._update_visitors()) < count:
         wait_for_answer(client)
     assert isinstance(browsers[-1], ReplayBrowser)
     return browsers[-1]
@@ -388,11 +394,11 @@ def test_each_browser_has_a_place_of_its_own_and_one_that_is_loaded_again_contin
             assert second.playback.at_s >= 4.0
             for browser, words in ((first, "1.0 s of 5.0 s"), (second, "4.")):
                 assert f">{words}" in browser._showing._side_panel._banner.content
-        while len(app._update_clients()) > 1:
+        while len(app._update_visitors()) > 1:
             app.update(0)
-        assert app._playback is second.playback
+        assert host(app).playback is second.playback
     with joined(app.server) as again:
-        assert opened_browser(app, again).playback.at_s == app._playback.at_s
+        assert opened_browser(app, again).playback.at_s == host(app).playback.at_s
 
 
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")  # as the program does

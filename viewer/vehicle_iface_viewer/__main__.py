@@ -22,7 +22,7 @@ from vehicle_iface_viewer.addresses import find_reachable_host, format_url
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.bus_table.recorded import RecordedBusTable
 from vehicle_iface_viewer.bus_table.source import BusTableSource, ListenerProcess
-from vehicle_iface_viewer.loops import choose_loop, list_loops
+from vehicle_iface_viewer.loops import list_loops
 from vehicle_iface_viewer.playback import SPEEDS, Playback
 
 _TOKEN_WARNING = (
@@ -66,11 +66,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _open_source(options: argparse.Namespace) -> tuple[str | Playback, str]:
+def _open_source(options: argparse.Namespace) -> tuple[str | Playback | None, str]:
     """Return the source of the page, and its description."""
+    if options.recording is None and options.connect is not None:
+        return options.connect, f"telemetry {options.connect!r}: {telemetry_path(options.connect)}"
     if options.recording is None:
-        address = options.connect if options.connect is not None else choose_loop()
-        return address, f"telemetry {address!r}: {telemetry_path(address)}"
+        return None, _describe_loops()
     if options.connect is not None:
         raise ConfigError("--connect is for a running loop: leave it out, or the recording")
     if not SPEEDS[0] <= options.speed <= SPEEDS[1]:
@@ -82,7 +83,14 @@ def _open_source(options: argparse.Namespace) -> tuple[str | Playback, str]:
     return playback, f"recording {options.recording}, {playback.length_s:.1f} s"
 
 
-def _open_bus_table(options: argparse.Namespace, source: str | Playback) -> BusTableSource:
+def _describe_loops() -> str:
+    names = [loop.address for loop in find_running_loops()]
+    if len(names) == 1:
+        return f"loop {names[0]!r}"
+    return f"{len(names)} loops: choose one on the page" if names else "no loop is running yet"
+
+
+def _open_bus_table(options: argparse.Namespace, source: str | Playback | None) -> BusTableSource:
     if isinstance(source, Playback):
         return RecordedBusTable(options.recording, source.wall_offset_ns, options.profile)
     return ListenerProcess(options.profile)
@@ -112,7 +120,8 @@ def _build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--connect",
         metavar="ADDRESS",
-        help="telemetry to show: a name, or a path with a '/'; without it, the loop that is running, or 'default'",
+        help="telemetry to show: a name, or a path with a '/'; without it, the loop that is running; "
+        "the page offers all where there are several",
     )
     parser.add_argument("--list", action="store_true", help="print the running loops, and exit")
     parser.add_argument(

@@ -25,7 +25,7 @@ _TURNS_PER_FREE_PLOT = 5
 class _Browser:
     def __init__(self, client: viser.ClientHandle, watched: Watched) -> None:
         self._client = client
-        self._watched = watched
+        self.watched = watched
         self.camera = Camera(client)
         self._present = client.scene.add_frame(LIVE, show_axes=False)
         self._showing = Showing(client, watched)
@@ -38,7 +38,7 @@ class _Browser:
 
     def _show(self, picture: Picture, end_ns: int, tick: int) -> None:
         """Update the camera, and in turns plots, tables and map."""
-        watched, turn = self._watched, tick // PANELS_EVERY
+        watched, turn = self.watched, tick // PANELS_EVERY
         assert watched.view is not None
         if picture.place is not None:
             self.camera.move(picture.place, picture.drive)
@@ -64,7 +64,7 @@ class LiveBrowser(_Browser):
 
     def update(self, _now_ns: int, tick: int) -> None:
         """Show the present, or the time that this browser looks back to."""
-        view, recent = self._watched.view, self._watched.feed.recent
+        view, recent = self.watched.view, self.watched.feed.recent
         assert view is not None
         with self._client.atomic():
             self._showing.update(view, tick)
@@ -77,7 +77,7 @@ class LiveBrowser(_Browser):
             self._show(self._showing, end_ns, tick)
             return
         if self._past is None:
-            self._past = Past(self._client, self._watched.journey)
+            self._past = Past(self._client, self.watched.journey)
         self._past.update(view, recent, end_ns, tick)
         self._show(self._past, end_ns, tick)
 
@@ -94,6 +94,6 @@ class ReplayBrowser(_Browser):
         """Play on, and show the time that has been reached."""
         with self._client.atomic():
             self._controls.update(now_ns)
-            self._showing.update(self._watched.update(now_ns, tick), tick)
-        self._show(self._showing, self._time.end_ns(self._watched.feed.recent.newest_ns), tick)
+            self._showing.update(self.watched.update(now_ns, tick), tick)
+        self._show(self._showing, self._time.end_ns(self.watched.feed.recent.newest_ns), tick)
         self._client.flush()

@@ -60,4 +60,10 @@ def remember(client: viser.ClientHandle, values: Mapping[str, str]) -> None:
     """Keep the values in the browser, and in the address of its page."""
     query = urlencode(values)
     client.local_storage.set_item(_MEMORY, query)
-    client._websock_connection.queue_message(messages.RunJavascriptMessage(_SHOW % {"query": json.dumps(query)}))
+    show_in_address(client, values)
+
+
+def show_in_address(client: viser.ClientHandle, values: Mapping[str, str]) -> None:
+    """Show the values in the address of the page, beside others that it has."""
+    script = _SHOW % {"query": json.dumps(urlencode(values))}
+    client._websock_connection.queue_message(messages.RunJavascriptMessage(script))

@@ -1,27 +1,52 @@
-"""Which loop the page shows when none was named: the one that is running."""
+"""The loops of this user on this machine: those that run, and those that have ended since the viewer was started."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from vehicle_iface.errors import ConfigError
 from vehicle_iface.status import ControllerState
 from vehicle_iface.telemetry.running import RunningLoop, find_running_loops
+from vehicle_iface.units import NS_PER_S
 from vehicle_iface_viewer.panels.text import enum_name
 
 DEFAULT = "default"
 _HEADER = ("ADDRESS", "PID", "PROFILE", "CHANNEL", "STATE", "LAST DATA")
+_PERIOD_NS = NS_PER_S
+_MAX_ENDED = 20
 
 
-def choose_loop() -> str:
-    """Return the address of the loop that is running; the default one when there is none, to wait for it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownLoop:
+    """A loop that runs, or has run."""
 
-    Raises `ConfigError` with the list when there are several.
-    """
-    loops = find_running_loops()
-    if len(loops) > 1:
-        raise ConfigError(f"{len(loops)} loops are running; choose one with --connect ADDRESS\n{list_loops(loops)}")
-    return loops[0].address if loops else DEFAULT
+    loop: RunningLoop
+    """As it was last seen."""
+    has_ended: bool = False
+
+
+class LoopList:
+    """The loops by address, looked for once a second."""
+
+    def __init__(self) -> None:
+        self.known: dict[str, KnownLoop] = {}
+        self._due_ns = 0
+
+    def update(self, now_ns: int) -> None:
+        """Look for loops, if that is due."""
+        if now_ns < self._due_ns:
+            return
+        self._due_ns = now_ns + _PERIOD_NS
+        running = {loop.address: KnownLoop(loop=loop) for loop in find_running_loops()}
+        ended = {name: KnownLoop(loop=old.loop, has_ended=True) for name, old in self.known.items()}
+        kept = [name for name in ended if name not in running][-_MAX_ENDED:]
+        self.known = running | {name: ended[name] for name in kept}
+
+    def find_usual(self) -> str | None:
+        """Return the address of the loop that runs; the default one, to wait for it, where none does; None where one
+        of several must be chosen."""
+        running = [name for name, known in self.known.items() if not known.has_ended]
+        return running[0] if len(running) == 1 else None if running else DEFAULT
 
 
 def list_loops(loops: Sequence[RunningLoop]) -> str:

@@ -39,6 +39,17 @@ _POLICY = (
     "default-src 'self' blob: data:; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
     "style-src 'self' 'unsafe-inline'; connect-src 'self' blob: data:; worker-src blob:; frame-ancestors 'none'"
 )
+_FIRST_CAMERA = messages.ViewerCameraMessage(
+    wxyz=(1.0, 0.0, 0.0, 0.0),
+    position=(0.0, 0.0, 1.0),
+    fov=1.0,
+    near=0.1,
+    far=1000.0,
+    image_height=720,
+    image_width=1280,
+    look_at=(0.0, 0.0, 0.0),
+    up_direction=(0.0, 0.0, 1.0),
+)
 _TITLE = b"<title>Viser</title>"
 _OUR_TITLE = b"<title>vehicle-iface</title>"
 
@@ -178,14 +189,20 @@ def _patched_serve(listener: socket.socket, request_filter: _RequestFilter) -> I
 
 
 def _drop_messages(server: viser.ViserServer) -> None:
-    """Unregister all of viser's message handlers except the one for a client's camera."""
+    """Unregister all of viser's message handlers except the one for a client's camera, and give it a first camera.
+
+    A client counts as connected when its camera is known. A browser sends it with the first picture that it has drawn:
+    without a GPU seconds later, in a hidden tab never. Its texts do not wait for that.
+    """
     inner = server._websock_server
     inner._incoming_handlers.clear()
 
-    def drop_client_messages(connection: Any) -> None:
+    async def prepare_client(connection: Any) -> None:
         handlers = connection._incoming_handlers
         for kind in [kind for kind in handlers if kind is not messages.ViewerCameraMessage]:
             del handlers[kind]
+        for handle_camera in handlers[messages.ViewerCameraMessage]:
+            await handle_camera(connection.client_id, _FIRST_CAMERA)
 
     # Runs after viser's own callback, which registers the client's handlers, and before its first message is read.
-    inner.on_client_connect(drop_client_messages)
+    inner.on_client_connect(prepare_client)

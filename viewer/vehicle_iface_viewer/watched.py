@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from vehicle_iface.telemetry import SessionInfo
 from vehicle_iface_viewer.bus_table.bus_signals import BusSignals
 from vehicle_iface_viewer.bus_table.report import BusReport
 from vehicle_iface_viewer.bus_table.source import BusTableSource, has_frames
@@ -46,9 +47,14 @@ class Watched:
         return self._reader.address
 
     @property
+    def info(self) -> SessionInfo | None:
+        """Constant data of its session; None before there was one."""
+        return self._reader.info
+
+    @property
     def has_frames(self) -> bool:
         """Whether the drive's buses have frames that can be listed."""
-        return has_frames(self._reader.info)
+        return has_frames(self.info)
 
     def update(self, now_ns: int, tick: int) -> View:
         """Read what is new, table and map in turns, so that no update is long; return what is shown."""

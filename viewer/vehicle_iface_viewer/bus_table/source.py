@@ -33,7 +33,7 @@ class BusTableSource(Protocol):
         """Return the newest report for the session of `view`; None before the first one."""
 
     def fork(self) -> BusTableSource:
-        """Return one for another browser: the same where all browsers show the same time."""
+        """Return one for another drive, or another time of it."""
 
     def close(self) -> None:
         """Release all resources."""
@@ -70,8 +70,8 @@ class ListenerProcess:
         return self._report
 
     def fork(self) -> ListenerProcess:
-        """Return this one: there is one listener for all browsers."""
-        return self
+        """Return one for another loop."""
+        return ListenerProcess(self._profile)
 
     def close(self) -> None:
         """End the listener."""

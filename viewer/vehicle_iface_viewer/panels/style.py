@@ -60,6 +60,12 @@ STYLE = f"""<style>
 {_OVER} .mantine-Slider-track::before, {_OVER} .mantine-Slider-bar {{ background: none }}
 {_OVER} .mantine-Slider-thumb {{ width: 4px !important; height: 36px !important; border-radius: 2px;
   border: none; background: #fff !important; outline: 1px solid #000 }}
+.vi-loops {{ margin: 4px 14px 4px 8px; padding: 2px 14px 4px; border: 2px solid #868e96; border-radius: 8px;
+  font-size: 13px; line-height: 1.5 }}
+.vi-loops > b {{ font-size: 22px; line-height: 1.3; overflow-wrap: anywhere }}
+.vi-loop i {{ color: #fff; font-style: normal; font-size: 11px; font-weight: 700; border-radius: 4px;
+  padding: 1px 6px }}
+.vi-loop a {{ font-weight: 700; color: var(--vi-new) }}
 .vi-map {{ display: block; width: calc(100% - 14px); height: max(calc(50vh - 90px), 150px);
   margin-left: 6px }}
 .vi-phone {{ display: none }}

@@ -124,6 +124,11 @@ def find_words(view: View) -> Words:
     return replace(words, way_on="") if view.recording else words  # nothing can be done about the past
 
 
+def find_headline(snapshot: Snapshot) -> str:
+    """Return the state of a loop in words, as the head of its page has them."""
+    return _driving_words(snapshot, "").headline
+
+
 def is_armed(snapshot: Snapshot) -> bool:
     """Whether an armed loop still is: after an override, a fault or its end it is not."""
     if snapshot.controller_state == ControllerState.STANDBY:
