@@ -74,6 +74,17 @@ def test_a_drive_plays_from_a_file_and_shows_what_was_recorded(
     page.keyboard.press("ArrowRight")
     expect(page.locator('output[data-curve="speed_mps"]')).to_have_text("–")
 
+    scene = "() => document.querySelector('#scene canvas').toDataURL()"
+    page.locator("#scene canvas").scroll_into_view_if_needed()
+    before = page.evaluate(scene)
+    page.keyboard.press("Shift+ArrowLeft")
+    wait_until(page, f"before => ({scene})() !== before", arg=before)
+    moved = page.evaluate(scene)
+    page.locator("#scene canvas").drag_to(page.locator("#scene canvas"), target_position={"x": 40, "y": 60})
+    assert (turned := page.evaluate(scene)) != moved
+    page.get_by_role("combobox", name="Camera").select_option("behind")
+    assert page.evaluate(scene) not in (moved, turned)
+
     canvas = page.locator(".plot canvas").first
     canvas.hover(position={"x": 400, "y": 40})
     wait_until(page, "() => parseFloat(document.querySelector('#clock').textContent) > 1")

@@ -61,6 +61,8 @@ def test_numbers_of_the_page_are_those_of_the_recording(drive: Recorded, page_fi
     assert unpack(track.x) == pytest.approx(
         [one.x_m if one.has_state else math.nan for one in shown], abs=1e-3, nan_ok=True
     )
+    reference = [one.spatial_reference_y_m if one.has_reference else math.nan for one in shown]
+    assert unpack(track.reference_y) == pytest.approx(reference, abs=1e-3, nan_ok=True)
 
 
 def test_an_old_state_is_a_gap_and_no_ramp(drive: Recorded, page_file: Path) -> None:

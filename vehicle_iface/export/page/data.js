@@ -30,7 +30,7 @@ async function loadPage() {
     unpackInto(drive, "time");
     unpackInto(drive, "way");
     if (drive.track) {
-      for (const name of ["x", "y", "heading"]) unpackInto(drive.track, name);
+      for (const name of ["x", "y", "heading", "reference_x", "reference_y"]) unpackInto(drive.track, name);
       for (const name of ["x", "y"]) unpackInto(drive.track.paths, name);
     }
   }

@@ -96,8 +96,12 @@ def describe_drive(
             x=_pack_place(reduction.pick(_where_known(rows, "x_m"))),
             y=_pack_place(reduction.pick(_where_known(rows, "y_m"))),
             heading=pack(reduction.pick(_where_known(rows, "heading_rad")), _HEADING_DECIMALS),
+            reference_x=_pack_place(reduction.pick(_where_known(rows, "spatial_reference_x_m", "has_reference"))),
+            reference_y=_pack_place(reduction.pick(_where_known(rows, "spatial_reference_y_m", "has_reference"))),
             length_m=shape.length_m,
             width_m=shape.width_m,
+            height_m=shape.height_m,
+            wheelbase_m=shape.wheelbase_m,
             rear_overhang_m=shape.rear_overhang_m,
             paths=_join_paths(drive.paths),
         ),
@@ -181,8 +185,8 @@ def _pack_place(values: FloatArray, decimals: int = _PLACE_DECIMALS) -> Packed:
     return pack(values, decimals, offset=float(np.rint(known[0])) if len(known) else 0.0)
 
 
-def _where_known(rows: Columns, name: str) -> FloatArray:
-    return np.where(rows["has_state"], rows[name], np.nan)
+def _where_known(rows: Columns, name: str, flag: str = "has_state") -> FloatArray:
+    return np.where(rows[flag], rows[name], np.nan)
 
 
 def _find_states(rows: Columns, times_s: FloatArray) -> Iterator[StateSpan]:

@@ -11,6 +11,7 @@ loadPage().then((page) => {
   const withEvents = page.drives.filter((drive) => drive.events.length || page.drives.length === 1);
   const lists = withEvents.map((drive) => new EventList(drive, view));
   const map = new PathMap(find("map"), view);
+  const scene = new Scene(find("scene"), view, map.bounds);
   const clock = find("clock");
   find("plots").append(...plots.map((plot) => plot.figure));
   find("strips").append(...strips.map((strip) => strip.box), stripLegend(page.drives));
@@ -20,12 +21,13 @@ loadPage().then((page) => {
   find("axis").hidden = !page.has_way;
 
   const drawAll = () => {
-    for (const part of [...plots, ...strips, map]) part.draw();
+    for (const part of [...plots, ...strips]) part.draw();
     moveAll();
   };
   const moveAll = () => {
     for (const part of [...plots, ...strips, ...lines, ...lists]) part.move();
     map.draw();
+    scene.draw();
     clock.textContent = `${figure(view.cursor, 2)} / ${figure(view.high, 1)} ${view.unit}`;
   };
   let due = "";

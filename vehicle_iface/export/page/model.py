@@ -84,8 +84,13 @@ class Track(msgspec.Struct, kw_only=True, frozen=True):
     x: Packed
     y: Packed
     heading: Packed
+    reference_x: Packed
+    """The point of the path that the vehicle was to be at."""
+    reference_y: Packed
     length_m: float
     width_m: float
+    height_m: float
+    wheelbase_m: float
     rear_overhang_m: float
     paths: PathLine
     """The trajectories that it was to follow, with gaps between them."""

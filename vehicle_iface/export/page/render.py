@@ -25,6 +25,7 @@ SCRIPTS = (
     "now.js",
     "strip.js",
     "map.js",
+    "scene.js",
     "events.js",
     "player.js",
     "csv.js",
