@@ -92,16 +92,18 @@ SITUATIONS: Mapping[str, Situation] = {
 
 def distance_m(path: Trajectory, x_m: float, y_m: float) -> float:
     """From the polyline through the points."""
-    ax, ay = path.x_m[:-1], path.y_m[:-1]
+    ax, ay = path.x_m[:-1] - x_m, path.y_m[:-1] - y_m
     bx, by = np.diff(path.x_m), np.diff(path.y_m)
-    share = np.clip(((x_m - ax) * bx + (y_m - ay) * by) / (bx * bx + by * by), 0.0, 1.0)
-    return float(np.hypot(ax + share * bx - x_m, ay + share * by - y_m).min())
+    share = (-(ax * bx + ay * by) / (bx * bx + by * by)).clip(0.0, 1.0)
+    ax += share * bx
+    ay += share * by
+    return math.sqrt((ax * ax + ay * ay).min())
 
 
 def path_speed_mps(path: Trajectory, x_m: float, y_m: float) -> float:
     """The greatest without sign within a metre of this place."""
-    near = np.hypot(path.x_m - x_m, path.y_m - y_m)
-    return float(np.abs(path.speed_mps[near < near.min() + 1.0]).max())
+    near_m = np.hypot(path.x_m - x_m, path.y_m - y_m)
+    return float(np.abs(path.speed_mps[near_m < near_m.min() + 1.0]).max())
 
 
 def harm(situation: Situation, faults: Mapping[str, SignalFault]) -> list[str]:
@@ -156,14 +158,14 @@ def changes_anything(fault: SignalFault, values: Sequence[float]) -> bool:
 @pytest.mark.parametrize("field", OFFSETS)
 @pytest.mark.parametrize("name", SITUATIONS)
 def test_no_fault_of_a_signal_makes_the_vehicle_run_away_or_leave_its_path(name: str, field: str) -> None:
-    """Every fault meets every signal and every situation, but only every second combination of the two is driven."""
+    """Every fault meets every signal and every situation, but only every third combination of the two is driven."""
     offsets = {f"off by {amount}": lambda amount=amount: offset(amount) for amount in OFFSETS[field]}
     if name == "at standstill" and field in ("x_m", "y_m"):
         del offsets[f"off by {OFFSETS[field][1]}"]  # where a vehicle truly stands at first, nothing else can tell
     values = undisturbed_values(name)[field]
-    first = (list(SITUATIONS).index(name) + list(OFFSETS).index(field)) % 2
-    half = dict(list(FAULTS.items())[first::2])
-    faults = {what: make for what, make in {**half, **offsets}.items() if changes_anything(make(), values)}
+    first = (list(SITUATIONS).index(name) + list(OFFSETS).index(field)) % 3
+    third = dict(list(FAULTS.items())[first::3])
+    faults = {what: make for what, make in {**third, **offsets}.items() if changes_anything(make(), values)}
     assert offsets.keys() <= faults.keys()
     harms = {what: harm(SITUATIONS[name], {field: make()}) for what, make in faults.items()}
     assert {what: found for what, found in harms.items() if found} == {}
