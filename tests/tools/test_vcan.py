@@ -16,7 +16,7 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
-from vcan_kernel.host import before_kernel, reserve_processor
+from vcan_kernel.host import before_kernel, choose_nice, reserve_processor
 
 from .running import TOOLS
 
@@ -253,19 +253,24 @@ def test_two_kernels_do_not_share_a_processor_where_there_are_two() -> None:
     assert again == first
 
 
-def test_a_kernel_that_goes_first_has_the_greatest_weight_in_its_session_and_between_sessions() -> None:
+def test_kernels_go_before_other_programs_where_another_processor_is_left_and_the_first_one_before_others() -> None:
+    assert choose_nice(is_alone=True, processors=1) == 0
+    assert choose_nice(is_alone=True, processors=2) < choose_nice(is_alone=False, processors=2) < 0
+
+
+def test_a_kernels_nice_value_counts_in_its_session_and_between_sessions() -> None:
     is_root = subprocess.run(["nice", "-n", "-20", "nice"], capture_output=True, check=False).stdout == b"-20\n"
     code = "import os; print(os.getpriority(os.PRIO_PROCESS, 0))"
     grouped = Path("/proc/sys/kernel/sched_autogroup_enabled")
     if grouped.exists() and grouped.read_text() == "1\n":
         code += "; print(open('/proc/self/autogroup').read().split()[-1])"
-    for goes_first in (True, False):
+    for nice in (-20, 0):
         found = subprocess.run(
             python(code),
-            preexec_fn=partial(before_kernel, 0, goes_first),
+            preexec_fn=partial(before_kernel, 0, nice),
             start_new_session=True,
             capture_output=True,
             text=True,
             check=True,
         )
-        assert {nice == "-20" for nice in found.stdout.split()} == {goes_first and is_root}, found.stdout
+        assert set(found.stdout.split()) == {str(nice)} or not is_root
