@@ -32,14 +32,14 @@ def test_a_loop_that_hangs_is_ended_and_the_place_is_named() -> None:
         assert "a_controller_that_never_returns" in done.stderr
 
 
-def test_a_hang_is_found_after_two_seconds_and_a_quarter_at_most() -> None:
+def test_a_hang_is_found_after_three_looks() -> None:
     ended = threading.Event()
     with Watchdog(ended.set) as watchdog:
         watchdog.feed()
         begin_s = time.monotonic()
         assert ended.wait(8.0)
         took_s = time.monotonic() - begin_s
-    assert 1.99 <= took_s <= 3.5  # a busy machine wakes the watchdog late, and does so nine times
+    assert 2.09 <= took_s <= 4.0  # a busy machine wakes the watchdog late, and does so four times
 
 
 def test_a_loop_that_lives_is_left_alone_and_the_watch_ends_with_it() -> None:

@@ -11,8 +11,9 @@ import threading
 from collections.abc import Callable
 from typing import Self
 
-LOOK_S = 0.25
-PATIENCE = 8
+LOOK_S = 0.7
+"""Each look takes the interpreter from the loop for a moment, and three system calls."""
+PATIENCE = 3
 """Looks in a row without a sign of life."""
 HUNG = 4
 """Exit status: ended in a latched fault."""
