@@ -19,7 +19,7 @@ _FIND = """selector => {
             const color = numbers(style.backgroundColor);
             if (color.length === 3 || color[3] === 1) back = color;
         }
-        if (back === null || hasPicture) continue;
+        if (back === null || hasPicture || opacity === 0) continue;  // viser fades its own settings out
         const text = numbers(getComputedStyle(each).color).slice(0, 3);
         const mixed = text.map((part, k) => part * opacity + back[k] * (1 - opacity));
         const [low, high] = [light(mixed), light(back)].sort((a, b) => a - b);

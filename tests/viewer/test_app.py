@@ -72,7 +72,7 @@ def test_each_camera_puts_the_world_where_its_name_says(app: App) -> None:
 
         ahead = Place(30.0 + math.cos(2.0), 40.0 + math.sin(2.0), 2.0)
         for option, look in (("Top", (0.0, 0.0, 50.0)), ("Follow", (-11.0, -11.0, 12.0))):
-            view._choose_option(option)
+            view.choose(option)
             view.move(place, drive)
             assert shown(place) == pytest.approx((0.0, 0.0))
             assert shown(ahead) == pytest.approx((math.cos(2.0), math.sin(2.0)))
@@ -91,7 +91,7 @@ def test_each_camera_puts_the_world_where_its_name_says(app: App) -> None:
             view.move(place, drive)
         view.move(Place(31.0, 41.0, 2.0), drive)
         assert shown(place) == pytest.approx((0.0, 0.0))
-        view._choose_option("<b>Elsewhere")
+        view.choose("<b>Elsewhere")
         assert view._wanted is Look.STAY
 
 

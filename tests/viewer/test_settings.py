@@ -8,12 +8,15 @@ from typing import Any
 import pytest
 import viser
 from viser import _messages as messages
+from viser._gui_handles import _PlacementMixin
 
 from vehicle_iface_viewer import browser_memory
 from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.bus_table.bus_signals import BusSignals
+from vehicle_iface_viewer.cameras import Camera
 from vehicle_iface_viewer.panels.free_plot import NONE, FreePlot
+from vehicle_iface_viewer.panels.left_panel import LeftPanel
 from vehicle_iface_viewer.panels.plot_time import PlotTime
 from vehicle_iface_viewer.recent import RecentSnapshots
 from vehicle_iface_viewer.settings import AS_BROWSER, Settings
@@ -21,7 +24,7 @@ from vehicle_iface_viewer.settings import AS_BROWSER, Settings
 from .test_access import camera, joined, packed, wait_for_answer
 
 Answer = Callable[[Mapping[str, str]], None]
-USUAL = {"theme": AS_BROWSER, "plots": "20 s", "free": "latency, ms", "and": NONE}
+USUAL = {"theme": AS_BROWSER, "plots": "20 s", "free": "latency, ms", "and": NONE, "camera": "Follow", "filter": ""}
 
 
 @pytest.fixture
@@ -42,11 +45,19 @@ class Browser:
     def __init__(self, client: viser.ClientHandle, monkeypatch: pytest.MonkeyPatch) -> None:
         self.answers: list[Answer] = []
         self.remembered: list[dict[str, str]] = []
+        self.opened: list[str] = []
+        self.widths: dict[str, float] = {}
         monkeypatch.setattr(browser_memory, "ask", lambda _, __, on_answer: self.answers.append(on_answer))
         monkeypatch.setattr(browser_memory, "remember", lambda _, values: self.remembered.append(dict(values)))
+        monkeypatch.setattr(browser_memory, "keep_layout", lambda _, __, tab: self.opened.append(tab))
+        monkeypatch.setattr(
+            _PlacementMixin, "set_width", lambda panel, px: self.widths.update({panel._placement_uuid: px})
+        )
+        self.camera, self.left_panel = Camera(client), LeftPanel(client, has_frames=True)
         self.time = PlotTime(client, is_live=True)
         self.plot = FreePlot(client, RecentSnapshots(length_s=10.0), BusSignals())
-        self.settings = Settings(client, self.time, self.plot)
+        self.settings = Settings(client, self.camera, self.left_panel, self.time, self.plot)
+        self.widths.clear()
 
     def answer(self, **values: str) -> None:
         self.answers[0](values)
@@ -65,6 +76,24 @@ def test_what_the_browser_says_is_chosen_and_shown_in_its_controls(browser: Brow
     assert browser.plot.names == ("drops", "speed, m/s")
     assert [box.value for box in browser.plot._boxes] == ["drops", "speed, m/s"]
     assert browser.remembered == []
+
+
+def test_the_layout_is_as_it_was_left(browser: Browser, client: viser.ClientHandle) -> None:
+    browser.answer(camera="Top", filter="yaw", tab="Events", left="411", right="622")
+    assert browser.camera.chosen == "Top"
+    assert (browser.left_panel.search, browser.left_panel._box.value) == ("yaw", "yaw")
+    assert browser.opened == ["Events"]
+    left, right = browser.left_panel.panel, client.gui.main_panel
+    assert browser.widths == {left._placement_uuid: 411, right._placement_uuid: 622}
+    assert browser.remembered == []
+
+
+@pytest.mark.parametrize("width", ["199", "1201", "-300", "3e2", "99999999999", "", "³⁰⁰", "NaN"])
+def test_a_width_that_cannot_be_is_ignored(browser: Browser, width: str) -> None:
+    browser.answer(left=width, right=width, camera="Sideways", filter="x" * 500)
+    assert browser.widths == {}
+    assert browser.camera.chosen == "Follow"
+    assert len(browser.left_panel.search) == 40
 
 
 def test_what_does_not_exist_is_ignored(browser: Browser) -> None:

@@ -34,7 +34,7 @@ class _Browser:
         self._time = PlotTime(client, is_live=watched.is_live)
         self._plots = Plots(client.gui, watched.feed.recent)
         self._free_plot = FreePlot(client, watched.feed.recent, watched.bus_signals)
-        self._settings = Settings(client, self._time, self._free_plot)
+        self._settings = Settings(client, self.camera, self._left_panel, self._time, self._free_plot)
 
     def _show(self, picture: Picture, end_ns: int, tick: int) -> None:
         """Update the camera, and in turns plots, tables and map."""

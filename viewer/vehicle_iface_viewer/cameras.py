@@ -60,9 +60,20 @@ class Camera:
         self._wanted = self._view = Look.FOLLOW
         self._fitted: Box | None = None
         self._buttons = client.gui.add_button_group("Camera", _options(self._view), order=ORDER)
-        handle_text(client, self._buttons._impl.uuid, 20, self._choose_option)
+        handle_text(client, self._buttons._impl.uuid, 20, self.choose)
         for view, key, label in _KEYS:
             handle_key(client, label, key, partial(self._choose, view))
+
+    @property
+    def chosen(self) -> str:
+        """Name of what the camera does."""
+        return str(self._wanted)
+
+    def choose(self, option: str) -> None:
+        """Choose what the camera does by its name; a name that is none is ignored."""
+        name = option.removeprefix(_CHOSEN)
+        if name in list(Look):
+            self._wanted = Look(name)
 
     def move(self, place: Place, drive: Box | None) -> None:
         """Look at the vehicle, or at the whole `drive`; both relative to the local origin."""
@@ -78,11 +89,6 @@ class Camera:
             is_turned = view is Look.CHASE and math.isfinite(place.heading_rad)
             self._shift(place.x_m, place.y_m, -place.heading_rad if is_turned else 0.0)
         self._client.flush()
-
-    def _choose_option(self, option: str) -> None:
-        name = option.removeprefix(_CHOSEN)
-        if name in list(Look):
-            self._wanted = Look(name)
 
     def _choose(self, view: Look) -> None:
         """Choose by a key: that of FOLLOW stops it, too."""
