@@ -211,7 +211,7 @@ def test_the_page_requests_nothing_from_other_hosts(publish: Start, viewer: View
     assert [url for url in asked if not url.startswith(own)] == []
 
 
-def test_the_picture_is_drawn_beside_legend_and_plots(publish: Start, viewer: Viewer, page: Page) -> None:
+def test_without_a_gpu_there_is_a_map_and_the_picture_on_demand(publish: Start, viewer: Viewer, page: Page) -> None:
     publish()
     page.goto(viewer.url)
     banner(page, "ENGAGED", "NOMINAL")
@@ -219,6 +219,11 @@ def test_the_picture_is_drawn_beside_legend_and_plots(publish: Start, viewer: Vi
         expect(page.locator("#legend")).to_contain_text(words)
     expect(page.locator(".uplot")).to_have_count(6)
     expect(page.get_by_text("Share")).to_have_count(0)
+    expect(page.locator("#no-gpu")).to_be_visible()
+    expect(page.locator("#big-map .vi-map")).to_be_visible()
+    page.get_by_role("button", name="3-D", exact=True).click()
+    expect(page.locator("#big-map")).to_have_count(0)
+    wait_until(page, "() => document.querySelector('canvas[data-engine]').clientWidth > 200")
     canvas = page.locator("canvas").first
     assert len(canvas.screenshot()) > 10_000  # an empty ground compresses to far less
 
@@ -227,7 +232,7 @@ def test_the_picture_is_drawn_beside_legend_and_plots(publish: Start, viewer: Vi
 def test_a_browser_chooses_its_camera_with_buttons_and_keys(publish: Start, app: App, page: Page) -> None:
     page.set_viewport_size({"width": 820, "height": 700})  # the panels, and little of the picture
     publish()
-    page.goto(f"http://127.0.0.1:{app.port}/")
+    page.goto(f"http://127.0.0.1:{app.port}/?picture=3-D")
     banner(page, "ENGAGED", "NOMINAL")
     while not app._visitors:
         page.wait_for_timeout(20)

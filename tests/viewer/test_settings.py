@@ -15,8 +15,10 @@ from vehicle_iface_viewer.access import Access
 from vehicle_iface_viewer.app import App
 from vehicle_iface_viewer.bus_table.bus_signals import BusSignals
 from vehicle_iface_viewer.cameras import Camera
+from vehicle_iface_viewer.panels.big_map import MAP, SCENE, BigMap
 from vehicle_iface_viewer.panels.free_plot import NONE, FreePlot
 from vehicle_iface_viewer.panels.left_panel import LeftPanel
+from vehicle_iface_viewer.panels.map_drawing import MapDrawing
 from vehicle_iface_viewer.panels.plot_time import PlotTime
 from vehicle_iface_viewer.recent import RecentSnapshots
 from vehicle_iface_viewer.settings import AS_BROWSER, Settings
@@ -24,7 +26,15 @@ from vehicle_iface_viewer.settings import AS_BROWSER, Settings
 from .test_access import camera, joined, packed, wait_for_answer
 
 Answer = Callable[[Mapping[str, str]], None]
-USUAL = {"theme": AS_BROWSER, "plots": "20 s", "free": "latency, ms", "and": NONE, "camera": "Follow", "filter": ""}
+USUAL = {
+    "theme": AS_BROWSER,
+    "plots": "20 s",
+    "free": "latency, ms",
+    "and": NONE,
+    "camera": "Follow",
+    "picture": "",
+    "filter": "",
+}
 
 
 @pytest.fixture
@@ -53,10 +63,10 @@ class Browser:
         monkeypatch.setattr(
             _PlacementMixin, "set_width", lambda panel, px: self.widths.update({panel._placement_uuid: px})
         )
-        self.camera, self.left_panel = Camera(client), LeftPanel(client, has_frames=True)
+        self.camera, self.big_map, self.left_panel = Camera(client), BigMap(client), LeftPanel(client, has_frames=True)
         self.time = PlotTime(client, is_live=True)
         self.plot = FreePlot(client, RecentSnapshots(length_s=10.0), BusSignals())
-        self.settings = Settings(client, self.camera, self.left_panel, self.time, self.plot)
+        self.settings = Settings(client, self.camera, self.big_map, self.left_panel, self.time, self.plot)
         self.widths.clear()
 
     def answer(self, **values: str) -> None:
@@ -86,6 +96,41 @@ def test_the_layout_is_as_it_was_left(browser: Browser, client: viser.ClientHand
     left, right = browser.left_panel.panel, client.gui.main_panel
     assert browser.widths == {left._placement_uuid: 411, right._placement_uuid: 622}
     assert browser.remembered == []
+
+
+@pytest.mark.parametrize(
+    ("answer", "has_map", "has_scene"),
+    [
+        ({"draws": "software"}, True, False),
+        ({"draws": "software", "picture": SCENE}, False, True),
+        ({"draws": "gpu"}, False, True),
+        ({"draws": "gpu", "picture": MAP}, True, False),
+        ({"draws": "<b>", "picture": "<b>"}, False, True),
+    ],
+)
+def test_without_a_gpu_the_map_is_shown_unless_the_user_has_chosen(
+    browser: Browser, answer: dict[str, str], *, has_map: bool, has_scene: bool
+) -> None:
+    shown = browser.big_map
+    shown.show(MapDrawing())
+    assert (shown.is_shown, shown.draws_scene) == (False, False)  # it is not known yet
+    browser.answer(**answer)
+    shown.show(MapDrawing())
+    assert (shown.is_shown, shown.draws_scene) == (has_map, has_scene)
+    assert ('id="big-map"' in shown._html.content) is has_map
+    assert ("without a GPU" in shown._html.content) is (has_map and answer["draws"] == "software")
+    assert f"● {MAP if has_map else SCENE}" in shown._buttons.options
+    shown.choose(f"● {SCENE}")
+    browser.settings.keep()
+    assert shown.draws_scene
+    assert browser.remembered == ([] if answer.get("picture") == SCENE else [USUAL | {"picture": SCENE}])
+
+
+def test_a_browser_that_says_nothing_is_taken_to_have_a_gpu(browser: Browser) -> None:
+    for _ in range(50):
+        assert not browser.big_map.draws_scene
+        browser.big_map.show(MapDrawing())
+    assert browser.big_map.draws_scene
 
 
 @pytest.mark.parametrize("width", ["199", "1201", "-300", "3e2", "99999999999", "", "³⁰⁰", "NaN"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import viser
 
 from vehicle_iface_viewer.cameras import Camera
+from vehicle_iface_viewer.panels.big_map import BigMap
 from vehicle_iface_viewer.panels.free_plot import FreePlot
 from vehicle_iface_viewer.panels.left_panel import LeftPanel
 from vehicle_iface_viewer.panels.map_panel import MapPanel
@@ -29,12 +30,13 @@ class _Browser:
         self.camera = Camera(client)
         self._present = client.scene.add_frame(LIVE, show_axes=False)
         self._showing = Showing(client, watched)
+        self._big_map = BigMap(client)
         self._left_panel = LeftPanel(client, has_frames=watched.has_frames)
         self._map_panel = MapPanel(client, above=self._left_panel.panel)
         self._time = PlotTime(client, is_live=watched.is_live)
         self._plots = Plots(client.gui, watched.feed.recent)
         self._free_plot = FreePlot(client, watched.feed.recent, watched.bus_signals)
-        self._settings = Settings(client, self.camera, self._left_panel, self._time, self._free_plot)
+        self._settings = Settings(client, self.camera, self._big_map, self._left_panel, self._time, self._free_plot)
 
     def _show(self, picture: Picture, end_ns: int, tick: int) -> None:
         """Update the camera, and in turns plots, tables and map."""
@@ -52,6 +54,8 @@ class _Browser:
             self._left_panel.show(watched.view, watched.report, watched.feed, turn)
         if tick % MAP_EVERY == MAP_EVERY - 2:
             self._map_panel.show(picture.map)
+            self._big_map.show(picture.map)
+            self.camera.show_buttons(are_useful=not self._big_map.is_shown)
 
 
 class LiveBrowser(_Browser):
@@ -67,11 +71,13 @@ class LiveBrowser(_Browser):
         view, recent = self.watched.view, self.watched.feed.recent
         assert view is not None
         with self._client.atomic():
-            self._showing.update(view, tick)
+            self._showing.update(view, tick, draws_scene=self._big_map.draws_scene)
         end_ns = self._time.end_ns(recent.newest_ns)
         is_present = self._time.is_present
-        if is_present is not self._present.visible:
-            self._present.visible, self._past_frame.visible = is_present, not is_present
+        is_seen = self._big_map.draws_scene
+        frames = (is_present and is_seen, not is_present and is_seen)
+        if frames != (self._present.visible, self._past_frame.visible):
+            self._present.visible, self._past_frame.visible = frames
             set_background(self._client.scene, is_past=not is_present)
         if is_present:
             self._show(self._showing, end_ns, tick)
@@ -94,6 +100,9 @@ class ReplayBrowser(_Browser):
         """Play on, and show the time that has been reached."""
         with self._client.atomic():
             self._controls.update(now_ns)
-            self._showing.update(self.watched.update(now_ns, tick), tick)
+            is_seen = self._big_map.draws_scene
+            if self._present.visible is not is_seen:
+                self._present.visible = is_seen
+            self._showing.update(self.watched.update(now_ns, tick), tick, draws_scene=is_seen)
         self._show(self._showing, self._time.end_ns(self.watched.feed.recent.newest_ns), tick)
         self._client.flush()

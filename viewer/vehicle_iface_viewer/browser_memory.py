@@ -1,7 +1,7 @@
 """What a browser remembers of its page, and what the page's address says: as the query of a URL.
 
-The address wins over the memory. A browser also says whether its user prefers a light page. All it answers is text from
-outside: whoever asks must check each value.
+The address wins over the memory. A browser also says whether its user prefers a light page, and whether it has a GPU.
+All it answers is text from outside: whoever asks must check each value.
 
 This relies on private names of exactly viser 1.1.1; `tests/browser/test_plots.py` fails when they change.
 """
@@ -17,8 +17,8 @@ from urllib.parse import parse_qsl, urlencode
 import viser
 from viser import _messages as messages
 
-PREFERS = "prefers"
-"""In an answer: `light` or `dark`."""
+PREFERS, DRAWS = "prefers", "draws"
+"""In an answer: `light` or `dark`, and `gpu` or `software`: what draws its pictures."""
 LEFT, RIGHT, TAB = "left", "right", "tab"
 """In an answer: widths of the panels in pixels, and the name of the open tab, as its user has left them."""
 _MAX_CHARACTERS = 2000
@@ -31,6 +31,13 @@ const wanted = new URLSearchParams(["%(memory)s", "%(layout)s"].map(
 for (const [name, value] of new URLSearchParams(location.search))
     if (%(names)s.includes(name)) wanted.set(name, value);
 wanted.set("prefers", matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
+window.drawsWith ??= (() => {
+    const gl = document.createElement("canvas").getContext("webgl2");
+    const name = gl?.getParameter(gl.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER);
+    gl?.getExtension("WEBGL_lose_context")?.loseContext();
+    return !gl || /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name) ? "software" : "gpu";
+})();
+wanted.set("draws", window.drawsWith);
 localStorage.setItem("%(prefix)s%(answer)s", wanted);
 """
 _SHOW = """
@@ -63,6 +70,25 @@ if (!window.keepsLayout) {  // another viewer may have answered this page before
     window.keepsLayout = true;
     addEventListener("pointerdown", () => before = widths(), true);
     for (const event of ["pointerup", "keyup"]) addEventListener(event, keep, true);
+    // What is between the panels, for the style sheet: a map in the middle is as large.
+    const find = setInterval(() => {
+        const area = document.querySelector("canvas[data-engine]")?.closest("[data-dock-root] > *");
+        if (!area) return;
+        clearInterval(find);
+        new ResizeObserver(() => {
+            const box = area.getBoundingClientRect(), style = document.documentElement.style;
+            style.setProperty("--vi-left", `${box.left}px`);
+            style.setProperty("--vi-width", `${box.width}px`);
+        }).observe(area);
+    }, 200);
+    // Where our note says that there is no GPU, viser's does not cover the map.
+    let tries = 60;
+    const close = setInterval(() => {
+        const notes = document.querySelector("#no-gpu") ? document.querySelectorAll(".mantine-Notification-root") : [];
+        const note = [...notes].find(each => each.innerText.startsWith("Software WebGL"));
+        note?.querySelector("button").click();
+        if (note || tries-- <= 0) clearInterval(close);
+    }, 500);
 }
 """
 _FORGET = """
@@ -75,7 +101,7 @@ _PLACES = {"prefix": _PREFIX, "memory": _MEMORY, "layout": _LAYOUT, "answer": _A
 
 
 def ask(client: viser.ClientHandle, names: Sequence[str], on_answer: Callable[[Mapping[str, str]], None]) -> None:
-    """Call `on_answer` with what the browser knows of `names`, and with `PREFERS`; once, from another thread."""
+    """Call `on_answer` with what the browser knows of `names`, `PREFERS` and `DRAWS`; once, from another thread."""
     request = str(uuid.uuid4())
 
     def receive(_: int, message: Any) -> None:
@@ -84,7 +110,7 @@ def ask(client: viser.ClientHandle, names: Sequence[str], on_answer: Callable[[M
         connection.unregister_handler(messages.LocalStorageGetItemResponseMessage, receive)
         if isinstance(message.value, str) and len(message.value) <= _MAX_CHARACTERS:
             found = dict(parse_qsl(message.value))
-            on_answer({name: found[name] for name in (*names, PREFERS) if name in found})
+            on_answer({name: found[name] for name in (*names, PREFERS, DRAWS) if name in found})
 
     connection = client._websock_connection
     connection.register_handler(messages.LocalStorageGetItemResponseMessage, receive)

@@ -75,6 +75,11 @@ class Camera:
         if name in list(Look):
             self._wanted = Look(name)
 
+    def show_buttons(self, *, are_useful: bool) -> None:
+        """Show the buttons, or hide them where there is no picture."""
+        if self._buttons.visible is not are_useful:
+            self._buttons.visible = are_useful
+
     def move(self, place: Place, drive: Box | None) -> None:
         """Look at the vehicle, or at the whole `drive`; both relative to the local origin."""
         view = self._wanted

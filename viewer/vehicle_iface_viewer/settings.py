@@ -1,5 +1,5 @@
 """What one browser has chosen for its page: light or dark, the length of the plots, the signals of the free plot, the
-camera, the filter of the table, the open tab and the widths of the panels.
+camera, map or 3-D picture, the filter of the table, the open tab and the widths of the panels.
 
 Each browser remembers it, and the address of its page carries it, for another browser or another day.
 """
@@ -14,14 +14,23 @@ from vehicle_iface_viewer import browser_memory
 from vehicle_iface_viewer.browser_memory import LEFT, RIGHT, TAB
 from vehicle_iface_viewer.cameras import Camera
 from vehicle_iface_viewer.controls import handle_text
+from vehicle_iface_viewer.panels.big_map import BigMap
 from vehicle_iface_viewer.panels.free_plot import FreePlot
 from vehicle_iface_viewer.panels.left_panel import LeftPanel
 from vehicle_iface_viewer.panels.plot_time import PlotTime
 
 AS_BROWSER, LIGHT, DARK = "as the browser", "light", "dark"
 _THEMES = (AS_BROWSER, LIGHT, DARK)
-_THEME, _PLOTS, _FREE, _AND, _CAMERA, _FILTER = "theme", "plots", "free", "and", "camera", "filter"
-_NAMES = (_THEME, _PLOTS, _FREE, _AND, _CAMERA, _FILTER, LEFT, RIGHT, TAB)
+_THEME, _PLOTS, _FREE, _AND, _CAMERA, _PICTURE, _FILTER = (
+    "theme",
+    "plots",
+    "free",
+    "and",
+    "camera",
+    "picture",
+    "filter",
+)
+_NAMES = (_THEME, _PLOTS, _FREE, _AND, _CAMERA, _PICTURE, _FILTER, LEFT, RIGHT, TAB)
 """Names in the address of the page."""
 _WIDTHS_PX = (200, 1200)
 """Narrowest and widest panel that is remembered."""
@@ -38,9 +47,15 @@ class Settings:
     """The choices of one browser."""
 
     def __init__(
-        self, client: viser.ClientHandle, camera: Camera, left_panel: LeftPanel, time: PlotTime, free_plot: FreePlot
+        self,
+        client: viser.ClientHandle,
+        camera: Camera,
+        big_map: BigMap,
+        left_panel: LeftPanel,
+        time: PlotTime,
+        free_plot: FreePlot,
     ) -> None:
-        self._client, self._camera, self._left_panel = client, camera, left_panel
+        self._client, self._camera, self._big_map, self._left_panel = client, camera, big_map, left_panel
         self._time, self._free_plot = time, free_plot
         self._theme, self._prefers = AS_BROWSER, DARK
         self._is_dark = True
@@ -67,6 +82,7 @@ class Settings:
             _FREE: free,
             _AND: second,
             _CAMERA: self._camera.chosen,
+            _PICTURE: self._big_map.chosen,
             _FILTER: self._left_panel.search,
         }
 
@@ -81,6 +97,8 @@ class Settings:
         for place, name in enumerate((_FREE, _AND)):
             self._free_plot.choose(place, answer.get(name, ""))
         self._camera.choose(answer.get(_CAMERA, ""))
+        self._big_map.note_gpu(has_gpu=answer.get(browser_memory.DRAWS) != "software")
+        self._big_map.choose(answer.get(_PICTURE, ""))
         self._left_panel.choose_search(answer.get(_FILTER, ""))
         for name, panel in ((LEFT, self._left_panel.panel), (RIGHT, self._client.gui.main_panel)):
             width = answer.get(name, "")

@@ -48,10 +48,10 @@ class Showing:
         """The map of the drive."""
         return self.watched.map
 
-    def update(self, view: View, tick: int) -> None:
+    def update(self, view: View, tick: int, *, draws_scene: bool = True) -> None:
         """Show `view`: the picture each time, the rest in turns, so that no update is long."""
         feed, turn = self.watched.feed, tick // PANELS_EVERY
-        self.place = self._scene.draw(view, feed.recent)
+        self.place = self._scene.draw(view, feed.recent) if draws_scene else None
         if tick % PANELS_EVERY == 0:
             self._side_panel.show(view, turn)
         if tick % PANELS_EVERY == 1 and self._strips is not None:

@@ -7,6 +7,7 @@ _PHONE = "@media (max-width: 576px)"
 # viser puts each element of the panel into a box of its own: a slider that follows a strip is laid over it.
 _OVER = "div:has(> .vi-strip) + div"
 # Small text has a contrast of at least 4.5 on the dark page and on the light one.
+# viser handles messages when it draws its canvas, so below the map that has one pixel and is not away.
 STYLE = f"""<style>
 :root[data-mantine-color-scheme="dark"][lang] {{
   --vi-bad: #ff6b6b; --vi-new: #74c0fc; --mantine-color-dimmed: #adb5bd }}
@@ -68,7 +69,14 @@ STYLE = f"""<style>
 .vi-loop a {{ font-weight: 700; color: var(--vi-new) }}
 .vi-map {{ display: block; width: calc(100% - 14px); height: max(calc(50vh - 90px), 150px);
   margin-left: 6px }}
+#big-map {{ position: fixed; inset: 0 auto 0 var(--vi-left, 0); width: var(--vi-width, 0); overflow: hidden;
+  display: flex; flex-direction: column; background: var(--mantine-color-body) }}
+#big-map > .vi-map {{ flex: 1; min-height: 0; margin: 0 auto }}
+#big-map text {{ transform: scale(.6); transform-box: fill-box; transform-origin: 0 100% }}
+#big-map > .vi-note {{ margin: 14px 18px 0; font-size: 14px; opacity: 1 }}
+:root:has(#big-map) div:has(> div > div > canvas[data-engine]) {{ width: 1px !important; height: 1px !important }}
 .vi-phone {{ display: none }}
+{_PHONE} {{ #big-map {{ display: none }} }}
 {_PHONE} {{ .vi-phone {{ display: block }} .vi-phone > .vi-map {{ height: 220px }} }}
 {_PHONE} {{ .mantine-Paper-root:has(#banner), .mantine-Paper-root:has(#banner) [style*="width: 20em"] {{
   left: 0 !important; width: 100% !important; max-width: none !important }} }}
