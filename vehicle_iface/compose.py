@@ -228,6 +228,7 @@ def _engagement_timing(profile: Profile) -> EngagementTiming:
         settle_ns=ns_from_s(timing.engage_settle_s),
         stale_ns=ns_from_s(timing.state_stale_s),
         lost_ns=ns_from_s(timing.state_silent_s),
+        status_stale_ns=ns_from_s(timing.status_stale_s),
         engage_timeout_ns=ns_from_s(timing.engage_timeout_s),
         end_ns=ns_from_s(timing.shutdown_s),
         steer_torque_nm=profile.limits.driver_steer_torque_nm,

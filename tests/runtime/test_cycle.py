@@ -27,6 +27,7 @@ TIMING = EngagementTiming(
     settle_ns=ms(500),
     stale_ns=ms(50),
     lost_ns=ms(500),
+    status_stale_ns=ms(100),
     engage_timeout_ns=ms(3000),
     end_ns=ms(10_000),
     steer_torque_nm=3.0,

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from tests.narrowing import at_present
 from vehicle_iface import Reason
@@ -18,6 +19,7 @@ TIMING = EngagementTiming(
     settle_ns=500 * MS,
     stale_ns=50 * MS,
     lost_ns=500 * MS,
+    status_stale_ns=100 * MS,
     engage_timeout_ns=3000 * MS,
     end_ns=10_000 * MS,
     steer_torque_nm=3.0,
@@ -128,7 +130,7 @@ class Run:
             if samples:
                 self.engagement.on_sample(self.now_ns, self.now_ns)
             if report is not None:
-                self.engagement.on_status(report, self.now_ns)
+                self.engagement.on_status(replace(report, stamp_ns=self.now_ns), self.now_ns)
             self.engagement.on_tick(self.now_ns)
         return self
 
@@ -475,6 +477,12 @@ def test_a_latched_fault_keeps_its_reason_until_it_is_armed_again() -> None:
     assert engagement.latched_fault is Reason.VEHICLE_FAULT
     engagement.apply(Event.ARMED, 2)
     assert at_present(engagement.latched_fault) is None
+
+
+def test_a_status_of_which_a_part_is_old_does_not_engage_to_the_nanosecond() -> None:
+    engagement, stale_ns = in_mode(Mode.STANDBY), TIMING.status_stale_ns
+    assert not engagement.on_status(status(VehicleMode.READY), stale_ns + 1)
+    assert engagement.on_status(status(VehicleMode.READY), stale_ns)
 
 
 def test_only_the_status_that_begins_a_drive_says_so() -> None:

@@ -14,6 +14,7 @@ TIMING = EngagementTiming(
     settle_ns=500 * MS,
     stale_ns=50 * MS,
     lost_ns=500 * MS,
+    status_stale_ns=100 * MS,
     engage_timeout_ns=3000 * MS,
     end_ns=10_000 * MS,
     steer_torque_nm=3.0,

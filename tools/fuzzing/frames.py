@@ -32,6 +32,7 @@ _TIMING = EngagementTiming(
     settle_ns=20 * NS_PER_MS,
     stale_ns=50 * NS_PER_MS,
     lost_ns=500 * NS_PER_MS,
+    status_stale_ns=100 * NS_PER_MS,
     engage_timeout_ns=3 * NS_PER_S,
     end_ns=10 * NS_PER_S,
     steer_torque_nm=3.0,

@@ -26,6 +26,8 @@ class EngagementTiming(Value, frozen=True, kw_only=True):
     """After a gap longer than this, samples are no longer fresh."""
     lost_ns: int
     """No sample for longer than this: silence. No status: observe again whether another node drives."""
+    status_stale_ns: int
+    """A status older than this never leads to engagement: of several messages, one is missing."""
     engage_timeout_ns: int
     """The vehicle must report AUTONOMOUS within this time."""
     end_ns: int
@@ -141,7 +143,8 @@ class Engagement:
         elif status.mode is VehicleMode.AUTONOMOUS:
             self.apply(Event.VEHICLE_AUTONOMOUS, now_ns)
         elif self.mode is Mode.STANDBY:
-            self.apply(Event.VEHICLE_READY, now_ns)
+            if now_ns - status.stamp_ns <= self._timing.status_stale_ns:
+                self.apply(Event.VEHICLE_READY, now_ns)
         else:
             self.apply(Event.VEHICLE_DISENGAGED, now_ns)
         return self.mode is not before and self.mode in DRIVING
