@@ -199,6 +199,8 @@ class Receiver:
         torque_nm, rear_raw = struct.unpack_from("<bh", data, 3)
         if gear > 3 or mode > EMERGENCY_STOP or abs(rear_raw) > 10_000:
             return None
+        if data[6] and mode != EMERGENCY_STOP:
+            mode = FAULT  # a fault code is a fault, whatever the mode says
         acts = bool(data[1] & 0x80 or data[2] & 0x08) or abs(torque_nm) * 0.1 >= DRIVER_NM - 1e-9
         return Status(mode, gear, acts)
 

@@ -24,6 +24,7 @@ def failed(result: CaseResult) -> list[str]:
     [
         *("link-down", "second-commander", "paused-2-s", "wall-clock-back-an-hour", "not-armed", "killed"),
         *("messages-in-turn", "state-in-turn", "releases-in-turn", "drifting-off-and-back"),
+        *("not-fit-to-engage", "driver-brakes-while-held", "fault-during-the-end"),
     ],
 )
 @pytest.mark.parametrize("is_minimal", [False, True], ids=["program", "minimal"])

@@ -19,6 +19,7 @@ from hil_bench.cases.manoeuvres import MANOEUVRES
 from hil_bench.cases.messages import message_cases
 from hil_bench.cases.plausibility import PLAUSIBILITY
 from hil_bench.cases.process import PROCESS
+from hil_bench.cases.second_causes import second_cause_cases
 from hil_bench.cases.state import STATE
 from hil_bench.cases.thresholds import threshold_cases
 from hil_bench.cases.timing import TIMING
@@ -49,5 +50,5 @@ def catalogue_of(buses: int) -> tuple[Case, ...]:
 
 def catalogue_for(wire: Wire) -> tuple[Case, ...]:
     """The cases of one vehicle: those of every vehicle, and those that are generated from its profile."""
-    kinds = (threshold_cases, message_cases, field_cases, limit_cases, in_turn_cases)
+    kinds = (threshold_cases, message_cases, field_cases, limit_cases, second_cause_cases, in_turn_cases)
     return (*catalogue_of(len(wire.buses)), *(case for cases_of in kinds for case in cases_of(wire)))

@@ -63,6 +63,7 @@ DEVIATION = (
         then=Then.HOLDS,
         after_s=1.0,
         allow=frozenset({"command"}),
+        exit_status=(0, 4),
     ),
     Case(
         name="overspeed",

@@ -232,7 +232,7 @@ class Answers:
 
 @dataclass(frozen=True)
 class NeverEnables:
-    """No ENABLE = 1 until the injection is over; with `at_all`, not one frame."""
+    """No ENABLE = 1 from the beginning of the injection to its end; with `at_all`, not one frame."""
 
     at_all: bool = False
 
@@ -242,7 +242,7 @@ class NeverEnables:
                 f"{observed.at_s(frame.stamp_ns):.3f} s: identifier 0x{frame.can_id:03X}" for frame in observed.frames
             ]
             return check("the device sends no frame at all", wrong), []
-        pairs = observed.between(observed.begin_ns, observed.end_ns)
+        pairs = observed.between(observed.inject_ns, observed.end_ns)
         return check("never ENABLE = 1", [describe(observed, pair) for pair in pairs if pair.is_enabled]), []
 
 

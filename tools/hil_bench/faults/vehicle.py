@@ -18,7 +18,7 @@ def change_vehicle(**changed: object) -> Injection:
     def inject(rig: Rig) -> Iterator[None]:
         before = []
         for name, value in changed.items():
-            owner, attribute = (rig.vehicle.plant, name[6:]) if name.startswith("plant_") else (rig.vehicle, name)
+            owner, attribute = _find(rig, name)
             before.append((owner, attribute, getattr(owner, attribute)))
             setattr(owner, attribute, value)
         yield
@@ -47,6 +47,30 @@ def change_until_ready(**changed: object) -> Injection:
         yield
 
     return inject
+
+
+def change_after(after_s: float, **changed: object) -> Injection:
+    """Set attributes of the vehicle, or of its plant, so long after the beginning; they stay so."""
+
+    @contextmanager
+    def inject(rig: Rig) -> Iterator[None]:
+        due_ns = rig.now_ns + round(after_s * S)
+        left = dict(changed)
+
+        def change() -> None:
+            while left and rig.now_ns >= due_ns:
+                name, value = left.popitem()
+                setattr(*_find(rig, name), value)
+
+        with call_each_tick(rig, change):
+            yield
+
+    return inject
+
+
+def _find(rig: Rig, name: str) -> tuple[object, str]:
+    """Owner and name of an attribute."""
+    return (rig.vehicle.plant, name[6:]) if name.startswith("plant_") else (rig.vehicle, name)
 
 
 def change_and_make_ready(**changed: object) -> Injection:

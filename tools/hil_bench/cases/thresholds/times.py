@@ -1,6 +1,6 @@
 """Times of the profile: state and status that are missing, silence, engagement, recovery."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from vehicle_bus_contract.reference import S
 
@@ -237,13 +237,35 @@ def _recovery(numbers: Numbers) -> Case:
     )
 
 
-def _latch(numbers: Numbers) -> Case:
-    count, window = numbers.find("recovery.latch_stops"), numbers.find("recovery.latch_window_s")
+@dataclass(frozen=True)
+class Recurring:
+    """Stops that recur until the device holds the vehicle."""
+
+    stops: float
+    every_s: float
+    lacks: str
+    """Why this vehicle has none."""
+
+    @property
+    def inject(self) -> Injection:
+        """The pose is invalid at the beginning of each period."""
+        return base.repeat(self.every_s, BLIP_S, pose_valid=False)
+
+
+def find_recurring(numbers: Numbers) -> Recurring:
+    """As the profile's `[recovery]` has them."""
+    stops, window_s = numbers.or_else("recovery.latch_stops", 4.0), numbers.or_else("recovery.latch_window_s", 0.0)
+    every_s = numbers.or_else("recovery.state_invalid_s", 0.5) + PAUSE_S
     lacks = numbers.lacks("recovery.latch_stops", "recovery.latch_window_s")
     if not numbers.wire.has("POSE_VALID"):
         lacks = lacks or "the vehicle has no signal by which its pose is valid"
-    stops = count or 4.0
-    every_s = (numbers.or_else("recovery.state_invalid_s", 0.5)) + PAUSE_S
+    lasts_too_long = "" if every_s * stops < window_s else "its stops last too long to recur so often"
+    return Recurring(stops=stops, every_s=every_s, lacks=lacks or lasts_too_long)
+
+
+def _latch(numbers: Numbers) -> Case:
+    recurring = find_recurring(numbers)
+    stops, every_s = recurring.stops, recurring.every_s
     limit = Limit(
         key="recovery.latch_stops",
         name="stops until the vehicle is held",
@@ -263,21 +285,16 @@ def _latch(numbers: Numbers) -> Case:
         steps=(
             Step(
                 name="stops that recur",
-                inject=_blips(every_s),
+                inject=recurring.inject,
                 for_s=every_s * (stops + 1.5),
                 measure=(StopsUntilHeld(limit=limit),),
                 is_left_alone=True,
             ),
         ),
-        lacks=lacks or ("" if every_s * stops < (window or 0.0) else "its stops last too long to recur so often"),
+        lacks=recurring.lacks,
     )
 
 
 def _gaps(every_s: float, lasts_s: float) -> Injection:
     """No sample at the beginning of each `every_s`."""
     return frames.change_frames(lambda rig, tx: [] if rig.now_ns / S % every_s < lasts_s else [tx.frame])
-
-
-def _blips(every_s: float) -> Injection:
-    """The pose is invalid at the beginning of each `every_s`."""
-    return base.repeat(every_s, BLIP_S, pose_valid=False)
