@@ -210,7 +210,7 @@ function bodyOf(track) {
   const at = (share) => share * length - overhang;
   const radius = 0.22 * height;
   const wheel = (x, side) => ({
-    paint: "#16181b",
+    paint: "#4d545c",
     corners: boxOf([x - radius, x + radius], 0.1, [0, 2 * radius]).map(([a, b, c]) => [a, b + side * (width / 2 - 0.1), c]),
   });
   track.body = [
