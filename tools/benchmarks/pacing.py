@@ -180,6 +180,11 @@ class Control:
         assert self._process is not None
         return self._process.poll() is None
 
+    def wait(self) -> None:
+        """Until it has ended."""
+        assert self._process is not None
+        self._process.wait(60)
+
     def found(self) -> Any:
         """What it has measured, once it has ended by itself."""
         assert self._process is not None
