@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import viser
 
+from tests.narrowing import at_present
 from vehicle_iface import clock
 from vehicle_iface.telemetry import SessionInfo, Snapshot, TelemetryWriter, address
 from vehicle_iface.telemetry.running import find_running_loops
@@ -116,7 +117,7 @@ class Visit:
         asked: dict[Sequence[str], Callable[[Mapping[str, str]], None]] = {}
         monkeypatch.setattr(browser_memory, "ask", lambda _, names, on_answer: asked.update({names: on_answer}))
         self.visitor = loops.admit(client)
-        self.answer = asked.get(("loop",))
+        self.answer = asked.get(("loop", "beside"))
         self._loops, self._tick, self._now_ns = loops, 0, clock.monotonic_ns()
 
     def shown(self, later_s: float = 0.0) -> str | None:
@@ -187,6 +188,52 @@ def test_a_browser_that_names_no_loop_sees_the_only_one_and_keeps_it(
         with write("van"):
             assert waiting.shown(5.0) == "van"
     loops.close()
+
+
+def test_a_second_vehicle_is_drawn_beside_in_the_same_frame_only_and_a_refusal_says_why(
+    client: viser.ClientHandle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def publish(writer: TelemetryWriter, frame_id: str, x_m: float) -> None:
+        now_ns = clock.monotonic_ns()
+        place = {"has_state": True, "stamp_ns": now_ns, "x_m": x_m, "has_reference": True, "frame_id": frame_id}
+        writer.publish(Snapshot(now_ns, 3, 0, **place, spatial_reference_x_m=x_m))  # type: ignore[arg-type]
+
+    with write("car") as car, write("truck") as truck:
+        publish(car, "map", 10.0)
+        loops = LiveLoops(None)
+        visit = Visit(loops, client, monkeypatch)
+        assert visit.answer is not None
+        visit.answer({"loop": "car", "beside": "truck"})
+        assert visit.shown() == "car"
+        assert "<b>truck</b> not drawn: its place is not known" in visit.bar
+        assert 'href="?loop=car"' in visit.bar
+        browser = visit.visitor.browser
+        assert browser is not None
+        browser._big_map.note_gpu(has_gpu=True)
+        companion = browser._companion
+        assert companion is not None
+        publish(truck, "odom", 15.0)
+        visit.shown()
+        assert "not drawn: its positions are in the frame odom, not in map" in visit.bar
+        assert not at_present(companion._vehicle._frame.visible)
+        publish(truck, "map", 15.0)
+        visit.shown()
+        assert "<b>truck</b> drawn beside it, display only" in visit.bar
+        assert at_present(companion._vehicle._frame.visible)
+        first, second = (one._frame.position for one in (browser._showing.scene._vehicle, companion._vehicle))
+        assert second[0] - first[0] == pytest.approx(5.0)
+        assert companion._vehicle._body.color != browser._showing.scene._vehicle._body.color
+        assert (companion._ball.visible, companion._label.visible, companion._label.text) == (True, True, "truck")
+        for tick in range(12):
+            loops.update(clock.monotonic_ns(), tick)
+            visit.visitor.update(clock.monotonic_ns(), tick)
+        assert ">truck</text>" in browser._map_panel._beside.content
+        alone = Visit(loops, client, monkeypatch)
+        assert alone.answer is not None
+        alone.answer({"loop": "car", "beside": "car"})
+        assert alone.shown() == "car"
+        assert 'href="?loop=car&amp;beside=truck"' in alone.bar
+        loops.close()
 
 
 def test_where_a_loop_was_named_no_other_is_offered(

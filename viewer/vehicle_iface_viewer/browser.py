@@ -14,6 +14,7 @@ from vehicle_iface_viewer.panels.plots import Plots
 from vehicle_iface_viewer.past import Past
 from vehicle_iface_viewer.playback import Playback
 from vehicle_iface_viewer.playback_controls import PlaybackControls
+from vehicle_iface_viewer.scene.companion import Companion
 from vehicle_iface_viewer.scene.nodes import LIVE, PAST
 from vehicle_iface_viewer.scene.scene import set_background
 from vehicle_iface_viewer.settings import Settings
@@ -61,8 +62,11 @@ class _Browser:
 class LiveBrowser(_Browser):
     """A browser that watches a running loop, and may look back."""
 
-    def __init__(self, client: viser.ClientHandle, watched: Watched) -> None:
+    def __init__(self, client: viser.ClientHandle, watched: Watched, beside: Watched | None = None) -> None:
+        """`beside`: another loop, whose vehicle is drawn in the same picture and map if it is in the same frame."""
         super().__init__(client, watched)
+        self.beside = beside
+        self._companion = Companion(client.scene, beside.address) if beside is not None else None
         self._past_frame = client.scene.add_frame(PAST, show_axes=False, visible=False)
         self._past: Past | None = None
 
@@ -71,16 +75,21 @@ class LiveBrowser(_Browser):
         view, recent = self.watched.view, self.watched.feed.recent
         assert view is not None
         with self._client.atomic():
-            self._showing.update(view, tick, draws_scene=self._big_map.draws_scene)
+            draws_scene = self._big_map.draws_scene
+            self._showing.update(view, tick, draws_scene=draws_scene)
+            if draws_scene and self._companion is not None and self.beside is not None and self.beside.view is not None:
+                self._companion.draw(view, self.beside.view, self._showing.scene.origin)
         end_ns = self._time.end_ns(recent.newest_ns)
         is_present = self._time.is_present
-        is_seen = self._big_map.draws_scene
+        is_seen = draws_scene
         frames = (is_present and is_seen, not is_present and is_seen)
         if frames != (self._present.visible, self._past_frame.visible):
             self._present.visible, self._past_frame.visible = frames
             set_background(self._client.scene, is_past=not is_present)
         if is_present:
             self._show(self._showing, end_ns, tick)
+            if tick % MAP_EVERY == MAP_EVERY - 2 and self.beside is not None and self.beside.view is not None:
+                self._map_panel.show_beside(self.watched.map.draw_beside(view, self.beside.view))
             return
         if self._past is None:
             self._past = Past(self._client, self.watched.journey)

@@ -15,8 +15,9 @@ from vehicle_iface_viewer.feed import LiveTelemetry
 from vehicle_iface_viewer.host import Visitor
 from vehicle_iface_viewer.loops import KnownLoop, LoopList
 from vehicle_iface_viewer.panels.frozen import cover_html
-from vehicle_iface_viewer.panels.loop_bar import LOOP, choice_html, shown_html
+from vehicle_iface_viewer.panels.loop_bar import BESIDE, LOOP, Beside, choice_html, shown_html
 from vehicle_iface_viewer.panels.style import STYLE
+from vehicle_iface_viewer.scene.companion import find_hindrance
 from vehicle_iface_viewer.watched import Watched
 
 _ORDER = 0.9
@@ -88,6 +89,7 @@ class LiveVisitor:
         """None until a loop is shown."""
         self._client, self._loops = client, loops
         self._wanted: str | None = None
+        self._beside: str | None = None
         self._due_ns = clock.monotonic_ns() + _ANSWER_NS
         self._cover = client.gui.add_html("", order=_ORDER)
         self._bar = client.gui.add_html("", order=_ORDER)
@@ -95,7 +97,7 @@ class LiveVisitor:
             assert loops.usual is not None
             self._open(loops.usual)
         else:
-            browser_memory.ask(client, (LOOP,), self._receive)
+            browser_memory.ask(client, (LOOP, BESIDE), self._receive)
 
     def update(self, now_ns: int, tick: int) -> None:
         """Show the loop, or wait until one is chosen."""
@@ -105,11 +107,11 @@ class LiveVisitor:
             return
         self.browser.update(now_ns, tick)
         if tick % _BAR_EVERY == 0:
-            watched = self.browser.watched
-            self._show(shown_html(watched.address, watched.info, self._loops.known.values()))
+            watched, known = self.browser.watched, self._loops.known.values()
+            self._show(shown_html(watched.address, watched.info, known, _describe_beside(self.browser)))
 
     def _receive(self, answer: Mapping[str, str]) -> None:
-        self._wanted = answer.get(LOOP)
+        self._wanted, self._beside = answer.get(LOOP), answer.get(BESIDE)
         self._due_ns = 0
 
     def _choose(self, tick: int) -> None:
@@ -125,9 +127,18 @@ class LiveVisitor:
     def _open(self, address: str) -> None:
         self._cover.content = self._bar.content = ""
         self._client.gui.set_panel_label(f"vehicle-iface: {address}")
-        self.browser = LiveBrowser(self._client, self._loops.watch(address))
+        is_other = self._beside is not None and self._beside != address and self._beside in self._loops.known
+        beside = self._loops.watch(self._beside) if self._beside is not None and is_other else None
+        self.browser = LiveBrowser(self._client, self._loops.watch(address), beside)
 
     def _show(self, content: str) -> None:
         """Show `content`, if it has changed: a link that is replaced cannot be clicked."""
         if self._bar.content != content:
             self._bar.content = content
+
+
+def _describe_beside(browser: LiveBrowser) -> Beside | None:
+    beside = browser.beside
+    if beside is None or beside.view is None or browser.watched.view is None:
+        return None
+    return Beside(address=beside.address, hindrance=find_hindrance(browser.watched.view, beside.view))

@@ -34,14 +34,14 @@ class Showing:
         self.watched = watched
         self.place: Place | None = None
         """The vehicle's, relative to the local origin of the scene."""
-        self._scene = Scene(client.scene, LIVE, watched.journey)
+        self.scene = Scene(client.scene, LIVE, watched.journey)
         self._side_panel = SidePanel(client.gui)
         self._strips = LiveStrips(client.gui) if watched.is_live else None
 
     @property
     def drive(self) -> Box | None:
         """What holds the whole drive, relative to the local origin of the scene."""
-        return self._scene.relative(self.map.visible)
+        return self.scene.relative(self.map.visible)
 
     @property
     def map(self) -> MapDrawing:
@@ -51,7 +51,7 @@ class Showing:
     def update(self, view: View, tick: int, *, draws_scene: bool = True) -> None:
         """Show `view`: the picture each time, the rest in turns, so that no update is long."""
         feed, turn = self.watched.feed, tick // PANELS_EVERY
-        self.place = self._scene.draw(view, feed.recent) if draws_scene else None
+        self.place = self.scene.draw(view, feed.recent) if draws_scene else None
         if tick % PANELS_EVERY == 0:
             self._side_panel.show(view, turn)
         if tick % PANELS_EVERY == 1 and self._strips is not None:

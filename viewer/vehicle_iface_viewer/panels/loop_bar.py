@@ -7,25 +7,39 @@ on. No message of a browser is handled for it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from urllib.parse import urlencode
 
 from vehicle_iface.telemetry import SessionInfo
 from vehicle_iface_viewer.loops import KnownLoop
 from vehicle_iface_viewer.panels.colors import GREY, state_color
-from vehicle_iface_viewer.panels.text import plain
+from vehicle_iface_viewer.panels.text import css, plain
 from vehicle_iface_viewer.panels.words import find_headline
+from vehicle_iface_viewer.scene.companion import COMPANION_COLOR
 
-LOOP = "loop"
-"""Name in the query: the address of the loop to show."""
+LOOP, BESIDE = "loop", "beside"
+"""Names in the query: the address of the loop to show, and that of a second one whose vehicle is drawn, too."""
 _SILENT_AFTER_S = 1.0
 
 
-def shown_html(address: str, info: SessionInfo | None, known: Iterable[KnownLoop] = ()) -> str:
-    """Return the name of the loop that is shown, and the others if there are any."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beside:
+    """The second loop."""
+
+    address: str
+    hindrance: str
+    """Why its vehicle is not drawn; empty if it is."""
+
+
+def shown_html(
+    address: str, info: SessionInfo | None, known: Iterable[KnownLoop] = (), beside: Beside | None = None
+) -> str:
+    """Return the name of the loop that is shown, and the others if there are any; `beside` is shown as well."""
     facts = "" if info is None else f" <span>{_facts(info)}</span>"
     others = [one for one in known if one.loop.address != address]
-    rows = f"<div>other loops on this machine:</div>{''.join(map(_row, others))}" if others else ""
-    return f'<div id="loop" class="vi-loops"><b>{plain(address)}</b>{facts}{rows}</div>'
+    rows = "".join(_row(one) + _beside_link(address, one.loop.address, beside) for one in others)
+    head = "<div>other loops on this machine:</div>" if others else ""
+    return f'<div id="loop" class="vi-loops"><b>{plain(address)}</b>{facts}{_describe(beside)}{head}{rows}</div>'
 
 
 def choice_html(known: Iterable[KnownLoop], wanted: str | None = None) -> str:
@@ -42,6 +56,21 @@ def _row(one: KnownLoop) -> str:
         f'<div class="vi-loop"><i style="background:{color}">{words}</i> '
         f'<a href="?{urlencode({LOOP: loop.address})}">{plain(loop.address)}</a> {_facts(loop.info)}</div>'
     )
+
+
+def _describe(beside: Beside | None) -> str:
+    if beside is None:
+        return ""
+    words = f"not drawn: {plain(beside.hindrance)}" if beside.hindrance else "drawn beside it, display only"
+    color = css(COMPANION_COLOR)
+    return f'<div id="beside"><i style="background:{color}"></i><b>{plain(beside.address)}</b> {words}</div>'
+
+
+def _beside_link(shown: str, address: str, beside: Beside | None) -> str:
+    if beside is not None and beside.address == address:
+        return f'<div class="vi-beside"><a href="?{urlencode({LOOP: shown})}">take it out of the picture</a></div>'
+    query = plain(urlencode({LOOP: shown, BESIDE: address}))
+    return f'<div class="vi-beside"><a href="?{query}">draw its vehicle beside this one</a></div>'
 
 
 def _state(one: KnownLoop) -> tuple[str, str]:

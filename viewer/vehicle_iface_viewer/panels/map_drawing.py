@@ -20,6 +20,7 @@ from vehicle_iface_viewer.box import Box
 from vehicle_iface_viewer.feed import View
 from vehicle_iface_viewer.journey import LAST_M, Journey, Mark
 from vehicle_iface_viewer.panels.text import css, plain
+from vehicle_iface_viewer.scene.companion import COMPANION_COLOR, find_hindrance
 from vehicle_iface_viewer.scene.markers import SPATIAL_COLOR
 
 ROUTE, TRACK, VEHICLE, STALE = "#748fc0", "#f08c00", "#4dabf7", "#868e96"
@@ -68,6 +69,26 @@ class MapDrawing:
             self._box = Box.around(points)
         self.moving = self._moving(view, self._box) if len(here) else _definition("vi-moving", "")
         self.picture = _picture(self._box, [_mark(mark, self._origin, self._box) for mark in journey.marks])
+
+    def draw_beside(self, shown: View, other: View) -> str:
+        """Return the vehicle of another loop and its trajectory on this map; nothing where it cannot be drawn."""
+        here = _place(other.snapshot)
+        if self._origin is None or self._box is None or not len(here) or find_hindrance(shown, other):
+            return _definition("vi-beside", "")
+        assert other.snapshot is not None
+        color = STALE if other.is_stale else css(COMPANION_COLOR)
+        path = other.trajectory if other.trajectory and other.trajectory.frame_id == other.snapshot.frame_id else None
+        ahead = _positions(path) - self._origin
+        x, y = (here - self._origin)[0].tolist()
+        size, heading = _unit(self._box) * 1.6, other.snapshot.heading_rad
+        turn = -math.degrees(heading) if math.isfinite(heading) else 0.0
+        return _definition(
+            "vi-beside",
+            _line(ahead, np.ones(len(ahead), np.bool_), color, 1.2)
+            + f'<path d="{_ARROW}" transform="translate({x:.2f} {-y:.2f}) rotate({turn:.1f}) scale({size:.2f})" '
+            f'fill="{color}" stroke="#000" stroke-width=".1"/><text x="{x + size:.2f}" y="{-y - size:.2f}" '
+            f'font-size="{size:.2f}" fill="{color}">{plain(other.address)}</text>',
+        )
 
     def _draw_drive(self, journey: Journey, others: tuple[FloatArray, ...]) -> None:
         """Draw route and track so far, as seldom as their size demands."""
@@ -161,10 +182,11 @@ def _picture(box: Box, marks: list[str]) -> str:
         f"{length_m:g} m</text>"
     )
     lines = "".join(f'<use href="#vi-{name}"/>' for name in ("ahead", "route", "track"))
+    moving = "".join(f'<use href="#vi-{name}"/>' for name in ("beside", "moving"))
     top = -(box.south + box.height)
     return (
         f'<svg class="vi-map" viewBox="{box.west:.1f} {top:.1f} {box.width:.1f} {box.height:.1f}" '
-        f'role="img" aria-label="map">{bar}{lines}{"".join(marks)}<use href="#vi-moving"/></svg>'
+        f'role="img" aria-label="map">{bar}{lines}{"".join(marks)}{moving}</svg>'
     )
 
 

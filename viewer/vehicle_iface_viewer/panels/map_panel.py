@@ -19,7 +19,13 @@ class MapPanel:
         with panel.add_tab("Map"):
             self._picture = client.gui.add_html(_NOTHING)
         panel.dock_below(above)
+        self._beside = client.gui.add_html("", order=_PHONE_ORDER + 0.05)
         self._parts = [client.gui.add_html("", order=_PHONE_ORDER + part / 100) for part in range(5)]
+
+    def show_beside(self, content: str) -> None:
+        """Show the second vehicle, as `MapDrawing.draw_beside` draws it."""
+        if self._beside.content != content:
+            self._beside.content = content
 
     def show(self, drawing: MapDrawing) -> None:
         """Show `drawing` as it is now."""

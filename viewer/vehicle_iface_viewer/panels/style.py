@@ -66,7 +66,9 @@ STYLE = f"""<style>
 .vi-loops > b {{ font-size: 22px; line-height: 1.3; overflow-wrap: anywhere }}
 .vi-loop i {{ color: #fff; font-style: normal; font-size: 11px; font-weight: 700; border-radius: 4px;
   padding: 1px 6px }}
-.vi-loop a {{ font-weight: 700; color: var(--vi-new) }}
+.vi-beside {{ font-size: 12px; margin-left: 12px }}
+#beside i {{ display: inline-block; width: 10px; height: 10px; margin-right: 6px }}
+.vi-beside a, .vi-loop a {{ font-weight: 700; color: var(--vi-new) }}
 .vi-map {{ display: block; width: calc(100% - 14px); height: max(calc(50vh - 90px), 150px);
   margin-left: 6px }}
 #big-map {{ position: fixed; inset: 0 auto 0 var(--vi-left, 0); width: var(--vi-width, 0); overflow: hidden;

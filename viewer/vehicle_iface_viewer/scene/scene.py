@@ -39,7 +39,8 @@ class Scene:
     def __init__(self, scene: viser.SceneApi, root: str, journey: Journey) -> None:
         """All nodes hang on the frame `root`. `journey` is the drive so far, or the whole one; it is only read."""
         self._journey = journey
-        self._origin: tuple[float, float] | None = None
+        self.origin: tuple[float, float] | None = None
+        """The local origin in the frame of the drive, m; None before the first place."""
         self._session = 0
         self._trail_of: tuple[int, tuple[float, float]] | None = None
         self._ground = Ground(scene, root)
@@ -85,23 +86,23 @@ class Scene:
 
     def relative(self, box: Box | None) -> Box | None:
         """Return a box of the drive's frame, relative to the local origin."""
-        if box is None or self._origin is None:
+        if box is None or self.origin is None:
             return None
-        return replace(box, west=box.west - self._origin[0], south=box.south - self._origin[1])
+        return replace(box, west=box.west - self.origin[0], south=box.south - self.origin[1])
 
     def _update_origin(self, snapshot: Snapshot) -> tuple[float, float]:
         """Return the local origin, moved when the vehicle is far from it; always on a corner of the grid."""
-        old = self._origin
+        old = self.origin
         if old is None or math.dist(old, (snapshot.x_m, snapshot.y_m)) > _REANCHOR_M:
             step = 2 * SECTION_M
-            self._origin = (round(snapshot.x_m / step) * step, round(snapshot.y_m / step) * step)
-            self._ground.label(self._origin)
+            self.origin = (round(snapshot.x_m / step) * step, round(snapshot.y_m / step) * step)
+            self._ground.label(self.origin)
             self._trail.clear()
             for line in (self._route, self._track):
                 line.invalidate()
             self._path.invalidate()
-        assert self._origin is not None
-        return self._origin
+        assert self.origin is not None
+        return self.origin
 
 
 def set_stage(server: viser.ViserServer, *, is_recording: bool) -> None:
