@@ -14,7 +14,7 @@ from .waiting import wait_until
 URL = "http://page.example/"
 PAGE = f"""<!doctype html>{STYLE}<div data-dock-root>
 <div id="area" style="position: absolute; top: 0; left: 300px; width: 500px; height: 400px">
-  <div id="wrapper" style="width: 100%; height: 100%"><div><div><canvas data-engine="3"></canvas></div></div></div>
+  <canvas data-engine="three.js"></canvas>
 </div>
 <div data-dock-region="left" style="width: 300px">
   <div data-dock-tab role="tab" aria-selected="true">Signals</div><div data-dock-tab role="tab">Events</div>
@@ -85,7 +85,7 @@ def test_the_layout_that_the_user_has_left_is_kept_answered_and_forgotten(page: 
     assert (stored(page, "page"), stored(page, "layout")) == ({}, {})
 
 
-def test_a_map_in_the_middle_is_as_large_as_the_picture_which_is_not_drawn(page: Page) -> None:
+def test_a_map_in_the_middle_is_as_large_as_the_picture(page: Page) -> None:
     page.route(f"{URL}**", lambda route: route.fulfill(body=PAGE, content_type="text/html; charset=utf-8"))
     page.goto(URL)
     client: Any = Client(page)
@@ -94,9 +94,6 @@ def test_a_map_in_the_middle_is_as_large_as_the_picture_which_is_not_drawn(page:
         '<div id="big-map"><div class="vi-note" id="no-gpu">no GPU</div><svg class="vi-map"></svg></div>')""")
     box = "document.querySelector('#big-map').getBoundingClientRect()"
     wait_until(page, f"() => {box}.left === 300 && {box}.width === 500")
-    assert page.locator("#wrapper").bounding_box() == {"x": 300, "y": 0, "width": 1, "height": 1}
     expect(page.get_by_text("Software WebGL")).to_have_count(0)
     page.evaluate("document.querySelector('#area').style.width = '350px'")
     wait_until(page, f"() => {box}.width === 350")
-    page.evaluate("document.querySelector('#big-map').remove()")
-    wait_until(page, "() => document.querySelector('#wrapper').getBoundingClientRect().width === 350")

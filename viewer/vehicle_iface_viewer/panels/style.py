@@ -7,7 +7,7 @@ _PHONE = "@media (max-width: 576px)"
 # viser puts each element of the panel into a box of its own: a slider that follows a strip is laid over it.
 _OVER = "div:has(> .vi-strip) + div"
 # Small text has a contrast of at least 4.5 on the dark page and on the light one.
-# viser handles messages when it draws its canvas, so below the map that has one pixel and is not away.
+# viser handles messages when it draws its canvas, so that stays below the map, with nothing in it.
 STYLE = f"""<style>
 :root[data-mantine-color-scheme="dark"][lang] {{
   --vi-bad: #ff6b6b; --vi-new: #74c0fc; --mantine-color-dimmed: #adb5bd }}
@@ -76,7 +76,6 @@ STYLE = f"""<style>
 #big-map > .vi-map {{ flex: 1; min-height: 0; margin: 0 auto }}
 #big-map text {{ transform: scale(.6); transform-box: fill-box; transform-origin: 0 100% }}
 #big-map > .vi-note {{ margin: 14px 18px 0; font-size: 14px; opacity: 1 }}
-:root:has(#big-map) div:has(> div > div > canvas[data-engine]) {{ width: 1px !important; height: 1px !important }}
 .vi-phone {{ display: none }}
 {_PHONE} {{ #big-map {{ display: none }} }}
 {_PHONE} {{ .vi-phone {{ display: block }} .vi-phone > .vi-map {{ height: 220px }} }}
