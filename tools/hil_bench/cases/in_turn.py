@@ -104,46 +104,7 @@ def _find_impossible(wire: Wire) -> Iterator[tuple[str, Injection]]:
 def _state(numbers: Numbers) -> Case:
     """The first step is in a bend and fast: the wheels must return slowly."""
     wire, parts = numbers.wire, parts_of(numbers.wire)
-    either = (*INVALID, *STALE)
-    found: list[tuple[str, bool, float, Injection, float, tuple[Expectation, ...]]] = [
-        (
-            "POSE_VALID = 0 in a bend", Part.POSE_VALID in parts, BEND_MPS,
-            vehicle.change_vehicle(pose_valid=False), 0.5, (Stops(INVALID), HazardLights()),
-        ),
-        (
-            "pose in another frame", Part.POSE_FRAME in parts, USUAL_MPS,
-            vehicle.change_vehicle(pose_frame="ODOM"), 0.2, (Stops(MISMATCH),),
-        ),
-        (
-            "POSE_VALID = 0 in every second sample", Part.POSE_VALID in parts, USUAL_MPS,
-            signals.alternate_signals(2, POSE_VALID=0.0), 0.5, (Stops(INVALID),),
-        ),
-        (
-            "GEAR = REVERSE", Part.GEAR in parts and Part.REVERSE in parts, USUAL_MPS,
-            signals.name_value("GEAR", "REVERSE"), 0.5, (Stops(INVALID, within_s=0.35, until_end=False),),
-        ),
-        (
-            "positions to the left and to the right", Part.POSITION in parts, USUAL_MPS,
-            signals.swing_signals(POS_Y=30.0), 0.3, (Stops(either, until_end=False),),
-        ),
-        (
-            "frozen values", Part.POSITION in parts, USUAL_MPS,
-            signals.freeze_sample(), 0.4, (Stops(either, within_s=0.3, until_end=False),),
-        ),
-        (
-            "samples held up, then sent at once", not wire.loses_its_place, USUAL_MPS,
-            frames.delay_in_gateway(0.3), 0.5, (Stops(STALE, until_end=False),),
-        ),
-        (
-            "SPEED 0.7 m/s too low", Part.POSITION in parts, USUAL_MPS,
-            signals.offset_signals(SPEED=-0.68), 2.5, (Stops(INVALID, within_s=2.5, until_end=False),),
-        ),
-    ]  # fmt: skip
-    steps = [
-        Step(name=name, at_mps=at_mps, inject=inject, for_s=for_s, see=see)
-        for name, applies, at_mps, inject, for_s, see in found
-        if applies
-    ]
+    steps = list(_find_state_steps(wire))
     if wire.has("LATERAL_SPEED") and Part.POSITION in parts and not numbers.lacks(LATERAL):
         drifts = leave_path(numbers, 1.0, "to the left, in turn", true_mps=SLOW_MPS, limit_s=2.4)
         and_back = growing.take_back(growing.drift_and_return(DRIFT_MPS, 0.95))
@@ -167,6 +128,37 @@ def _state(numbers: Numbers) -> Case:
         lacks="" if steps else "no field of the vehicle can be wrong so that it shows",
         allow=ANY | DROPPED | {"burst"},
     )
+
+
+def _find_state_steps(wire: Wire) -> Iterator[Step]:
+    """Those that need no more than a field of the state and a fault of it."""
+    parts, either = parts_of(wire), (*INVALID, *STALE)
+
+    def step(name: str, inject: Injection, for_s: float, *see: Expectation, at_mps: float = USUAL_MPS) -> Step:
+        return Step(name=name, inject=inject, for_s=for_s, see=see, at_mps=at_mps)
+
+    if Part.POSE_VALID in parts:
+        invalid = vehicle.change_vehicle(pose_valid=False)
+        yield step("POSE_VALID = 0 in a bend", invalid, 0.5, Stops(INVALID), HazardLights(), at_mps=BEND_MPS)
+    if Part.POSE_FRAME in parts:
+        yield step("pose in another frame", vehicle.change_vehicle(pose_frame="ODOM"), 0.2, Stops(MISMATCH))
+    if Part.POSE_VALID in parts:
+        flaps = signals.alternate_signals(2, POSE_VALID=0.0)
+        yield step("POSE_VALID = 0 in every second sample", flaps, 0.5, Stops(INVALID))
+    if Part.GEAR in parts and Part.REVERSE in parts:
+        reverse = signals.name_value("GEAR", "REVERSE")
+        yield step("GEAR = REVERSE", reverse, 0.5, Stops(INVALID, within_s=0.35, until_end=False))
+    if Part.POSITION in parts:
+        swing = signals.swing_signals(POS_Y=30.0)
+        yield step("positions to the left and to the right", swing, 0.3, Stops(either, until_end=False))
+        frozen = Stops(either, within_s=0.3, until_end=False)
+        yield step("frozen values", signals.freeze_sample(), 0.4, frozen)
+    if not wire.loses_its_place:
+        held_up = frames.delay_in_gateway(0.3)
+        yield step("samples held up, then sent at once", held_up, 0.5, Stops(STALE, until_end=False))
+    if Part.POSITION in parts:
+        slower = signals.offset_signals(SPEED=-0.68)
+        yield step("SPEED 0.7 m/s too low", slower, 2.5, Stops(INVALID, within_s=2.5, until_end=False))
 
 
 def _reverse(numbers: Numbers) -> Case:
@@ -195,21 +187,17 @@ def _reverse(numbers: Numbers) -> Case:
 
 def _vehicle(numbers: Numbers) -> Case:
     parts = parts_of(numbers.wire)
-    found: tuple[tuple[str, Part, Injection, LetsGo], ...] = (
-        (
-            "a fault of the vehicle", Part.FAULT,
-            vehicle.change_and_make_ready(fault_code=5), LetsGo(("VEHICLE_FAULT",)),
-        ),
-        (
-            "its emergency stop", Part.EMERGENCY_STOP,
-            vehicle.change_and_make_ready(mode=4), LetsGo(("VEHICLE_FAULT", "VEHICLE_NOT_AUTONOMOUS")),
-        ),
-    )  # fmt: skip
-    steps = [
-        Step(name=name, inject=inject, for_s=0.25, after_s=ENGAGES_S, see=(one, StaysOut()), is_left_alone=True)
-        for name, part, inject, one in found
-        if part in parts
-    ]
+    steps: list[Step] = []
+
+    def release(name: str, inject: Injection, *reasons: str) -> None:
+        see = (LetsGo(reasons), StaysOut())
+        steps.append(Step(name=name, inject=inject, for_s=0.25, after_s=ENGAGES_S, see=see, is_left_alone=True))
+
+    if Part.FAULT in parts:
+        release("a fault of the vehicle", vehicle.change_and_make_ready(fault_code=5), "VEHICLE_FAULT")
+    if Part.EMERGENCY_STOP in parts:
+        stop = vehicle.change_and_make_ready(mode=4)
+        release("its emergency stop", stop, "VEHICLE_FAULT", "VEHICLE_NOT_AUTONOMOUS")
     rival = traffic.flood(traffic.rival_command, 2)
     steps.append(
         Step(
