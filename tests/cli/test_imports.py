@@ -19,7 +19,7 @@ frozen = [
     f"{{kind.__module__}}.{{kind.__name__}}"
     for name, module in sys.modules.items() if name.startswith("vehicle_iface")
     for kind in vars(module).values() if isinstance(kind, type) and kind.__module__ == name
-    and "__dataclass_params__" in vars(kind) and kind.__dataclass_params__.frozen
+    and getattr(vars(kind).get("__dataclass_params__"), "frozen", False)
 ]
 with open({result!r}, "w") as file:
     json.dump({{"modules": sorted(sys.modules), "frozen_dataclasses": sorted(frozen)}}, file)
