@@ -23,6 +23,7 @@ from vehicle_iface_viewer.watched import Watched
 _ORDER = 0.9
 """Above the banner."""
 _BAR_EVERY = 15
+_MOST_IN_LABEL = 20
 _ANSWER_NS = 3 * NS_PER_S
 """A browser that has not said by then which loop it wants has none to say."""
 
@@ -126,7 +127,7 @@ class LiveVisitor:
 
     def _open(self, address: str) -> None:
         self._cover.content = self._bar.content = ""
-        self._client.gui.set_panel_label(f"vehicle-iface: {address}")
+        self._client.gui.set_panel_label(f"vehicle-iface: {_shorten(address)}")
         is_other = self._beside is not None and self._beside != address and self._beside in self._loops.known
         beside = self._loops.watch(self._beside) if self._beside is not None and is_other else None
         self.browser = LiveBrowser(self._client, self._loops.watch(address), beside)
@@ -135,6 +136,11 @@ class LiveVisitor:
         """Show `content`, if it has changed: a link that is replaced cannot be clicked."""
         if self._bar.content != content:
             self._bar.content = content
+
+
+def _shorten(address: str) -> str:
+    """The end of a long address: the label of the panel is one line, and a phone is as wide as that."""
+    return address if len(address) <= _MOST_IN_LABEL else f"…{address[1 - _MOST_IN_LABEL :]}"
 
 
 def _describe_beside(browser: LiveBrowser) -> Beside | None:
