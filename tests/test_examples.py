@@ -13,12 +13,18 @@ EXAMPLES = ROOT / "docs" / "examples"
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
 
 
-def run(*arguments: str) -> str:
-    """What a Python program that ends well prints, then what it logs."""
+def run(*arguments: str, attempts: int = 1) -> str:
+    """What a Python program that ends well prints, then what it logs.
+
+    `attempts`: a drive in real time is repeated where the machine stood still for so long that its state was stale.
+    """
     command = [sys.executable, "-P", *arguments]
     done = subprocess.run(command, env=ENVIRONMENT, cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout + done.stderr
+    output = done.stdout + done.stderr
+    if attempts > 1 and "STATE_STALE" in output:
+        return run(*arguments, attempts=attempts - 1)
+    assert done.returncode == 0, output
+    return output
 
 
 @pytest.fixture
@@ -37,7 +43,7 @@ def drive(tmp_path: Path) -> "subprocess.Popen[str]":
 
 
 def test_an_embedded_drive_ends_well_with_its_summary() -> None:
-    output = run(str(EXAMPLES / "01_embedded_drive.py"), "2")
+    output = run(str(EXAMPLES / "01_embedded_drive.py"), "2", attempts=3)
     assert "embedded bus" in output
     assert re.search(r"ended +STANDBY, SHUTDOWN", output)
 
@@ -45,9 +51,8 @@ def test_an_embedded_drive_ends_well_with_its_summary() -> None:
 def test_the_users_controller_drives() -> None:
     arguments = ["run", "--interface", "embedded", "--route", "circle", "--arm", "--duration", "2"]
     controller = f"{EXAMPLES / '02_own_controller.py'}:Stanley"
-    output = run(
-        "-m", "vehicle_iface", *arguments, "--controller", controller, "--telemetry", f"examples-{os.getpid()}"
-    )
+    options = ["--controller", controller, "--telemetry", f"examples-{os.getpid()}"]
+    output = run("-m", "vehicle_iface", *arguments, *options, attempts=3)
     assert "controller errors" not in output
     assert "NO_TRAJECTORY" not in output
     assert "reason: NOMINAL" in output
