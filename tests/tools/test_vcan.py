@@ -11,12 +11,11 @@ import sys
 import tempfile
 import termios
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from unittest import mock
 
 import pytest
-from vcan_kernel.host import before_kernel, choose_nice, reserve_processor
+from vcan_kernel.host import reserve_processor
 
 from .running import TOOLS
 
@@ -251,26 +250,3 @@ def test_two_kernels_do_not_share_a_processor_where_there_are_two() -> None:
     assert {first, second} == {1001, 1002}
     assert third in {1001, 1002}
     assert again == first
-
-
-def test_kernels_go_before_other_programs_where_another_processor_is_left_and_the_first_one_before_others() -> None:
-    assert choose_nice(is_alone=True, processors=1) == 0
-    assert choose_nice(is_alone=True, processors=2) < choose_nice(is_alone=False, processors=2) < 0
-
-
-def test_a_kernels_nice_value_counts_in_its_session_and_between_sessions() -> None:
-    is_root = subprocess.run(["nice", "-n", "-20", "nice"], capture_output=True, check=False).stdout == b"-20\n"
-    code = "import os; print(os.getpriority(os.PRIO_PROCESS, 0))"
-    grouped = Path("/proc/sys/kernel/sched_autogroup_enabled")
-    if grouped.exists() and grouped.read_text() == "1\n":
-        code += "; print(open('/proc/self/autogroup').read().split()[-1])"
-    for nice in (-20, 0):
-        found = subprocess.run(
-            python(code),
-            preexec_fn=partial(before_kernel, 0, nice),
-            start_new_session=True,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        assert set(found.stdout.split()) == {str(nice)} or not is_root

@@ -452,7 +452,6 @@ def keep(
         os.setsid()
         become_subreaper()
         processor, reservation = reserve_processor()
-        nice = choose_nice(is_alone=bool(reservation.getsockname()), processors=len(os.sched_getaffinity(0)))
         kernel = subprocess.Popen(
             arguments,
             env=environment,
@@ -461,7 +460,7 @@ def keep(
             stderr=log,
             pass_fds=[*inside, log],
             start_new_session=True,
-            preexec_fn=lambda: before_kernel(processor, nice),
+            preexec_fn=lambda: before_kernel(processor),
         )
         for fd in {0, 1, 2, log, *inside}:
             os.close(fd)
@@ -487,26 +486,12 @@ def reserve_processor() -> tuple[int, socket.socket]:
     return random.choice(processors), reservation
 
 
-def choose_nice(*, is_alone: bool, processors: int) -> int:
-    """Drives in real time must not stand still: whatever else runs gets one per cent of a processor that one kernel
-    has for itself, where there is another processor. A kernel beside that one gets a tenth, enough to come up.
-    """
-    if processors == 1:
-        return 0
-    return -20 if is_alone else -10
-
-
-def before_kernel(processor: int, nice: int) -> None:
+def before_kernel(processor: int) -> None:
     signal.pthread_sigmask(signal.SIG_SETMASK, [])
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # It and its processes take turns, one system call after the other. If each turn wakes another processor,
     # a system call takes 80 µs instead of 8 (measured on a virtual machine with two).
     os.sched_setaffinity(0, {processor})
-    # Not real-time priority: a kernel that is busy for a second would then stand still for 50 ms at once.
-    with contextlib.suppress(OSError):  # it needs root, or CAP_SYS_NICE
-        os.setpriority(os.PRIO_PROCESS, 0, nice)
-        # With sched_autogroup_enabled a nice value counts within a session, and sessions have one of their own.
-        Path("/proc/self/autogroup").write_text(str(nice))
 
 
 def become_subreaper() -> None:
